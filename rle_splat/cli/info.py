@@ -1,0 +1,156 @@
+"""``rle-splat info``: what a volume is and what is odd about it, before anything is rendered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..volume.histogram import histogram, percentiles
+from .appearance import choose_transfer_function, read_transfer_function
+from .options import (
+    add_report_options, add_transfer_function_options, add_volume_argument, add_volume_options, volume_options,
+)
+from .output import check_outputs, whole_files
+from .progress import ProgressLine
+from .report import bytes_text, number_text, write_report
+
+PERCENTS = (1.0, 25.0, 50.0, 75.0, 99.0, 99.9)
+# Bins of the histogram in the JSON report: one a value for 8-bit data, enough to see the peaks of the others.
+REPORT_BINS = 256
+# Rows and columns of the histogram as text.
+TEXT_ROWS, TEXT_COLUMNS = 16, 48
+# Above this share one value is worth a remark: a picture is then decided by the rest.
+MOSTLY_ONE_VALUE = 0.5
+# Bytes for each visible voxel: its place and colour while classified (uint16 column, float32 extinction, opacity,
+# colour and shaded colour), and its float32 record of four in the tables of one principal axis.
+CLASSIFIED_BYTES = 2 + 4 * (1 + 1 + 3 + 3)
+RECORD_BYTES = 16
+
+
+def add_arguments(parser) -> None:
+    add_volume_argument(parser)
+    add_report_options(parser)
+    add_volume_options(parser)
+    add_transfer_function_options(parser)
+
+
+def run(args) -> None:
+    outputs = [args.json] if args.json else []
+    check_outputs(outputs, inputs=(args.volume, args.transfer_function))
+    from ..read.formats import read_volume
+
+    with ProgressLine(args.progress) as line:
+        given_function = read_transfer_function(args)
+        line.show(None, f"reading {Path(args.volume).name}")
+        volume = read_volume(args.volume, **volume_options(args))
+        line.show(None, "counting values")
+        report = describe(volume, choose_transfer_function(args, volume, given_function))
+        report["command"] = "info"
+        report["input"] = str(args.volume)
+        with whole_files(outputs) as parts:
+            if args.json:
+                write_report(parts[0], report)
+    print("\n".join(text_lines(report)))
+
+
+def describe(volume, choice) -> dict:
+    """The report of a volume and of the (transfer function, reason) that would render it."""
+    function, reason = choice
+    counted = histogram(volume, bins=REPORT_BINS)
+    visible = counted.counts[function.alpha_at(counted.centers) > 0.0].sum() / max(1, counted.total)
+    low, high = volume.value_range
+    voxels = volume.voxels.size
+    kept = int(round(voxels * visible))
+    return {
+        "name": volume.name,
+        "shape_xyz": volume.shape_xyz,
+        "type": volume.voxels.dtype.name,
+        "spacing": volume.spacing,
+        "affine": volume.affine,
+        "unit": volume.unit,
+        "extent": (np.array(volume.shape_xyz) - 1) * volume.spacing,
+        "slope": volume.slope,
+        "intercept": volume.intercept,
+        "value_unit": volume.value_unit,
+        "modality": volume.modality,
+        "range": (low, high),
+        "percentiles": {number_text(p): v for p, v in zip(PERCENTS, percentiles(volume, PERCENTS))},
+        "histogram": {"counts": counted.counts, "edges": counted.edges},
+        "not_finite": counted.not_finite,
+        "remarks": [*volume.remarks, *_odd(volume, counted)],
+        "transfer_function": {"name": function.name, "reason": reason, "visible_fraction": visible},
+        "memory_bytes": {
+            "voxels": volume.voxels.nbytes,
+            "classified": kept * CLASSIFIED_BYTES,
+            "tables_of_one_axis": kept * RECORD_BYTES,
+            "total": volume.voxels.nbytes + kept * (CLASSIFIED_BYTES + RECORD_BYTES),
+        },
+    }
+
+
+def _odd(volume, counted) -> list[str]:
+    """Sentences on values that will surprise."""
+    total, low_high = counted.total, volume.value_range
+    odd = []
+    if counted.not_finite == total:
+        return ["No voxel holds a finite number; there is nothing to see."]
+    if counted.not_finite:
+        odd.append(f"{counted.not_finite} voxels ({counted.not_finite / total:.2%}) are NaN or infinite.")
+    if low_high[0] == low_high[1]:
+        odd.append(f"Every voxel holds the same value, {number_text(low_high[0])}.")
+    elif counted.counts.max() > MOSTLY_ONE_VALUE * total:
+        fullest = int(counted.counts.argmax())
+        near = number_text(counted.centers[fullest])
+        odd.append(f"{counted.counts[fullest] / total:.0%} of the voxels lie at or about one value, {near}.")
+    spacing = volume.spacing
+    if spacing.max() > 4.0 * spacing.min():
+        odd.append(f"The spacing is very uneven ({_times(spacing)}); check it.")
+    return odd
+
+
+def text_lines(report: dict) -> list[str]:
+    """The report as a person reads it."""
+    unit = report["value_unit"] or "no unit"
+    function, memory = report["transfer_function"], report["memory_bytes"]
+    facts = [
+        ("shape", f"{_times(report['shape_xyz'])} voxels (x, y, z)"),
+        ("type", f"{report['type']}, {bytes_text(memory['voxels'])}"),
+        ("spacing", f"{_times(report['spacing'])} {report['unit']}"),
+        ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centres"),
+        ("modality", report["modality"] or "not known"),
+        ("values", f"{number_text(report['range'][0])} to {number_text(report['range'][1])} ({unit})"),
+        ("scaling", f"value = {number_text(report['slope'])} * stored + {number_text(report['intercept'])}"),
+        ("percentiles", ", ".join(f"{p} %: {number_text(v)}" for p, v in report["percentiles"].items())),
+        ("default", f"transfer function {function['name']}: {function['reason']}"),
+        ("visible", f"about {function['visible_fraction']:.1%} of the voxels with it"),
+        ("memory", f"about {bytes_text(memory['total'])} to render, {bytes_text(memory['voxels'])} of it the voxels"),
+    ]
+    lines = [str(report["input"])]
+    lines += [f"  {name:<12}{text}" for name, text in facts]
+    lines += [f"  {'affine' if row == 0 else '':<12}{_row(values)}" for row, values in enumerate(report["affine"])]
+    lines += [f"  {'odd':<12}{remark}" for remark in report["remarks"]]
+    lines.append("  histogram   (bars in proportion to the logarithm of the counts)")
+    return lines + _bars(report["histogram"])
+
+
+def _bars(counted: dict) -> list[str]:
+    """The histogram as text: neighbouring bins gathered into at most TEXT_ROWS rows."""
+    counts, edges = np.asarray(counted["counts"]), np.asarray(counted["edges"])
+    width = -(-counts.size // TEXT_ROWS)
+    starts = np.arange(0, counts.size, width)
+    sums = np.add.reduceat(counts, starts)
+    heights = np.log1p(sums) / max(1.0, np.log1p(sums).max())
+    lows = edges[starts]
+    return [
+        f"  {number_text(low):>12}  {'#' * int(np.ceil(TEXT_COLUMNS * height)):<{TEXT_COLUMNS}}  {count}"
+        for low, height, count in zip(lows, heights, sums)
+    ]
+
+
+def _times(numbers) -> str:
+    return " x ".join(number_text(n) for n in numbers)
+
+
+def _row(numbers) -> str:
+    return " ".join(f"{number_text(n):>10}" for n in numbers)

@@ -1,0 +1,137 @@
+"""``rle-splat COMMAND ...``: picks the command and keeps the error policy.
+
+Exit codes: 0 done, 2 bad input or usage, 1 a failure of ours, 130 stopped with Ctrl-C.  Whatever goes wrong, the
+user reads one sentence on stderr; a traceback only with ``--debug``.  Heavy imports wait until a command needs
+them, and happen inside ``main`` so that the policy covers them too.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+
+DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+# One table of commands: name -> what it does, as the help shows it.  Each is a module of this folder with
+# ``add_arguments(parser)`` and ``run(args)``.
+COMMANDS = {
+    "render": "splat a volume into a picture (.png, .exr, .npy)",
+    "info": "say what a volume is: shape, type, spacing, range, histogram, what is odd about it",
+    "encode": "classify, shade and run-length encode a volume into a .rle file",
+    "convert": "copy a volume from one format to another",
+}
+
+
+def _sentence(message) -> str:
+    """``message`` on one line, ending as a sentence does."""
+    text = " ".join(str(message).split())
+    return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _join_size(argv: list[str]) -> list[str]:
+    """``--size W H`` as ``--size WxH``.
+
+    argparse would hand every following word to an option that takes one or two, the VOLUME included.
+    """
+    joined = []
+    for word in argv:
+        if len(joined) >= 2 and joined[-2] == "--size" and joined[-1].isdigit() and word.isdigit():
+            joined[-1] += f"x{word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _build_parser():
+    import argparse
+
+    from ..scene import RleSplatError
+
+    class Parser(argparse.ArgumentParser):
+        """argparse that reports a wrong command line as every other wrong input is reported."""
+
+        def error(self, message):
+            if message.startswith("the following arguments are required: "):
+                message = f"Something is missing: {message.split(': ', 1)[1]}"
+            elif message.startswith("argument "):
+                message = "Option " + message[len("argument ") :]
+            raise RleSplatError(f"{message}; see {self.prog} --help.")
+
+    parser = Parser(
+        prog="rle-splat", allow_abbrev=False, description="Splat run-length encoded volumes into pictures."
+    )
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+    for name, purpose in COMMANDS.items():
+        command = commands.add_parser(name, help=purpose, description=purpose, allow_abbrev=False)
+        command.add_argument(
+            "--debug", action="store_true", default=argparse.SUPPRESS, help="show the traceback of an error"
+        )
+        module = import_module(f".{name}", __package__)
+        module.add_arguments(command)
+        command.set_defaults(run=module.run, prog=command.prog)
+    return parser
+
+
+def _run(argv: list[str]) -> None:
+    from ..scene import RleSplatError
+
+    parser = _build_parser()
+    first = next((word for word in argv if not word.startswith("-")), None)
+    if first is not None and first not in COMMANDS:
+        raise RleSplatError(f"There is no command {first!r}; choose {', '.join(COMMANDS)}.")
+    args, unknown = parser.parse_known_args(_join_size(argv))
+    if args.command is None:
+        raise RleSplatError(f"Say what to do: {', '.join(COMMANDS)}; see rle-splat --help.")
+    if unknown:
+        raise RleSplatError(_unknown_words(unknown, args))
+    args.run(args)
+
+
+def _unknown_words(unknown: list[str], args) -> str:
+    option = next((word for word in unknown if word.startswith("-")), None)
+    if option is None:
+        return f"{unknown[0]!r} is one word too many; see {args.prog} --help."
+    return f"{args.prog} has no option {option.split('=')[0]}; see {args.prog} --help for those it has."
+
+
+def main(argv=None) -> int:
+    """Run one command line (default: the process's own) and return the exit code."""
+    argv = list(sys.argv[1:] if argv is None else argv)
+    debug = "--debug" in argv
+    try:
+        from ..scene import Cancelled, RleSplatError
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return INTERRUPTED
+    try:
+        _run(argv)
+        sys.stdout.flush()
+        return DONE
+    except SystemExit as end:  # --help and --version leave this way
+        return DONE if end.code is None else end.code
+    except (KeyboardInterrupt, Cancelled):
+        message, code = "Stopped; nothing was written.", INTERRUPTED
+    except RleSplatError as problem:
+        message, code = problem, BAD_INPUT
+    except BrokenPipeError:
+        # The reader of our output has gone (``| head``): say nothing, and keep the interpreter's last flush quiet.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except OSError as problem:
+        place = f" ({problem.filename})" if problem.filename else ""
+        message, code = f"The system refused: {problem.strerror or problem}{place}.", FAILURE
+    except MemoryError as problem:
+        detail = f" ({problem})" if str(problem) else ""
+        message = f"There is not enough memory for this{detail}; use a smaller volume, image or sheet density."
+        code = FAILURE
+    except Exception as problem:
+        message = f"This failed for a reason of our own ({type(problem).__name__}: {problem}); --debug shows where."
+        code = FAILURE
+    if debug:
+        import traceback
+
+        traceback.print_exc()
+    print(_sentence(message), file=sys.stderr)
+    return code

@@ -1,0 +1,146 @@
+"""Option groups that several commands share, and what becomes of them."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields, replace
+
+from ..scene import (
+    BACKENDS, CLASSIFICATIONS, DEPTH_RULES, FOOTPRINTS, MODELS, QUALITY_PRESETS, WARP_FILTERS, Quality, RleSplatError,
+)
+from ..volume.volume import STORED_TYPES
+
+BYTE_ORDERS = ("little", "big")
+
+# One table of knobs: option -> (field of Quality, how to read it, how the help names its values).
+KNOBS = {
+    "--classification": ("classification", str, "|".join(CLASSIFICATIONS)),
+    "--depth-rule": ("depth_rule", str, "|".join(DEPTH_RULES)),
+    "--sheet-density": ("sheet_density", float, "R"),
+    "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
+    "--warp-filter": ("warp_filter", str, "|".join(WARP_FILTERS)),
+    "--termination": ("termination", float, "T"),
+    "--model": ("model", str, "|".join(MODELS)),
+}
+DEFAULT_QUALITY = "standard"
+CUSTOM_QUALITY = "custom"  # the name of a quality put together from knobs, as reports show it
+
+# The options of read_volume, each by its name in the parsed arguments.
+READ_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid")
+
+
+def add_volume_argument(parser) -> None:
+    parser.add_argument("volume", metavar="VOLUME", help="the file to read: .raw, .raw.gz, .vdb")
+
+
+def add_volume_options(parser) -> None:
+    """How to read a file that does not say what it is."""
+    group = parser.add_argument_group("volume options", "guessed from the file's name and size where left out")
+    group.add_argument("--shape", nargs=3, type=int, metavar=("NX", "NY", "NZ"), help="voxels along x (fastest), y, z")
+    group.add_argument("--dtype", metavar="TYPE", help=f"{'|'.join(STORED_TYPES)}")
+    group.add_argument("--byte-order", metavar="ORDER", help="|".join(BYTE_ORDERS))
+    group.add_argument("--header-bytes", type=int, metavar="N", help="bytes to skip before the voxels")
+    group.add_argument("--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="between voxel centres")
+    group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
+    group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
+    group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb")
+
+
+def volume_options(args) -> dict:
+    """The options of read_volume that were given; a RleSplatError for names that do not exist."""
+    given = {name: getattr(args, name) for name in READ_OPTIONS if getattr(args, name) is not None}
+    if given.get("dtype", "uint8") not in STORED_TYPES:
+        raise RleSplatError(f"There is no voxel type {given['dtype']!r}; choose {', '.join(STORED_TYPES)}.")
+    if given.get("byte_order", "little") not in BYTE_ORDERS:
+        raise RleSplatError(f"There is no byte order {given['byte_order']!r}; choose {' or '.join(BYTE_ORDERS)}.")
+    return given
+
+
+def add_report_options(parser) -> None:
+    """What every command offers beside its own work."""
+    parser.add_argument("--json", metavar="FILE", help="write the machine-readable report to FILE")
+    parser.add_argument(
+        "--progress", action=argparse.BooleanOptionalAction, default=None,
+        help="show progress on stderr (by default where it is a terminal)",
+    )
+
+
+def add_transfer_function_options(parser) -> None:
+    group = parser.add_argument_group("transfer function", "chosen from the volume's values where left out")
+    one = group.add_mutually_exclusive_group()
+    one.add_argument("--transfer-function", metavar="FILE.json", help="points of opacity and colour")
+    one.add_argument("--preset", metavar="NAME", help="a built-in one; an unknown name lists them")
+
+
+def add_light_options(parser) -> None:
+    group = parser.add_argument_group("lights")
+    group.add_argument("--lights", metavar="FILE.json", help="a list of lights, each as in Blender")
+    group.add_argument(
+        "--headlight", action=argparse.BooleanOptionalAction, default=None,
+        help="one white parallel light along the camera's axis (the turntable's default without --lights)",
+    )
+    group.add_argument("--no-shading", action="store_true", help="the transfer function's colours as they are")
+
+
+def add_view_options(parser) -> None:
+    group = parser.add_argument_group("view options", "a turntable about the volume, or a camera from a file")
+    group.add_argument("--azimuth", type=float, metavar="DEG", help="0 (default) looks along +Y")
+    group.add_argument("--elevation", type=float, metavar="DEG", help="0 (default) is level, 90 looks straight down")
+    group.add_argument("--fit", type=float, metavar="F", help="height of the view over the largest side (1.25)")
+    group.add_argument("--perspective", action="store_true", default=None, help="instead of orthographic")
+    group.add_argument("--fov", type=float, metavar="DEG", help="vertical angle of a perspective view (40)")
+    group.add_argument("--camera", metavar="FILE.json", help="a camera as Blender describes it")
+    group.add_argument("--volume-matrix", metavar="FILE.json", help="4x4, the volume's own space to the world")
+    group.add_argument("--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (1)")
+    group.add_argument("--size", type=image_size, default=(512, 512), metavar="W [H]", help="pixels (512)")
+    group.add_argument(
+        "--background", nargs=3, type=float, metavar=("R", "G", "B"), help="scene-linear, under a .png's picture"
+    )
+
+
+def add_quality_options(parser) -> None:
+    group = parser.add_argument_group("quality", "one of --quality, --paper, or the knobs")
+    group.add_argument("--quality", metavar="NAME", help=f"{'|'.join(QUALITY_PRESETS)} (default {DEFAULT_QUALITY})")
+    group.add_argument("--paper", action="store_true", help="the paper's literal pipeline")
+    for option, (name, kind, values) in KNOBS.items():
+        group.add_argument(option, dest=name, type=kind, metavar=values)
+    add_machine_options(parser)
+
+
+def add_machine_options(parser) -> None:
+    group = parser.add_argument_group("machine")
+    group.add_argument("--threads", type=int, default=0, metavar="N", help="0 (default): one per core")
+    group.add_argument("--backend", default="auto", metavar="|".join(BACKENDS), help="numba kernels or numpy")
+
+
+def quality_from(args) -> Quality:
+    """The Quality asked for; a RleSplatError when the options contradict each other."""
+    knobs = {name: getattr(args, name) for name, _, _ in KNOBS.values() if getattr(args, name) is not None}
+    machine = {"threads": args.threads, "backend": args.backend}
+    if args.quality is not None and args.paper:
+        raise RleSplatError("--quality and --paper contradict each other; give one of them.")
+    if knobs and (args.quality is not None or args.paper):
+        whole = "--paper" if args.paper else "--quality"
+        option = next(option for option, (name, _, _) in KNOBS.items() if name in knobs)
+        raise RleSplatError(f"{whole} already sets what {option} sets; give one of the two.")
+    if args.paper:
+        return Quality.paper(**machine)
+    if knobs:
+        return replace(Quality.preset(DEFAULT_QUALITY), name=CUSTOM_QUALITY, **knobs, **machine)
+    return Quality.preset(args.quality or DEFAULT_QUALITY, **machine)
+
+
+def image_size(text: str) -> tuple[int, int]:
+    """Width and height from ``W`` or ``WxH``."""
+    try:
+        sides = [int(side) for side in text.split("x")]
+    except ValueError:
+        sides = []
+    if len(sides) not in (1, 2):
+        raise argparse.ArgumentTypeError(f"{text!r} is not one or two whole numbers of pixels")
+    return sides[0], sides[-1]
+
+
+def quality_report(quality: Quality) -> dict:
+    """The knobs by name, for the report."""
+    return {f.name: getattr(quality, f.name) for f in fields(quality)}

@@ -1,0 +1,45 @@
+"""The machine-readable report: JSON that any reader takes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+
+def plain(value):
+    """``value`` with numpy's and our own types turned into JSON's; a number that is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    return str(value)
+
+
+def write_report(path, report: dict) -> None:
+    """Write ``report`` to ``path`` as indented UTF-8 JSON."""
+    Path(path).write_text(json.dumps(plain(report), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def bytes_text(count: float) -> str:
+    """A byte count as people read it, in powers of 1024."""
+    for unit in ("bytes", "KiB", "MiB", "GiB"):
+        if count < 1024 or unit == "GiB":
+            break
+        count /= 1024
+    return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
+
+
+def number_text(value: float) -> str:
+    """A number in at most six significant digits."""
+    return f"{value:.6g}"

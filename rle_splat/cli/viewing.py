@@ -1,0 +1,65 @@
+"""Camera, placement and lights from the options."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene import Camera, Light, RleSplatError, as_matrix, read_json
+from ..view.turntable import turntable
+
+# What the turntable takes, each by its name in the parsed arguments, with the default of interface.md.
+TURNTABLE_DEFAULTS = {"azimuth": 0.0, "elevation": 0.0, "fit": 1.25, "perspective": False, "fov": 40.0}
+
+
+def check_view(args) -> None:
+    """Refuse contradictory view options before anything is read."""
+    given = [name for name in TURNTABLE_DEFAULTS if getattr(args, name) is not None]
+    if args.camera is not None and given:
+        raise RleSplatError(f"--camera and --{given[0]} contradict each other; give one of the two.")
+    if args.fov is not None and not args.perspective:
+        raise RleSplatError("--fov is the angle of a perspective view; add --perspective or leave it out.")
+    if args.no_shading and (args.lights is not None or args.headlight):
+        other = "--lights" if args.lights is not None else "--headlight"
+        raise RleSplatError(f"--no-shading and {other} contradict each other; give one of the two.")
+    if not (np.isfinite(args.scene_scale) and args.scene_scale > 0.0):
+        raise RleSplatError("--scene-scale must be a finite number above zero.")
+    if args.background is not None and not all(np.isfinite(c) and c >= 0.0 for c in args.background):
+        raise RleSplatError("--background takes three finite numbers, none below zero.")
+
+
+def read_placement(args):
+    """(Camera or None, (4, 4) matrix): what --camera and --volume-matrix hold; the identity without the latter."""
+    camera = None if args.camera is None else Camera.from_json(args.camera)
+    if args.volume_matrix is None:
+        return camera, as_matrix(np.eye(4), "the identity")
+    return camera, as_matrix(read_json(args.volume_matrix, "the volume matrix file"), "The volume's matrix")
+
+
+def place(args, volume, camera, matrix):
+    """(Camera, (4, 4) volume matrix) for the volume that has been read.
+
+    The turntable stands about the volume where ``matrix`` puts it: the world's axes are the volume's before that
+    matrix, and the aim follows the middle of the box.
+    """
+    if camera is not None:
+        return camera, matrix
+    given = {name: getattr(args, name) for name in TURNTABLE_DEFAULTS}
+    view = {name: TURNTABLE_DEFAULTS[name] if value is None else value for name, value in given.items()}
+    width, height = args.size
+    camera, unrotated = turntable(volume, **view, width=width, height=height, scene_scale=args.scene_scale)
+    middle = 0.5 * (np.array(volume.shape_xyz) - 1) * volume.spacing * args.scene_scale
+    shift = np.eye(4)
+    shift[:3, 3] = (matrix @ (*middle, 1.0))[:3] - middle
+    return replace(camera, matrix_world=shift @ camera.matrix_world), matrix @ unrotated
+
+
+def read_lights(args) -> tuple[tuple, bool]:
+    """(lights, headlight): what --lights, --headlight and --no-shading ask for."""
+    if args.no_shading:
+        return (), False
+    lights = () if args.lights is None else Light.list_from_json(args.lights)
+    if args.headlight is not None:
+        return lights, args.headlight
+    return lights, args.lights is None and args.camera is None

@@ -1,0 +1,102 @@
+"""Files appear whole or not at all; progress and reports are readable."""
+
+from __future__ import annotations
+
+import io
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rle_splat.cli.output import check_outputs, whole_files
+from rle_splat.cli.progress import ProgressLine
+from rle_splat.cli.report import bytes_text, plain, write_report
+from rle_splat.scene import RleSplatError
+
+
+def test_all_outputs_appear_together(tmp_path):
+    targets = [tmp_path / "a", tmp_path / "b"]
+    with whole_files(targets) as parts:
+        for part in parts:
+            part.write_text("new")
+        assert not any(target.exists() for target in targets)
+    assert [target.read_text() for target in targets] == ["new", "new"]
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("problem", [KeyboardInterrupt, ValueError, MemoryError])
+def test_a_stop_leaves_the_old_file_and_nothing_else(tmp_path, problem):
+    target = tmp_path / "a"
+    target.write_text("old")
+    with pytest.raises(problem), whole_files([target, tmp_path / "b"]) as parts:
+        parts[0].write_text("half")
+        raise problem
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_impossible_outputs_are_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "no" / "a.png", tmp_path, tmp_path / "file" / "a.png"):
+        with pytest.raises(RleSplatError, match="Cannot write"):
+            check_outputs([path])
+    with pytest.raises(RleSplatError, match="twice"):
+        check_outputs([tmp_path / "a.png", tmp_path / "." / "a.png"])
+    with pytest.raises(RleSplatError, match="read by this command"):
+        check_outputs([tmp_path / "file"], inputs=[None, tmp_path / "file"])
+    check_outputs([tmp_path / "a.png"])
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_progress_is_one_line_that_clears_itself():
+    stream = io.StringIO()
+    with ProgressLine(True, stream) as line:
+        line.show(0.25, "splatting")
+        line.show(None, "warp")
+    text = stream.getvalue()
+    assert "25 %  splatting" in text and "\n" not in text
+    screen = ""
+    for piece in text.split("\r"):  # what a terminal would show: each piece overwrites from the left
+        screen = piece + screen[len(piece) :]
+    assert screen.strip() == ""
+
+
+def test_progress_is_silent_without_a_terminal():
+    stream = io.StringIO()
+    with ProgressLine(None, stream) as line:
+        line.show(0.25, "splatting")
+    assert stream.getvalue() == ""
+
+
+def test_following_steps_returns_their_value_and_closes_them_on_a_stop():
+    closed = []
+
+    def steps(fail):
+        try:
+            yield SimpleNamespace(fraction=0.5, message="half")
+            if fail:
+                raise KeyboardInterrupt
+            return "picture"
+        finally:
+            closed.append(True)
+
+    with ProgressLine(False) as line:
+        assert line.follow(steps(fail=False)) == "picture"
+        with pytest.raises(KeyboardInterrupt):
+            line.follow(steps(fail=True))
+    assert closed == [True, True]
+
+
+def test_reports_are_plain_json(tmp_path):
+    path = tmp_path / "r.json"
+    write_report(path, {"a": np.float32(0.5), "b": np.arange(2), "c": float("nan"), "d": (np.int64(3), None, True)})
+    text = path.read_text()
+    assert "NaN" not in text
+    assert json.loads(text) == {"a": 0.5, "b": [0, 1], "c": None, "d": [3, None, True]}
+    assert plain({1: path}) == {"1": str(path)}
+
+
+@pytest.mark.parametrize("count, text", [(12, "12 bytes"), (1536, "1.5 KiB"), (3 << 40, "3072.0 GiB")])
+def test_byte_counts(count, text):
+    assert bytes_text(count) == text
