@@ -1,0 +1,61 @@
+"""The four tables back to a dense grid; decode(encode(v)) is v."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..axes import AXES
+from ..jit import compiled, kernel, parallel_call, prange
+from .tables import RunLengthVolume
+
+
+def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+    """(n_slices, n_scanlines, width, 4) float32 voxel records, zero where transparent."""
+    dense = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width, 4), dtype=np.float32)
+    if compiled(backend):
+        with parallel_call(threads):
+            _decode_scanlines(
+                encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, encoded.voxel_data, dense
+            )
+    else:
+        dense[_visible_numpy(encoded)] = encoded.voxel_data
+    return dense
+
+
+def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:
+    """A (n_slices, n_scanlines, width, ...) grid of principal ``axis`` as a (nz, ny, nx, ...) view."""
+    along, across, principal = AXES[axis]
+    place = {principal: 0, across: 1, along: 2}  # volume axis (0 x, 1 y, 2 z) -> array axis that holds it
+    return dense.transpose(place[2], place[1], place[0], *range(3, dense.ndim))
+
+
+@kernel(parallel=True)
+def _decode_scanlines(scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
+    """``dense`` (n_slices, n_scanlines, width, 4), zero on entry; the tables as in ``RunLengthVolume``, valid."""
+    width = dense.shape[2]
+    for k in prange(dense.shape[0]):
+        for j in range(dense.shape[1]):
+            run = np.int64(scanline_pointers[k, j])
+            if run < 0:
+                continue
+            at = scanline_data_pointers[k, j]
+            x = np.int64(runs[run])
+            while x < width:
+                for _ in range(np.int64(runs[run + 1])):
+                    for channel in range(4):
+                        dense[k, j, x, channel] = voxel_data[at, channel]
+                    x += 1
+                    at += 1
+                run += 2
+                if x < width:
+                    x += np.int64(runs[run])
+
+
+def _visible_numpy(encoded: RunLengthVolume) -> np.ndarray:
+    """Twin: (n_slices, n_scanlines, width) bool, where a voxel is stored; the runs laid end to end tell."""
+    starts = encoded.scanline_pointers[encoded.scanline_pointers >= 0].astype(np.int64)
+    bounds = np.append(starts, len(encoded.runs))
+    in_line = np.arange(len(encoded.runs)) - np.repeat(starts, np.diff(bounds))
+    visible = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width), dtype=bool)
+    visible[encoded.scanline_pointers >= 0] = np.repeat(in_line % 2 == 1, encoded.runs).reshape(-1, encoded.width)
+    return visible

@@ -1,0 +1,97 @@
+"""The paper's four tables for one principal axis, and the one that is derived from them (algorithm.md 1.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..axes import AXES
+
+TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's four, in its order
+
+
+@dataclass(frozen=True, eq=False)
+class RunLengthVolume:
+    """A classified, shaded volume, run-length encoded along one principal axis.
+
+    ``axis``: 0, 1, 2 for x, y, z as the axis that counts the slices; ``axes.AXES`` tells the other two.
+    ``model``: "extinction" or "opacity", the meaning of the voxel data.
+    ``scanline_pointers``: (n_slices, n_scanlines) int32 or int64, index into ``runs`` of the scanline's first
+    transparent run; -1 where the whole scanline is transparent.
+    ``data_pointers``: (n_slices + 1,) int64, index into ``voxel_data`` of a slice's first voxel, then the total.
+    ``runs``: (n_runs,) uint16 or uint32, per scanline t0, n0, t1, n1, ...: transparent and non-transparent run
+    lengths in turn; t0 may be 0, no other is; a trailing transparent run is written; they sum to ``width``.
+    ``voxel_data``: (m, 4) float32, scene-linear (extinction * RGB, extinction) in 1 / world length, or
+    (alpha * RGB, alpha) per opacity unit distance; non-transparent voxels only.
+    ``scanline_data_pointers``: (n_slices, n_scanlines) int64, index into ``voxel_data`` of a scanline's first
+    voxel.  Derived: it lets image bands start at any scanline, and is never stored.
+    """
+
+    axis: int
+    shape_xyz: tuple[int, int, int]
+    model: str
+    scanline_pointers: np.ndarray
+    data_pointers: np.ndarray
+    runs: np.ndarray
+    voxel_data: np.ndarray
+    scanline_data_pointers: np.ndarray
+
+    def __post_init__(self):
+        for name in (*TABLES, "scanline_data_pointers"):
+            getattr(self, name).setflags(write=False)
+
+    @property
+    def width(self) -> int:
+        """Voxels of a scanline."""
+        return self.shape_xyz[AXES[self.axis][0]]
+
+    @property
+    def n_scanlines(self) -> int:
+        return self.shape_xyz[AXES[self.axis][1]]
+
+    @property
+    def n_slices(self) -> int:
+        return self.shape_xyz[AXES[self.axis][2]]
+
+    @property
+    def visible_voxels(self) -> int:
+        return len(self.voxel_data)
+
+    @property
+    def table_bytes(self) -> dict[str, int]:
+        """Bytes of each table by name, the derived one included."""
+        return {name: getattr(self, name).nbytes for name in (*TABLES, "scanline_data_pointers")}
+
+    @property
+    def nbytes(self) -> int:
+        return sum(self.table_bytes.values())
+
+
+def run_type(shape_xyz) -> type:
+    """The type of a run length: 16 bits unless a dimension needs more."""
+    return np.uint16 if max(shape_xyz) <= np.iinfo(np.uint16).max else np.uint32
+
+
+def pointers_from_counts(counts: np.ndarray) -> tuple[np.ndarray, int]:
+    """Start of each scanline in a list from its (n_slices, n_scanlines) number of entries, and the list's length.
+
+    int64, whatever the type of the counts: totals beyond 2^31 are ordinary.
+    """
+    ends = np.cumsum(counts, dtype=np.int64).reshape(counts.shape)
+    return ends - counts, int(ends[-1, -1])
+
+
+def scanline_pointers_from_counts(run_counts: np.ndarray) -> tuple[np.ndarray, int]:
+    """The slice scanline pointer array from the number of runs per scanline (0 where all is transparent).
+
+    int32 when every index fits, else int64.  Also returns the number of runs.
+    """
+    starts, n_runs = pointers_from_counts(run_counts)
+    starts[run_counts == 0] = -1
+    return starts.astype(np.int32 if n_runs <= np.iinfo(np.int32).max else np.int64, copy=False), n_runs
+
+
+def data_pointers_from_scanlines(scanline_data_pointers: np.ndarray, n_voxels: int) -> np.ndarray:
+    """The data pointer array: a slice's first voxel is its first scanline's; one more entry holds the total."""
+    return np.append(scanline_data_pointers[:, 0], np.int64(n_voxels))

@@ -1,0 +1,145 @@
+"""numba, met politely: one decorator for every kernel, a cache in a writable place, one parallel call at a time.
+
+Without numba (or with one that cannot load) everything still works through the numpy twins that stand beside
+the kernels; ``compiled(backend)`` is the one place where that choice is made.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import queue
+import shutil
+import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+from .scene import RleSplatError
+
+CACHE_VARIABLE = "RLE_SPLAT_CACHE"
+KERNEL_PREFIX = "kernels-"
+KEPT_VERSIONS = 4
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def cache_folder() -> Path:
+    """A user-writable folder for compiled kernels: $RLE_SPLAT_CACHE, else the platform's cache folder, else a
+    temporary one.  Blender's bridge sets the variable to the extension's own user folder before kernels load."""
+    if os.environ.get(CACHE_VARIABLE):
+        preferred = Path(os.environ[CACHE_VARIABLE])
+    elif sys.platform == "win32":
+        preferred = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "rle_splat" / "cache"
+    elif sys.platform == "darwin":
+        preferred = Path.home() / "Library" / "Caches" / "rle_splat"
+    else:
+        preferred = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rle_splat"
+    if _is_writable(preferred):
+        return preferred
+    return Path(tempfile.gettempdir()) / f"rle_splat-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+
+
+def _kernel_folder() -> Path:
+    """The folder for kernels compiled from exactly these sources.
+
+    numba recompiles a kernel when its own file changes, but not when a file it inlines from does, so the
+    folder's name carries a hash of all of them.  The latest few are kept, for several versions side by side.
+    """
+    sources = hashlib.blake2b(digest_size=8)
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        sources.update(source.read_bytes())
+    folder = cache_folder() / f"{KERNEL_PREFIX}{sources.hexdigest()}"
+    if not folder.exists():
+        earlier = sorted(folder.parent.glob(f"{KERNEL_PREFIX}*"), key=lambda f: f.stat().st_mtime, reverse=True)
+        for stale in earlier[KEPT_VERSIONS - 1 :]:
+            shutil.rmtree(stale, ignore_errors=True)
+    return folder
+
+
+try:
+    import numba
+
+    NUMBA_PROBLEM = ""
+    if not os.environ.get("NUMBA_CACHE_DIR"):
+        numba.config.CACHE_DIR = str(_kernel_folder())
+except Exception as problem:  # a broken install fails in many ways (ImportError, OSError, AttributeError, SystemError)
+    numba = None
+    NUMBA_PROBLEM = f"{type(problem).__name__}: {problem}"
+
+# NaN tests must survive and sums must keep their order, so none of nnan, ninf, reassoc, afn.
+FASTMATH = {"contract", "arcp", "nsz"}
+
+# numba's workqueue layer aborts the whole process when two parallel kernels run at once, so a single token is
+# passed round.  (A queue needs no import of threading, which the Extensions platform refuses.)
+_TOKEN: queue.SimpleQueue = queue.SimpleQueue()
+_TOKEN.put(None)
+
+
+def kernel(function=None, *, parallel=False, inline="never", exact=False):
+    """Compile a kernel of arrays and scalars in nopython mode, cached on disk, without the GIL.
+
+    ``exact`` rounds after every operation as numpy does, for values that decide over a step.  Without numba the
+    plain Python function comes back; callers choose the numpy twin instead of calling it.
+    """
+
+    def decorate(f):
+        if numba is None:
+            return f
+        return numba.njit(
+            nogil=True, cache=True, parallel=parallel, inline=inline, error_model="numpy",
+            fastmath=False if exact else FASTMATH,
+        )(f)
+
+    return decorate if function is None else decorate(function)
+
+
+prange = range if numba is None else numba.prange
+
+
+def compiled(backend: str = "auto") -> bool:
+    """Whether kernels (True) or their numpy twins (False) do the work.
+
+    Raises RleSplatError when ``backend`` is "numba" and numba cannot be loaded.
+    """
+    if backend == "numpy":
+        return False
+    if numba is None and backend == "numba":
+        raise RleSplatError(
+            f"numba cannot be loaded ({NUMBA_PROBLEM}); install numba 0.68 or choose the numpy backend."
+        )
+    return numba is not None
+
+
+def available_threads() -> int:
+    """How many threads a parallel kernel may use at most."""
+    return 1 if numba is None else int(numba.config.NUMBA_NUM_THREADS)
+
+
+def thread_count(requested: int) -> int:
+    """The number of threads for a request; 0 asks for one per core."""
+    most = available_threads()
+    return most if requested <= 0 else min(requested, most)
+
+
+@contextmanager
+def parallel_call(threads: int = 0):
+    """Hold the right to run parallel kernels on ``threads`` threads; yields the number in force."""
+    count = thread_count(threads)
+    _TOKEN.get()
+    try:
+        if numba is not None:
+            before = numba.get_num_threads()
+            numba.set_num_threads(count)
+        yield count
+    finally:
+        if numba is not None:
+            numba.set_num_threads(before)
+        _TOKEN.put(None)
