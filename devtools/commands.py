@@ -1,0 +1,99 @@
+"""The subcommands of dev.py."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+
+from .places import ROOT, Failure, clean_environ, say
+
+
+def _demo(known, rest) -> int:
+    from .demo import demo
+
+    return demo([*known.volumes, *rest])
+
+
+def _test(known, rest) -> int:
+    from .testing import test
+
+    return test(rest, quick=known.quick)
+
+
+def _module(*names: str):
+    """A subcommand that runs a module in the core environment and hands its arguments on."""
+
+    def command(known, rest) -> int:
+        from .environments import CORE, ensure
+
+        call = [str(ensure(CORE)), "-m", *names, *rest]
+        return subprocess.run(call, cwd=ROOT, env=clean_environ()).returncode
+
+    return command
+
+
+def _build(known, rest) -> int:
+    from .build import build
+    from .wheels import TAG_PATTERNS
+
+    build(tuple(known.platform or TAG_PATTERNS))
+    return 0
+
+
+def _lint(known, rest) -> int:
+    from .checks import lint
+
+    return lint(rest)
+
+
+def _blender(known, rest) -> int:
+    from .real_blender import set_up
+
+    set_up()
+    return 0
+
+
+def _lock(known, rest) -> int:
+    from .lock import lock
+
+    lock(rest)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="dev.py", description="Set up, show, test and package RLE Splat.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name, function, text, open_ended=False):
+        command = commands.add_parser(name, help=text, description=text)
+        command.set_defaults(function=function, open_ended=open_ended)
+        return command
+
+    demo = add("demo", _demo, "splat a scan into a Blender scene, headless, and write the pictures to out/")
+    demo.add_argument("volumes", nargs="*", metavar="VOLUME", help="files to show in place of the sample")
+    test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
+    test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
+    add("bench", _module("benchmarks"), "measure; arguments go to the benchmarks", open_ended=True)
+    add("accuracy", _module("rle_splat", "accuracy"), "rle-splat accuracy, in the clone's environment", open_ended=True)
+    build = add("build", _build, "make the extension zips in dist/")
+    build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
+    add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
+    add("blender", _blender, "set up a real Blender executable for the tests (Debian, as root)")
+    add("lock", _lock, "resolve the requirements anew (maintainers); arguments name the sets", open_ended=True)
+    return parser
+
+
+def main(arguments) -> int:
+    parser = _parser()
+    known, rest = parser.parse_known_args(arguments)
+    if rest and not known.open_ended:
+        parser.error(f"{known.command} does not know {' '.join(rest)}")
+    try:
+        return known.function(known, rest)
+    except Failure as problem:
+        sys.stderr.write(f"{problem}\n")
+        return 1
+    except KeyboardInterrupt:
+        say("Stopped; run the same command again to go on.")
+        return 130

@@ -1,0 +1,57 @@
+"""Where things are, which versions are meant, and how a failure is said."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+REQUIREMENTS = ROOT / "requirements"
+ENVIRONMENTS = ROOT / ".venvs"
+OUT = ROOT / "out"
+BUILD = ROOT / "build"
+DIST = ROOT / "dist"
+WHEELS = ROOT / "wheels"
+
+PYTHONS = ("3.11", "3.13")
+
+# Blender's version -> the Python that its bpy module is built for.  The exact pins are in requirements/.
+BPY_PYTHON = {"4.5": "3.11", "5.0": "3.11", "5.2": "3.13"}
+
+
+class Failure(Exception):
+    """One sentence for whoever runs dev.py: what went wrong and what to do."""
+
+
+def say(text: str = "") -> None:
+    print(text, flush=True)
+
+
+def running_python() -> str:
+    """The version of the Python that runs now, as "3.11"."""
+    return f"{sys.version_info[0]}.{sys.version_info[1]}"
+
+
+def executable(environment: Path, name: str = "python") -> Path:
+    """A program of a virtual environment."""
+    return environment / ("Scripts" if os.name == "nt" else "bin") / (name + (".exe" if os.name == "nt" else ""))
+
+
+def clean_environ(**extra: str) -> dict[str, str]:
+    """This process's environment without what would leak another Python into a child, plus ``extra``."""
+    environ = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
+    environ.update(extra)
+    return environ
+
+
+def run(command, sentence: str, **options) -> None:
+    """Run a command and turn its failure into a Failure that says ``sentence``."""
+    options.setdefault("env", clean_environ())
+    try:
+        code = subprocess.run([str(part) for part in command], **options).returncode
+    except FileNotFoundError:
+        raise Failure(f"{sentence} ({command[0]} was not found.)") from None
+    if code != 0:
+        raise Failure(f"{sentence} (exit code {code}; its own words are above.)")

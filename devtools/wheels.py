@@ -1,0 +1,80 @@
+"""The wheels that go into the extension: numba and llvmlite, complete for every platform and Python, unmodified."""
+
+from __future__ import annotations
+
+import platform as machine
+import re
+import sys
+from pathlib import Path
+
+from .environments import pip
+from .lock import PLATFORMS
+from .places import PYTHONS, REQUIREMENTS, WHEELS, Failure, say
+
+WHEEL_PINS = REQUIREMENTS / "wheels.txt"
+
+# A Blender platform -> how the platform tag of its wheels looks (blender: linux-x64, PEP 425: manylinux_2_27_x86_64).
+TAG_PATTERNS = {
+    "linux-x64": re.compile(r"manylinux\w*_x86_64"),
+    "windows-x64": re.compile(r"win_amd64"),
+    "macos-arm64": re.compile(r"macosx_\d+_\d+_(arm64|universal2)"),
+}
+
+
+def this_platform() -> str:
+    """Blender's name of the platform that runs now."""
+    name = {"linux": "linux", "win32": "windows", "darwin": "macos"}.get(sys.platform, sys.platform)
+    cpu = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64", "aarch64": "arm64"}.get(machine.machine().lower(), "?")
+    if f"{name}-{cpu}" not in TAG_PATTERNS:
+        raise Failure(f"There is no extension for {name}-{cpu}: its wheels are made for {', '.join(TAG_PATTERNS)}.")
+    return f"{name}-{cpu}"
+
+
+def packages() -> dict[str, str]:
+    """Package -> pinned version, from requirements/wheels.txt."""
+    return dict(re.findall(r"^([\w.-]+)==([\w.]+)", WHEEL_PINS.read_text(), re.MULTILINE))
+
+
+def missing(names, platforms, pythons=PYTHONS) -> list[str]:
+    """What is not covered by the wheel file names, as "llvmlite 0.50.0 for windows-x64, Python 3.13".
+
+    Blender skips a wheel that does not fit without a word, so an incomplete set installs and fails later.
+    """
+    have = set()
+    for name in names:
+        package, version, python, _abi, tag = Path(name).name.removesuffix(".whl").split("-")
+        have |= {(package, version, python, where) for where, tags in TAG_PATTERNS.items() if tags.search(tag)}
+    return [
+        f"{package} {version} for {where}, Python {python}"
+        for package, version in packages().items()
+        for where in platforms
+        for python in pythons
+        if (package, version, "cp" + python.replace(".", ""), where) not in have
+    ]
+
+
+def wheels_for(installer: Path, platforms, pythons=PYTHONS) -> list[Path]:
+    """The wheel files, downloaded into wheels/ where they are not there yet.
+
+    ``installer``: a Python whose pip does it; it checks every file against the hashes of requirements/wheels.txt.
+    """
+    chosen: list[Path] = []
+    for where in platforms:
+        for python in pythons:
+            folder = WHEELS / where / python
+            names = [path.name for path in folder.glob("*.whl")]
+            if missing(names, [where], [python]):
+                say(f"Downloading the wheels for {where}, Python {python}")
+                tags = [part for tag in PLATFORMS[where] for part in ("--platform", tag)]
+                pip(
+                    installer,
+                    ["download", "--quiet", "--progress-bar", "off", "--require-hashes", "--only-binary=:all:",
+                     "--no-deps", "--python-version", python, *tags, "-r", WHEEL_PINS, "-d", folder],
+                    f"pip could not download the wheels for {where}, Python {python}.",
+                )  # fmt: skip
+            pinned = tuple(f"{package}-{version}-" for package, version in packages().items())
+            chosen += sorted(path for path in folder.glob("*.whl") if path.name.startswith(pinned))
+    gaps = missing([path.name for path in chosen], platforms, pythons)
+    if gaps:
+        raise Failure(f"The set of wheels is incomplete: {'; '.join(gaps)}.")
+    return chosen
