@@ -1,0 +1,166 @@
+"""How raw bytes become voxels: shape, stored type, byte order, header; and what size of file each layout takes."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import os
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..scene import RleSplatError
+from ..volume.volume import STORED_TYPES
+
+BYTE_ORDERS = ("little", "big")
+CHUNK_BYTES = 1 << 20
+DEFAULT_COUNT_LIMIT = 1 << 34  # 16 GiB: counting stops here, lest a small file that unpacks for ever hold us up
+SMALL_HEADER = 1 << 16  # bytes; a surplus up to this may be a header
+EDGE_LIMIT = 65536  # voxels along an edge
+
+
+def is_gzip(path) -> bool:
+    return str(path).lower().endswith(".gz")
+
+
+def open_bytes(path):
+    """The file's content as a binary stream, unpacked if its name ends in .gz."""
+    return gzip.open(path, "rb") if is_gzip(path) else open(path, "rb")
+
+
+@dataclass(frozen=True)
+class RawLayout:
+    """How raw bytes become voxels: ``shape`` (nx, ny, nz), the stored type, its byte order and the header's length."""
+
+    shape: tuple
+    dtype: str
+    byte_order: str = "little"
+    header_bytes: int = 0
+
+    def __post_init__(self):
+        object.__setattr__(self, "shape", checked_shape(self.shape))
+        object.__setattr__(self, "dtype", checked_type(self.dtype))
+        if self.byte_order not in BYTE_ORDERS:
+            raise RleSplatError(f"The byte order must be little or big, not {self.byte_order!r}.")
+        header = self.header_bytes
+        if isinstance(header, bool) or not isinstance(header, (int, np.integer)) or header < 0:
+            raise RleSplatError(f"The header's length must be a whole number of bytes, 0 or more, not {header!r}.")
+
+    @property
+    def file_dtype(self) -> np.dtype:
+        return np.dtype(self.dtype).newbyteorder("<" if self.byte_order == "little" else ">")
+
+    @property
+    def voxel_bytes(self) -> int:
+        return math.prod(self.shape) * self.file_dtype.itemsize
+
+    @property
+    def total_bytes(self) -> int:
+        return self.header_bytes + self.voxel_bytes
+
+    def __str__(self):
+        header = f" after a header of {self.header_bytes} bytes" if self.header_bytes else ""
+        return f"{' x '.join(map(str, self.shape))} voxels of {self.dtype}{header}"
+
+
+def checked_shape(shape) -> tuple:
+    """(nx, ny, nz) as ints, or a RleSplatError."""
+    try:
+        entries = tuple(shape)
+        whole = tuple(int(n) for n in entries)
+    except (TypeError, ValueError, OverflowError):
+        entries, whole = (), ()
+    if len(whole) != 3 or any(n != e for n, e in zip(whole, entries)):
+        raise RleSplatError(f"The shape must be three whole numbers, NX NY NZ, not {shape!r}.")
+    if not all(1 <= n <= EDGE_LIMIT for n in whole):
+        given = " ".join(map(str, whole))
+        raise RleSplatError(f"Each number of the shape must be from 1 to {EDGE_LIMIT}, not {given}.")
+    return whole
+
+
+def checked_type(dtype) -> str:
+    """The name of a stored type, or a RleSplatError that lists them."""
+    name = dtype if isinstance(dtype, str) else getattr(dtype, "name", getattr(dtype, "__name__", repr(dtype)))
+    if name not in STORED_TYPES:
+        raise RleSplatError(f"There is no voxel type {name!r}; choose one of {', '.join(STORED_TYPES)}.")
+    return name
+
+
+def checked_spacing(spacing) -> tuple:
+    """(sx, sy, sz) as floats above zero, or a RleSplatError."""
+    try:
+        lengths = tuple(float(s) for s in spacing)
+    except (TypeError, ValueError):
+        lengths = ()
+    if len(lengths) != 3:
+        raise RleSplatError(f"The spacing must be three numbers, SX SY SZ, not {spacing!r}.")
+    if not all(math.isfinite(s) and s > 0.0 for s in lengths):
+        raise RleSplatError(f"Each spacing must be finite and above zero, not {' '.join(f'{s:g}' for s in lengths)}.")
+    return lengths
+
+
+def checked_scale(slope, intercept) -> tuple:
+    """(slope, intercept) as finite floats, the slope not zero, or a RleSplatError."""
+    try:
+        slope, intercept = float(slope), float(intercept)
+    except (TypeError, ValueError):
+        raise RleSplatError("The slope and the intercept must be numbers.") from None
+    if not (math.isfinite(slope) and slope != 0.0 and math.isfinite(intercept)):
+        raise RleSplatError("The slope must be finite and not zero, and the intercept finite.")
+    return slope, intercept
+
+
+def unreadable(path, problem) -> RleSplatError:
+    """The sentence for a file that cannot be read or unpacked."""
+    name = Path(path).name
+    if isinstance(problem, EOFError):
+        return RleSplatError(f"{name} is a gzip file that breaks off before its end; copy or download it again.")
+    if isinstance(problem, gzip.BadGzipFile):
+        return RleSplatError(f"{name} is named .gz but is not an intact gzip file; rename it, or copy it again.")
+    if isinstance(problem, zlib.error):
+        return RleSplatError(f"{name} is a damaged gzip file; copy or download it again.")
+    return RleSplatError(f"Cannot read {path}: {getattr(problem, 'strerror', None) or problem}.")
+
+
+UNREADABLE = (OSError, EOFError, zlib.error)  # BadGzipFile is an OSError
+
+
+def content_bytes(path, limit: int = DEFAULT_COUNT_LIMIT) -> int | None:
+    """How many bytes the file holds once unpacked, counted as they stream by; None when more than ``limit``.
+
+    The length that gzip notes at a file's end is not used: it is modulo 4 GiB and wrong for joined files.
+    """
+    try:
+        if not is_gzip(path):
+            return os.path.getsize(path)
+        count = 0
+        with open_bytes(path) as stream:
+            while count <= limit:
+                chunk = stream.read(CHUNK_BYTES)
+                if not chunk:
+                    return count
+                count += len(chunk)
+        return None
+    except UNREADABLE as problem:
+        raise unreadable(path, problem) from None
+
+
+def fitting(path, layout: RawLayout, actual: int) -> tuple:
+    """Layouts near ``layout`` that take exactly ``actual`` bytes, the least changed first."""
+    (nx, ny, nz), size = layout.shape, layout.file_dtype.itemsize
+    payload = actual - layout.header_bytes
+    found = []
+    if payload > 0:
+        for dtype in dict.fromkeys((layout.dtype, *STORED_TYPES)):
+            itemsize = np.dtype(dtype).itemsize
+            if itemsize * nx * ny * nz == payload:
+                found.append(RawLayout(layout.shape, dtype, layout.byte_order, layout.header_bytes))
+        slices, rest = divmod(payload, nx * ny * size)
+        if rest == 0 and 1 <= slices <= EDGE_LIMIT:
+            found.append(RawLayout((nx, ny, slices), layout.dtype, layout.byte_order, layout.header_bytes))
+    surplus = actual - layout.voxel_bytes
+    if 0 <= surplus <= SMALL_HEADER:
+        found.append(RawLayout(layout.shape, layout.dtype, layout.byte_order, surplus))
+    return tuple(dict.fromkeys(found))

@@ -1,0 +1,140 @@
+"""Raw voxels: x fastest, then y, then z; no header to trust, so the file's size is checked before anything else."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from ..scene import RleSplatError
+from ..volume.volume import Volume
+from .guess import guess_raw
+from .layout import (
+    CHUNK_BYTES,
+    DEFAULT_COUNT_LIMIT,
+    UNREADABLE,
+    RawLayout,
+    checked_scale,
+    checked_spacing,
+    content_bytes,
+    fitting,
+    is_gzip,
+    unreadable,
+)  # fmt: skip
+
+DEFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
+
+
+def _wrong_size(path, layout: RawLayout, actual: int | None) -> RleSplatError:
+    name, unpacked = Path(path).name, " unpacked" if is_gzip(path) else ""
+    needs = f"{layout} need {layout.total_bytes} bytes"
+    if actual is None:
+        return RleSplatError(f"{name} holds more than {DEFAULT_COUNT_LIMIT} bytes{unpacked}, but {needs}.")
+    fits = list(fitting(path, layout, actual))[:3]
+    fits += [other for other in guess_raw(path).candidates if other not in fits][: 4 - len(fits)]
+    text = "; or ".join(str(other) for other in fits)
+    return RleSplatError(
+        f"{name} holds {actual} bytes{unpacked}, but {needs}; "
+        + (f"what would fit: {text}." if text else "check the shape, the type and the header's length.")
+    )
+
+
+def read_raw(
+    path, shape, dtype, byte_order="little", header_bytes=0, spacing=None, slope=1.0, intercept=0.0,
+    unit="mm", value_unit=None, modality=None, name=None, remarks=(),
+) -> Volume:
+    """A Volume from raw voxels; parameters as in docs (``--shape`` and its neighbours).
+
+    Uncompressed files in this machine's byte order are memory-mapped read-only, others copied.  The affine is
+    the spacing alone: voxel (0, 0, 0) lies at the origin.  Any misfit raises RleSplatError before memory is
+    spent; no more is ever allocated than the shape needs.
+    """
+    layout = RawLayout(shape, dtype, byte_order, header_bytes)
+    remarks = tuple(remarks)
+    if spacing is None:
+        remarks += (f"No spacing was given, so the voxels are taken as 1 x 1 x 1 {unit}.",)
+        spacing = (1.0, 1.0, 1.0)
+    spacing = checked_spacing(spacing)
+    slope, intercept = checked_scale(slope, intercept)
+    read = _read_gzip if is_gzip(path) else _read_plain
+    try:
+        voxels = read(path, layout)
+    except UNREADABLE as problem:
+        raise unreadable(path, problem) from None
+    except MemoryError:
+        raise RleSplatError(f"{layout} do not fit into this machine's memory; crop or thin the volume.") from None
+    return Volume(
+        voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, slope=slope, intercept=intercept,
+        value_unit=value_unit, modality=modality, name=name or _plain_name(path), remarks=remarks,
+    )
+
+
+def _plain_name(path) -> str:
+    name = Path(path).name
+    return name.split(".")[0] or name
+
+
+def _read_plain(path, layout: RawLayout) -> np.ndarray:
+    actual = os.path.getsize(path)
+    if actual != layout.total_bytes:
+        raise _wrong_size(path, layout, actual)
+    grid = layout.shape[::-1]
+    native = layout.file_dtype.isnative
+    aligned = layout.header_bytes % layout.file_dtype.alignment == 0
+    if native and aligned:  # kernels want aligned arrays, so an odd header costs a copy
+        mapped = np.memmap(path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=grid)
+        return np.asarray(mapped)  # a plain array that keeps the mapping alive
+    with open(path, "rb") as stream:
+        stream.seek(layout.header_bytes)
+        voxels = np.fromfile(stream, dtype=layout.file_dtype, count=math.prod(grid)).reshape(grid)
+    return _native(voxels)
+
+
+def _read_gzip(path, layout: RawLayout) -> np.ndarray:
+    if layout.total_bytes > os.path.getsize(path) * DEFLATE_LIMIT:  # impossible: learn the true size, allocate nothing
+        raise _wrong_size(path, layout, content_bytes(path))
+    voxels = np.empty(layout.shape[::-1], dtype=layout.file_dtype)
+    target = memoryview(voxels.reshape(-1).view(np.uint8))
+    with gzip.open(path, "rb") as stream:
+        skipped = 0
+        while skipped < layout.header_bytes:
+            chunk = stream.read(min(CHUNK_BYTES, layout.header_bytes - skipped))
+            if not chunk:
+                raise _wrong_size(path, layout, skipped)
+            skipped += len(chunk)
+        filled = 0
+        while filled < len(target):
+            count = stream.readinto(target[filled : filled + CHUNK_BYTES])
+            if not count:
+                raise _wrong_size(path, layout, skipped + filled)
+            filled += count
+        if stream.read(1):
+            raise _wrong_size(path, layout, content_bytes(path))
+    return _native(voxels)
+
+
+def _native(voxels: np.ndarray) -> np.ndarray:
+    """The same values in this machine's byte order, swapped in place."""
+    if voxels.dtype.isnative:
+        return voxels
+    return voxels.byteswap(inplace=True).view(voxels.dtype.newbyteorder("="))
+
+
+def write_raw(volume: Volume, path) -> dict:
+    """Write the stored voxels, little-endian, x fastest; packed when the name ends in .gz.
+
+    Returns the options with which the file must be read back, since a raw file remembers none of them.
+    """
+    opener = gzip.open if is_gzip(path) else open
+    little = volume.voxels.dtype.newbyteorder("<")
+    with opener(path, "wb") as stream:
+        for plane in volume.voxels:
+            stream.write(np.ascontiguousarray(plane, dtype=little).data)
+    options = dict(
+        shape=volume.shape_xyz, dtype=volume.voxels.dtype.name, byte_order="little",
+        spacing=tuple(float(s) for s in volume.spacing), slope=volume.slope, intercept=volume.intercept,
+    )
+    return {**options, "unit": volume.unit, "value_unit": volume.value_unit, "modality": volume.modality}

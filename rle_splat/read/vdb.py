@@ -1,0 +1,204 @@
+"""OpenVDB files, through the module ``openvdb`` that Blender brings along (``pyopenvdb`` in older ones).
+
+A grid of numbers becomes a dense volume over its active box dilated by one voxel of background, placed by the
+grid's own transform, in the file's world units.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..scene import RleSplatError
+from ..volume.volume import Volume
+
+MAGIC = b" BDV\0\0\0\0"  # the first eight bytes of every VDB file
+NUMERIC = {"float": np.float32, "double": np.float64, "int32": np.int32, "int64": np.int64, "bool": np.bool_}
+PREFERRED_GRID = "density"
+SMOKE_GRIDS = ("density", "smoke", "heat", "temperature", "flame", "flames", "fuel")
+WORLD_UNIT = "world"  # VDB states no unit of length; Blender takes its world units as metres
+SIGNED_DISTANCE = "signed distance"  # value unit of a level set: below zero inside
+DENSE_LIMIT = 1 << 32  # bytes; 1024^3 floats.  A few stray voxels far apart can ask for any amount
+SLAB = 8  # slices handed over at a time, one leaf of the tree
+PLACES = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+OPENVDB_PROBLEMS = (OSError, RuntimeError, LookupError, ValueError, TypeError)
+
+
+def load_openvdb():
+    """The OpenVDB module, or a RleSplatError that says where it is to be had."""
+    try:
+        import openvdb
+    except ImportError:
+        try:
+            import pyopenvdb as openvdb
+        except ImportError:
+            raise RleSplatError(
+                "OpenVDB files need the module openvdb, which Blender has and this Python has not; run this inside "
+                "Blender (File > Import, or blender --background), install Debian's or Ubuntu's python3-openvdb, or "
+                "put the folder of Blender's own Python modules on PYTHONPATH."
+            ) from None
+    return openvdb
+
+
+def grid_names(path) -> tuple:
+    """((name, value type), ...) of every grid in the file, in its order."""
+    return tuple((_label(grid, i), grid.valueTypeName) for i, grid in enumerate(_metadata(load_openvdb(), path)))
+
+
+def _label(grid, i: int) -> str:
+    return grid.name or f"[{i}]"  # OpenVDB's own way of naming a grid without a name
+
+
+def _metadata(openvdb, path) -> list:
+    try:
+        with open(path, "rb") as stream:
+            magic = stream.read(len(MAGIC))
+    except OSError as problem:
+        raise RleSplatError(f"Cannot read {path}: {problem.strerror or problem}.") from None
+    if magic != MAGIC:
+        raise RleSplatError(f"{Path(path).name} is not an OpenVDB file; check how it was written.")
+    try:
+        return list(openvdb.readAllGridMetadata(str(path)))
+    except OPENVDB_PROBLEMS as problem:
+        raise _damaged(path, problem) from None
+
+
+def _damaged(path, problem) -> RleSplatError:
+    reason = str(problem).strip().rstrip(".")
+    return RleSplatError(f"{Path(path).name} is damaged or of a kind that this OpenVDB cannot read ({reason}).")
+
+
+def _choose(grids: list, wanted: str | None, path) -> int:
+    """The index of the grid to read: the wanted one, else ``density``, else the first of numbers."""
+    labels = [_label(grid, i) for i, grid in enumerate(grids)]
+    numeric = [i for i, grid in enumerate(grids) if grid.valueTypeName in NUMERIC]
+    there = ", ".join(f"{label} ({grid.valueTypeName})" for label, grid in zip(labels, grids)) or "none at all"
+    if wanted is not None:
+        if wanted not in labels:
+            raise RleSplatError(f"{Path(path).name} has no grid {wanted!r}; its grids are: {there}.")
+        i = next((i for i in numeric if labels[i] == wanted), labels.index(wanted))
+        if i not in numeric:
+            raise RleSplatError(
+                f"The grid {wanted!r} holds {grids[i].valueTypeName}, not one number per voxel; the grids are: {there}."
+            )
+        return i
+    if not numeric:
+        raise RleSplatError(f"{Path(path).name} has no grid of numbers to show; its grids are: {there}.")
+    return next((i for i in numeric if labels[i] == PREFERRED_GRID), numeric[0])
+
+
+def _matrix(transform) -> np.ndarray:
+    """(4, 4) column-vector matrix, grid index to world, read off at the origin and the three unit indices."""
+    origin, *tips = (np.array(transform.indexToWorld(place), dtype=np.float64) for place in PLACES)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([tip - origin for tip in tips], axis=1)
+    matrix[:3, 3] = origin
+    return matrix
+
+
+def read_vdb(
+    path, grid=None, slope=1.0, intercept=0.0, unit=None, value_unit=None, modality=None
+) -> Volume:
+    """A Volume from one grid of an OpenVDB file: the one called ``grid``, else density, else the first of numbers.
+
+    Values of inactive voxels inside the box are kept as stored.  int64 becomes int32 where it fits, else float64;
+    bool becomes uint8.  Raises RleSplatError when there is no such grid, no active voxel, a transform that is not
+    affine, or a damaged file.
+    """
+    openvdb = load_openvdb()
+    grids = _metadata(openvdb, path)
+    chosen = _choose(grids, grid, path)
+    label = _label(grids[chosen], chosen)
+    remarks = []
+    if len(grids) > 1:
+        names = ", ".join(_label(g, i) for i, g in enumerate(grids))
+        remarks.append(f"The file holds {len(grids)} grids, {names}; {label} was read.")
+    try:
+        source = openvdb.read(str(path), label)
+        voxels, corner = _densify(source, label)
+    except OPENVDB_PROBLEMS as problem:
+        raise _damaged(path, problem) from None
+    except MemoryError:
+        raise RleSplatError(f"The grid {label!r} does not fit into this machine's memory once dense.") from None
+    if not source.transform.isLinear:
+        raise RleSplatError(f"The grid {label!r} lies in a tapered frustum; resample it to a box of voxels first.")
+    shift = np.eye(4)
+    shift[:3, 3] = corner
+    notes = dict(source.metadata)
+    if source.gridClass == "level set" and value_unit is None:
+        value_unit = SIGNED_DISTANCE
+        remarks.append(f"The grid {label} is a level set: its values are distances, below zero inside.")
+    if modality is None:
+        smoky = source.gridClass == "fog volume" or label.lower() in SMOKE_GRIDS
+        modality = notes.get("modality") or ("SMOKE" if smoky and source.gridClass != "level set" else None)
+    return Volume(
+        voxels=voxels, affine=_matrix(source.transform) @ shift, unit=unit or notes.get("length_unit") or WORLD_UNIT,
+        slope=float(slope), intercept=float(intercept), value_unit=value_unit or notes.get("value_unit"),
+        modality=modality, background=float(source.background), name=label, remarks=tuple(remarks),
+    )  # fmt: skip
+
+
+def _densify(grid, label: str):
+    """(voxels (nz, ny, nx), grid index (x, y, z) of voxel (0, 0, 0)): the active box dilated by one voxel."""
+    low, high = (np.array(corner, dtype=np.int64) for corner in grid.evalActiveVoxelBoundingBox())
+    if (high < low).any():
+        raise RleSplatError(f"The grid {label!r} is empty: it has no active voxel.")
+    low, high = low - 1, high + 1
+    nx, ny, nz = (int(n) for n in high - low + 1)
+    kind = np.dtype(NUMERIC[grid.valueTypeName])
+    needed = nx * ny * nz * kind.itemsize
+    if needed > DENSE_LIMIT:
+        raise RleSplatError(
+            f"The active voxels of the grid {label!r} span {nx} x {ny} x {nz} voxels, {needed / 2**30:.1f} GiB once "
+            f"dense, more than the {DENSE_LIMIT >> 30} GiB that are read; crop or thin it."
+        )
+    voxels = np.empty((nz, ny, nx), dtype=kind)
+    for z in range(0, nz, SLAB):  # OpenVDB fills C-ordered (x, y, z) arrays: a slab at a time, turned round into place
+        slab = np.zeros((nx, ny, min(SLAB, nz - z)), dtype=kind)
+        grid.copyToArray(slab, ijk=(int(low[0]), int(low[1]), int(low[2]) + z))
+        voxels[z : z + slab.shape[2]] = slab.transpose(2, 1, 0)
+    return _storable(voxels), low
+
+
+def _storable(voxels: np.ndarray) -> np.ndarray:
+    if voxels.dtype == np.bool_:
+        return voxels.view(np.uint8)
+    if voxels.dtype == np.int64:
+        bounds = np.iinfo(np.int32)
+        fits = bounds.min <= voxels.min() and voxels.max() <= bounds.max
+        return voxels.astype(np.int32 if fits else np.float64)
+    return voxels
+
+
+def write_vdb(volume: Volume, path) -> dict:
+    """Write one sparse grid ``density`` of physical values; returns the options with which to read it back: none.
+
+    Voxels equal to the volume's background, and NaN, are not stored, so the file's active box may be smaller than
+    the volume; what is stored keeps its place in the volume's own space.  Values of up to 16 bits and float32 are
+    stored as float, others as double.
+    """
+    openvdb = load_openvdb()
+    exact_as_float = volume.voxels.dtype.itemsize <= 2 or volume.voxels.dtype == np.float32
+    scaled = volume.slope != 1.0 or not float(volume.intercept).is_integer()
+    double = volume.voxels.dtype == np.float64 or not exact_as_float or (scaled and volume.voxels.dtype.kind != "f")
+    kind = np.float64 if double else np.float32
+    grid = (openvdb.DoubleGrid if double else openvdb.FloatGrid)(float(volume.physical(volume.background)))
+    grid.name = PREFERRED_GRID
+    for z in range(0, volume.voxels.shape[0], SLAB):
+        values = volume.physical(volume.voxels[z : z + SLAB]).astype(kind)
+        # OpenVDB misreads any array that is not C-ordered, without an error
+        grid.copyFromArray(np.ascontiguousarray(values.transpose(2, 1, 0)), ijk=(0, 0, z), tolerance=0)
+    grid.transform = openvdb.createLinearTransform(volume.affine.T.tolist())  # row vectors: translation last row
+    if volume.modality == "SMOKE":
+        grid.gridClass = "fog volume"
+    for name, note in (
+        ("value_unit", volume.value_unit), ("length_unit", volume.unit), ("modality", volume.modality)
+    ):  # fmt: skip
+        if note:
+            grid[name] = note
+    try:
+        openvdb.write(str(path), grids=[grid])
+    except RuntimeError as problem:
+        raise RleSplatError(f"Cannot write {path}: {problem}.") from None
+    return {}
