@@ -1,0 +1,264 @@
+"""The transfer function: scalar value -> opacity and colour, with the way it is shaded.
+
+Points are physical values; between them both curves are linear, outside them the end values hold, and a
+repeated value is a step, taken from the right: at the step's own value the last of the repeated points counts.
+Infinite data therefore take the end values.  NaN is transparent, by decision: it marks what was not measured.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property, partial
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ..scene import RleSplatError, from_mapping, read_json
+
+
+def _number(value, what: str) -> float:
+    """A finite float from a JSON number, or a RleSplatError that says what it should have been."""
+    if isinstance(value, (bool, str)) or value is None:
+        raise RleSplatError(f"{what} must be a number, not {value!r}.")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise RleSplatError(f"{what} must be a number, not {value!r}.") from None
+    if not math.isfinite(number):
+        raise RleSplatError(f"{what} must be finite, not {number}.")
+    return number
+
+
+@dataclass(frozen=True)
+class Shade:
+    """Blinn-Phong coefficients: c * (ambient + diffuse |n.l|) + specular |n.h|^shininess, none below zero."""
+
+    ambient: float = 0.25
+    diffuse: float = 0.75
+    specular: float = 0.2
+    shininess: float = 20.0
+
+    def __post_init__(self):
+        for entry in fields(self):
+            value = _number(getattr(self, entry.name), f"The shading's {entry.name}")
+            if value < 0.0:
+                raise RleSplatError(f"The shading's {entry.name} must not be below zero.")
+            object.__setattr__(self, entry.name, value)
+
+
+def _points(points, width: int, what: str, form: str) -> tuple:
+    """Points as tuples of floats in ascending order of value; equal values keep the order they came in."""
+    try:
+        rows = [tuple(point) for point in points]
+    except TypeError:
+        raise RleSplatError(f"The transfer function's {what} must be a list of {form} points.") from None
+    if not rows:
+        raise RleSplatError(f"The transfer function has no {what} points; give at least one {form}.")
+    if any(len(row) != width for row in rows):
+        raise RleSplatError(f"Each {what} point of the transfer function must be {form}.")
+    rows = [tuple(_number(v, f"A number of the transfer function's {what} points") for v in row) for row in rows]
+    return tuple(sorted(rows, key=lambda row: row[0]))
+
+
+def _piecewise_linear(positions: np.ndarray, heights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Right-continuous piecewise linear interpolation with held ends; NaN stays NaN.
+
+    ``positions`` (n,) ascending, ``heights`` (n, ...), ``values`` any shape; returns values.shape + heights.shape[1:].
+    """
+    passed = np.searchsorted(positions, values, side="right")  # how many points lie at or left of the value
+    left = np.clip(passed - 1, 0, positions.size - 1)
+    right = np.clip(passed, 0, positions.size - 1)
+    between = (passed > 0) & (passed < positions.size)  # there positions[right] > positions[left]: no 0/0 at steps
+    fraction = np.zeros(values.shape)
+    np.divide(values - positions[left], positions[right] - positions[left], out=fraction, where=between)
+    fraction = fraction.reshape(values.shape + (1,) * (heights.ndim - 1))
+    result = heights[left] + (heights[right] - heights[left]) * fraction
+    result[np.isnan(values)] = np.nan
+    return result
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """A transfer function; equal contents are equal objects.
+
+    ``opacity``: ((value, alpha), ...) with alpha in [0, 1] per ``opacity_unit_distance``.
+    ``color``: ((value, r, g, b), ...), scene-linear, none below zero, unassociated.
+    ``opacity_unit_distance``: in the volume's length unit, None for the smallest voxel spacing.
+    ``unit``: what the values are in ("HU"), None for arbitrary.  ``shade`` None means unshaded colours.
+    Unsorted points are sorted, equal values keeping their order.
+    """
+
+    name: str = ""
+    unit: str | None = None
+    opacity: tuple = ()
+    color: tuple = ()
+    opacity_unit_distance: float | None = None
+    shade: Shade | None = field(default_factory=Shade)
+
+    def __post_init__(self):
+        put = partial(object.__setattr__, self)
+        if not isinstance(self.name, str):
+            raise RleSplatError("The transfer function's name must be text.")
+        if not (self.unit is None or (isinstance(self.unit, str) and self.unit)):
+            raise RleSplatError('The transfer function\'s unit must be text such as "HU", or null.')
+        put("opacity", _points(self.opacity, 2, "opacity", "[value, alpha]"))
+        put("color", _points(self.color, 4, "color", "[value, r, g, b]"))
+        for value, alpha in self.opacity:
+            if not 0.0 <= alpha <= 1.0:
+                raise RleSplatError(
+                    f"The opacity at {value:g} is {alpha:g}; an alpha of the transfer function must be from 0 to 1."
+                )
+        for value, *rgb in self.color:
+            if min(rgb) < 0.0:
+                raise RleSplatError(f"The colour at {value:g} has a negative channel; colours must not be below zero.")
+        if self.opacity_unit_distance is not None:
+            distance = _number(self.opacity_unit_distance, "The transfer function's opacity_unit_distance")
+            if distance <= 0.0:
+                raise RleSplatError("The transfer function's opacity_unit_distance must be above zero.")
+            put("opacity_unit_distance", distance)
+        if not (self.shade is None or isinstance(self.shade, Shade)):
+            raise RleSplatError("The transfer function's shade must hold ambient, diffuse, specular and shininess.")
+
+    # --- evaluation -------------------------------------------------------------------------------------------
+
+    def alpha_at(self, values) -> np.ndarray:
+        """Opacity in [0, 1] at physical ``values`` (any shape), float64, same shape; 0 at NaN."""
+        values = np.asarray(values, dtype=np.float64)
+        points = np.array(self.opacity)
+        alpha = np.clip(_piecewise_linear(points[:, 0], points[:, 1], np.atleast_1d(values)), 0.0, 1.0)
+        return np.where(np.isnan(alpha), 0.0, alpha).reshape(values.shape)
+
+    def color_at(self, values) -> np.ndarray:
+        """Unassociated scene-linear RGB at physical ``values``, float64, shape values.shape + (3,); 0 at NaN."""
+        values = np.asarray(values, dtype=np.float64)
+        points = np.array(self.color)
+        color = _piecewise_linear(points[:, 0], points[:, 1:], np.atleast_1d(values))
+        return np.where(np.isnan(color), 0.0, color).reshape(values.shape + (3,))
+
+    def table(self, values) -> np.ndarray:
+        """(..., 4) float64: unassociated r, g, b and alpha at physical ``values``."""
+        return np.concatenate((self.color_at(values), self.alpha_at(values)[..., None]), axis=-1)
+
+    def relevant(self, low, high) -> np.ndarray:
+        """The largest alpha that a value in [low, high] can have, float64; arrays are taken element by element.
+
+        Where a step lies inside the interval the height to its left counts too.  NaN bounds give 0.
+        """
+        low, high = np.broadcast_arrays(np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64))
+        if (low > high).any():
+            raise RleSplatError("A value interval must have its lower end first.")
+        most = np.maximum(self.alpha_at(low), self.alpha_at(high))
+        last = len(self.opacity) - 1
+        for i, (value, alpha) in enumerate(self.opacity):
+            if i == 0 or self.opacity[i - 1][0] < value:  # the height that the curve comes to from the left
+                most = np.where((low < value) & (value <= high), np.maximum(most, alpha), most)
+            if i == last or self.opacity[i + 1][0] > value:  # the height that the curve leaves with
+                most = np.where((low <= value) & (value <= high), np.maximum(most, alpha), most)
+        return most
+
+    def visible_intervals(self) -> tuple:
+        """((low, high), ...): ascending, disjoint closed intervals outside which every value is transparent."""
+        spans = []
+        ends = [(-math.inf, self.opacity[0][1]), *self.opacity, (math.inf, self.opacity[-1][1])]
+        for (low, alpha_low), (high, alpha_high) in pairwise(ends):
+            if alpha_low <= 0.0 and alpha_high <= 0.0:
+                continue
+            if spans and spans[-1][1] >= low:
+                spans[-1] = (spans[-1][0], high)
+            else:
+                spans.append((low, high))
+        return tuple(spans)
+
+    # --- moving the points ------------------------------------------------------------------------------------
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest value of any point."""
+        return min(self.opacity[0][0], self.color[0][0]), max(self.opacity[-1][0], self.color[-1][0])
+
+    def remapped(self, low: float, high: float, unit: str | None = None) -> TransferFunction:
+        """The same curves with ``span`` moved linearly to [low, high], in ``unit``.
+
+        ``low == high`` gathers all points at one value: a step from the first height to the last.
+        """
+        low, high = _number(low, "The low end of the new range"), _number(high, "The high end of the new range")
+        if low > high:
+            raise RleSplatError(f"The new range runs from {low:g} to {high:g}; give the lower end first.")
+        first, last = self.span
+        length = last - first
+
+        def move(value):
+            t = (value - first) / length if length > 0.0 else 0.0
+            return low * (1.0 - t) + high * t
+
+        return replace(
+            self,
+            unit=unit,
+            opacity=tuple((move(v), a) for v, a in self.opacity),
+            color=tuple((move(v), *rgb) for v, *rgb in self.color),
+        )
+
+    def windowed(self, center: float, width: float) -> TransferFunction:
+        """The same curves spread over a window of values, as radiologists set it: level ``center``, ``width``."""
+        center, width = _number(center, "The window's center"), _number(width, "The window's width")
+        if width < 0.0:
+            raise RleSplatError("The window's width must not be below zero.")
+        return self.remapped(center - 0.5 * width, center + 0.5 * width, unit=self.unit)
+
+    # --- identity and files -----------------------------------------------------------------------------------
+
+    @cached_property
+    def classification_key(self) -> str:
+        """A hash of what decides opacity and colour, for content-keyed stages; the name and shade do not matter."""
+        return _digest((self.opacity, self.color, self.opacity_unit_distance))
+
+    @cached_property
+    def key(self) -> str:
+        """A hash of everything that a picture depends on; the name does not matter."""
+        return _digest((self.classification_key, None if self.shade is None else asdict(self.shade)))
+
+    @classmethod
+    def from_json(cls, source) -> TransferFunction:
+        """From a JSON file (its path) or from the object it holds, already parsed."""
+        mapping = read_json(source, "the transfer function") if isinstance(source, (str, os.PathLike)) else source
+        if not isinstance(mapping, dict):
+            raise RleSplatError("A transfer function must be a JSON object with opacity and color points.")
+        for name in ("opacity", "color"):
+            if name not in mapping:
+                raise RleSplatError(f"The transfer function has no {name} points; give {name!r} as a list of points.")
+        mapping = dict(mapping)
+        shade = mapping.get("shade", {})
+        if shade is False or shade is None:
+            mapping["shade"] = None
+        else:
+            mapping["shade"] = from_mapping(Shade, shade, "The transfer function's shade")
+        return from_mapping(cls, mapping, "The transfer function")
+
+    def to_json(self) -> dict:
+        """The JSON object of docs: name, unit, opacity, color, opacity_unit_distance (if set), shade or false."""
+        mapping = {
+            "name": self.name,
+            "unit": self.unit,
+            "opacity": [list(point) for point in self.opacity],
+            "color": [list(point) for point in self.color],
+        }
+        if self.opacity_unit_distance is not None:
+            mapping["opacity_unit_distance"] = self.opacity_unit_distance
+        mapping["shade"] = False if self.shade is None else asdict(self.shade)
+        return mapping
+
+    def save(self, path) -> None:
+        """Write the JSON file at ``path``."""
+        try:
+            Path(path).write_text(json.dumps(self.to_json(), indent=2) + "\n", encoding="utf-8")
+        except OSError as problem:
+            raise RleSplatError(f"Cannot write the transfer function {path}: {problem.strerror}.") from None
+
+
+def _digest(content) -> str:
+    return hashlib.blake2b(repr(content).encode(), digest_size=16).hexdigest()
