@@ -41,8 +41,10 @@ def find_python(version: str) -> str | None:
         candidates.append(getattr(sys, "_base_executable", None) or sys.executable)
     candidates.append(shutil.which(f"python{version}"))
     for root in _pyenv_roots():
-        names = sorted((root / "versions").glob(f"{version}.*"), key=lambda p: [int(n) for n in p.name.split(".")[2:]
-                                                                               if n.isdigit()])
+        names = sorted(
+            (root / "versions").glob(f"{version}.*"),
+            key=lambda folder: [int(part) for part in folder.name.split(".")[2:] if part.isdigit()],
+        )
         candidates += [str(folder / "bin" / "python") for folder in reversed(names)]
     if os.name == "nt" and shutil.which("py"):
         asked = subprocess.run(

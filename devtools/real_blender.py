@@ -21,7 +21,7 @@ CHROOT = ENVIRONMENTS / f"blender-{SUITE}"
 STAMP = CHROOT / "ready"
 OLDEST = (4, 5)
 
-# Blender itself; what bl_pkg (extensions) imports; openvdb; software OpenGL; a virtual screen with a mouse and a camera.
+# Blender; what its extensions need; openvdb; software OpenGL; a virtual screen, a mouse and a camera for it.
 PACKAGES = (
     "blender", "python3-numpy", "python3-requests", "python3-cattr", "python3-openvdb",
     "libgl1-mesa-dri", "libegl1", "xvfb", "xdotool", "imagemagick", "fonts-dejavu-core",

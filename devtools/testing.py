@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
@@ -13,7 +12,7 @@ from pathlib import Path
 
 from .build import build
 from .environments import BPY, CORE, ensure, ensure_bpy
-from .places import BUILD, ENVIRONMENTS, OUT, PYTHONS, ROOT, Failure, clean_environ, executable, say
+from .places import BUILD, OUT, PYTHONS, ROOT, Failure, clean_environ, say
 from .pythons import find_python
 from .real_blender import environ_for, find_blender
 from .wheels import this_platform
