@@ -12,7 +12,7 @@ SUPPORTED = ((3, 11), (3, 13))
 if sys.version_info[:2] not in SUPPORTED:
     sys.stderr.write(
         "dev.py needs Python 3.11 or 3.13, as Blender has, and this is Python %d.%d: "
-        "install one of them and run it with that, for example 'python3.11 dev.py'.\n" % sys.version_info[:2]  # noqa: UP031 (an old Python reads this)
+        "install one of them and run it with that, for example 'python3.11 dev.py'.\n" % sys.version_info[:2]
     )
     sys.exit(2)
 

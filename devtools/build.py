@@ -26,13 +26,9 @@ SHIPPED_SUFFIXES = (".py", ".json", ".svg", ".png")
 # The Extensions platform refuses larger files; and nobody likes to wait.
 LARGEST_ZIP_BYTES = 200 * 1000 * 1000
 
-# The vocabulary of the platform for add-ons; the tool checks tags only when it is given one.
-VALID_TAGS = (
-    "3D View", "Add Curve", "Add Mesh", "Animation", "Bake", "Camera", "Compositing", "Development", "Game Engine",
-    "Geometry Nodes", "Grease Pencil", "Import-Export", "Lighting", "Material", "Modeling", "Mesh", "Node", "Object",
-    "Paint", "Pipeline", "Physics", "Render", "Rigging", "Scene", "Sculpt", "Sequencer", "System", "Text Editor",
-    "Tracking", "User Interface", "UV",
-)  # fmt: skip
+# Inside Blender's scripts folder: its packaging tool, and the tags that the Extensions platform knows.
+TOOL = "addons_core/bl_pkg/cli/blender_ext.py"
+TAGS = "modules/_bpy_internal/extensions/tags.py"
 
 
 def shipped() -> list[Path]:
@@ -63,20 +59,19 @@ def filled_manifest(platforms, wheel_names) -> str:
     return text
 
 
-def blender_tool() -> Path:
-    """Blender's own packaging tool, a script of plain Python, out of a bpy environment."""
+def blender_script(name: str) -> Path:
+    """A file of Blender's own scripts folder, out of a bpy environment; TOOL is plain Python."""
     version = any_bpy()
     ensure_bpy(version)
-    pattern = "**/scripts/addons_core/bl_pkg/cli/blender_ext.py"
-    found = next((BPY[version].folder / ("Lib" if os.name == "nt" else "lib")).glob(pattern), None)
+    found = next((BPY[version].folder / ("Lib" if os.name == "nt" else "lib")).glob(f"**/scripts/{name}"), None)
     if found is None:
-        raise Failure(f"bpy {version} has no bl_pkg/cli/blender_ext.py, Blender's packaging tool.")
+        raise Failure(f"bpy {version} has no {name}, which packaging needs.")
     return found
 
 
 def _tool(*arguments) -> str:
     """Run Blender's packaging tool; returns what it printed."""
-    command = [str(executable(CORE.folder)), str(blender_tool()), *map(str, arguments)]
+    command = [str(executable(CORE.folder)), str(blender_script(TOOL)), *map(str, arguments)]
     done = subprocess.run(command, env=clean_environ(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode != 0:
         say(done.stdout)
@@ -86,10 +81,7 @@ def _tool(*arguments) -> str:
 
 def validate(path: Path) -> None:
     """Blender's own check of a zip or a folder, tags included."""
-    BUILD.mkdir(exist_ok=True)
-    tags = BUILD / "valid_tags.json"
-    tags.write_text(str(list(VALID_TAGS)).replace("'", '"'))
-    _tool("validate", path, "--valid-tags", tags)
+    _tool("validate", path, "--valid-tags", blender_script(TAGS))
 
 
 def stage(platforms, wheels, folder: Path) -> None:

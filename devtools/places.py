@@ -13,7 +13,7 @@ ENVIRONMENTS = ROOT / ".venvs"
 OUT = ROOT / "out"
 BUILD = ROOT / "build"
 DIST = ROOT / "dist"
-WHEELS = ROOT / "wheels"
+WHEELS = BUILD / "wheels"
 
 PYTHONS = ("3.11", "3.13")
 

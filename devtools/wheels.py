@@ -54,7 +54,7 @@ def missing(names, platforms, pythons=PYTHONS) -> list[str]:
 
 
 def wheels_for(installer: Path, platforms, pythons=PYTHONS) -> list[Path]:
-    """The wheel files, downloaded into wheels/ where they are not there yet.
+    """The wheel files, downloaded into build/wheels/ where they are not there yet.
 
     ``installer``: a Python whose pip does it; it checks every file against the hashes of requirements/wheels.txt.
     """

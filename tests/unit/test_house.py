@@ -1,0 +1,217 @@
+"""The floor plan, enforced by reading imports: who may import whom, and what shipped code never does.
+
+What ships is the root __init__.py, rle_splat/, bridge/, operators/ and panels/.
+"""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# A room (a folder or a module) -> its floor.  A room imports itself and lower floors, nothing else.  scene is the
+# ground; warp stands above splat because it takes the intermediate image; rle_splat/__init__.py exports the verb,
+# so it stands above render.
+FLOORS = {
+    "rle_splat.scene": 0,
+    "rle_splat.axes": 1,
+    "rle_splat.jit": 1,
+    "rle_splat.lanes": 2,
+    "rle_splat.volume": 2,
+    "rle_splat.read": 3,
+    "rle_splat.classify": 3,
+    "rle_splat.view": 3,
+    "rle_splat.encode": 4,
+    "rle_splat.splat": 5,
+    "rle_splat.warp": 6,
+    "rle_splat.effects": 7,
+    "rle_splat.accuracy": 8,
+    "rle_splat.plan": 9,
+    "rle_splat.render": 10,
+    "rle_splat": 11,
+    "rle_splat.named_systems": 12,
+    "rle_splat.cli": 12,
+    "rle_splat.__main__": 13,
+    "bridge": 13,
+    "operators": 14,
+    "panels": 14,
+    "": 15,
+}
+
+# A truth shares no code with what it judges, so accuracy sees the ground floor only.
+ONLY = {"rle_splat.accuracy": {"rle_splat.scene", "rle_splat.volume", "rle_splat.jit"}}
+
+# Packages that are not Python's own, by room; every other room of rle_splat has numpy alone.
+BLENDER_ROOMS = ("", "bridge", "operators", "panels")
+BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
+THIRD_PARTY = {
+    "rle_splat.jit": {"numba", "numpy"},
+    "rle_splat.lanes": {"numba", "llvmlite", "numpy"},
+    "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
+    "rle_splat.cli": {"numpy", "PIL", "OpenEXR"},
+}
+
+# What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.
+FORBIDDEN_MODULES = {
+    "threading", "_thread", "concurrent", "multiprocessing", "asyncio", "socket", "ssl", "http", "urllib", "ftplib",
+    "smtplib", "xmlrpc", "socketserver", "webbrowser", "subprocess", "pip", "ensurepip", "pickle",
+}  # fmt: skip
+FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
+
+
+def shipped_files():
+    files = [ROOT / "__init__.py"]
+    for folder in ("rle_splat", "bridge", "operators", "panels"):
+        files += sorted((ROOT / folder).rglob("*.py"))
+    return [path.relative_to(ROOT) for path in files if path.is_file()]
+
+
+def module_name(path: Path) -> str:
+    """rle_splat/splat/sheet.py -> rle_splat.splat.sheet; the root __init__.py -> ""."""
+    parts = list(path.with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def room_of(module: str) -> str | None:
+    """The room that a module of ours is in: the longest name in FLOORS that begins it."""
+    parts = module.split(".") if module else []
+    for length in range(len(parts), 0, -1):
+        if ".".join(parts[:length]) in FLOORS:
+            # the package rle_splat itself, not an unknown room inside it
+            return ".".join(parts[:length]) if length == len(parts) or parts[:length] != ["rle_splat"] else None
+    return "" if not parts else None
+
+
+def is_module(name: str) -> bool:
+    base = ROOT.joinpath(*name.split("."))
+    return base.with_suffix(".py").is_file() or base.is_dir()
+
+
+def imports_of(path: Path, source: str):
+    """(own modules, other top-level packages) that a shipped file imports, relative imports resolved."""
+    package = list(path.parent.parts)
+    own, others = set(), set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            others |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            others.add(node.module.split(".")[0])
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - (node.level - 1)] + (node.module.split(".") if node.module else [])
+            for alias in node.names:
+                deeper = ".".join([*base, alias.name])
+                own.add(deeper if is_module(deeper) else ".".join(base))
+    return own, others
+
+
+def floor_breaks(path: Path, source: str) -> list[str]:
+    room = room_of(module_name(path))
+    if room is None:
+        return [f"{path} is in no room of the plan"]
+    found = []
+    for imported in imports_of(path, source)[0]:
+        other = room_of(imported)
+        if other == room:
+            continue
+        if other is None or FLOORS[other] >= FLOORS[room] or other not in ONLY.get(room, {other}):
+            found.append(f"{path} ({room or 'root'}) may not import {imported}")
+    return found
+
+
+def foreign_imports(path: Path, source: str) -> list[str]:
+    room = room_of(module_name(path)) or ""
+    in_blender = room in BLENDER_ROOMS
+    allowed = BLENDERS_OWN if in_blender else THIRD_PARTY.get(room, {"numpy"})
+    return [
+        f"{path} may not import {name}"
+        for name in imports_of(path, source)[1]
+        if name in FORBIDDEN_MODULES or (name not in sys.stdlib_module_names and name not in allowed)
+    ]
+
+
+def refused_code(path: Path, source: str) -> list[str]:
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        where = f"{path}:{getattr(node, 'lineno', 0)}"
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FORBIDDEN_CALLS:
+            found.append(f"{where} calls {node.func.id}")
+        elif isinstance(node, ast.Attribute) and ast.unparse(node) in ("sys.path", "os.system", "os.popen"):
+            found.append(f"{where} uses {ast.unparse(node)}")
+        elif isinstance(node, ast.ExceptHandler):
+            broad = node.type is None or ast.unparse(node.type) in ("Exception", "BaseException")
+            if node.type is None or (broad and all(isinstance(part, ast.Pass) for part in node.body)):
+                found.append(f"{where} swallows every error")
+        elif isinstance(node, ast.Name) and node.id == "bl_info":
+            found.append(f"{where} has bl_info, which extensions do without")
+    return found
+
+
+@pytest.fixture(scope="module")
+def sources():
+    files = {path: (ROOT / path).read_text(encoding="utf-8") for path in shipped_files()}
+    assert len(files) > 30, "the shipped code was not found"
+    return files
+
+
+@pytest.mark.parametrize("gate", [floor_breaks, foreign_imports, refused_code])
+def test_shipped_code_passes(gate, sources):
+    found = [line for path, source in sources.items() for line in gate(path, source)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("gate", "path", "source"),
+    [
+        (floor_breaks, "rle_splat/splat/sheet.py", "from ..render import render"),
+        (floor_breaks, "rle_splat/splat/sheet.py", "from .. import render"),
+        (floor_breaks, "rle_splat/splat/sheet.py", "from ..warp import warp"),
+        (floor_breaks, "rle_splat/accuracy/oracle.py", "from ..classify.transfer_function import TransferFunction"),
+        (floor_breaks, "rle_splat/encode/encode.py", "def f():\n    from ...bridge import images"),
+        (floor_breaks, "bridge/images.py", "from ..operators import render_image"),
+        (floor_breaks, "rle_splat/attic/old.py", ""),
+        (foreign_imports, "rle_splat/render.py", "import bpy"),
+        (foreign_imports, "rle_splat/splat/sheet.py", "from numba import njit"),
+        (foreign_imports, "rle_splat/warp/warp.py", "import scipy.ndimage"),
+        (foreign_imports, "bridge/jobs.py", "def f():\n    import threading"),
+        (foreign_imports, "operators/import_volume.py", "from urllib.request import urlopen"),
+        (foreign_imports, "bridge/images.py", "import rle_splat"),
+        (refused_code, "panels/main.py", "eval('1')"),
+        (refused_code, "bridge/vdb.py", "import sys\nsys.path.append('x')"),
+        (refused_code, "bridge/vdb.py", "try:\n    f()\nexcept:\n    g()"),
+        (refused_code, "bridge/vdb.py", "try:\n    f()\nexcept Exception:\n    pass"),
+        (refused_code, "__init__.py", "bl_info = {}"),
+    ],
+)
+def test_the_gates_see_what_they_forbid(gate, path, source):
+    assert gate(Path(path), source)
+
+
+@pytest.mark.parametrize(
+    ("gate", "path", "source"),
+    [
+        (floor_breaks, "rle_splat/splat/sheet.py", "from ..encode.tables import RunLengthVolume\nfrom .. import jit"),
+        (
+            floor_breaks,
+            "rle_splat/accuracy/oracle.py",
+            "from ..volume.volume import Volume\nfrom ..scene import Camera",
+        ),
+        (floor_breaks, "__init__.py", "from . import bridge, operators, panels"),
+        (
+            floor_breaks,
+            "operators/render_image.py",
+            "from ..rle_splat.render import render\nfrom ..bridge import images",
+        ),
+        (foreign_imports, "bridge/images.py", "import bpy, numpy, json"),
+        (refused_code, "rle_splat/jit.py", "try:\n    f()\nexcept Exception as problem:\n    note(problem)"),
+    ],
+)
+def test_the_gates_let_the_plan_through(gate, path, source):
+    assert not gate(Path(path), source)
+
+
+def test_blender_versions_are_told_apart_in_one_file_only(sources):
+    """Every difference between Blender's versions stands in bridge/versions.py."""
+    askers = {path.as_posix() for path, source in sources.items() if "bpy.app.version" in source}
+    assert askers <= {"bridge/versions.py"}
