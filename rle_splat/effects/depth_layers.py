@@ -1,0 +1,73 @@
+"""Depth layers: what lets a mesh's silhouette be antialiased against the volume.
+
+Along a silhouette one pixel sees two depths: part of it ends at the mesh, the rest goes on to what lies behind.
+Integrating to their mean would be wrong for both, so such a pixel gets both pictures, mixed by the part of it
+that the mesh covers.  The warp reads neighbours, so each layer is carried a few pixels past the silhouette.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+REACH = 4  # pixels past a silhouette that the warp's filter may read
+
+
+@dataclass(frozen=True, eq=False)
+class DepthLayers:
+    """``near`` and ``far``: (H, W) float32 planar depths, inf for no mesh.  ``coverage``: (H, W) float32, the
+    part of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same."""
+
+    near: np.ndarray
+    far: np.ndarray
+    coverage: np.ndarray
+
+    @property
+    def has_silhouettes(self) -> bool:
+        return bool((self.near != self.far).any())
+
+
+def depth_layers(samples: np.ndarray, step: float) -> DepthLayers:
+    """Layers from (H, W, S) sample depths; depths further apart than ``step`` (world units) are two surfaces."""
+    ordered = np.sort(samples, axis=-1)
+    count = ordered.shape[-1]
+    with np.errstate(invalid="ignore"):
+        gaps = np.diff(ordered, axis=-1)  # inf - inf is nan: no gap
+    gaps = np.where(np.isnan(gaps), 0.0, gaps)
+    split_at = gaps.argmax(axis=-1) + 1
+    split = gaps.max(axis=-1) > step
+    split_at = np.where(split, split_at, count)
+    is_near = np.arange(count) < split_at[..., None]
+    near = np.where(is_near, ordered, 0.0).sum(axis=-1) / split_at
+    beyond = np.where(is_near, 0.0, ordered).sum(axis=-1) / np.maximum(count - split_at, 1)
+    far = np.where(split, beyond, near)
+    coverage = np.where(split, split_at / count, 1.0)
+    return _carried_past_silhouettes(near, far, coverage, split)
+
+
+def _carried_past_silhouettes(near, far, coverage, known) -> DepthLayers:
+    """Give pixels near a silhouette both of its depths; the one that is not their own gets no weight."""
+    near, far, coverage, known = near.copy(), far.copy(), coverage.copy(), known.copy()
+    height, width = near.shape
+    if known.any():
+        for _ in range(REACH):
+            reached = known.copy()
+            for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                to = (slice(max(down, 0), height + min(down, 0)), slice(max(right, 0), width + min(right, 0)))
+                of = (slice(max(-down, 0), height + min(-down, 0)), slice(max(-right, 0), width + min(-right, 0)))
+                new = known[of] & ~reached[to]
+                if not new.any():
+                    continue
+                own, near_there, far_there = near[to][new], near[of][new], far[of][new]
+                with np.errstate(invalid="ignore"):
+                    to_near, to_far = np.abs(own - near_there), np.abs(own - far_there)
+                # inf - inf is nan: both see no mesh, the same surface.
+                on_near = np.where(np.isnan(to_near), 0.0, to_near) <= np.where(np.isnan(to_far), 0.0, to_far)
+                near[to][new] = np.where(on_near, own, near_there)
+                far[to][new] = np.where(on_near, far_there, own)
+                coverage[to][new] = np.where(on_near, 1.0, 0.0)
+                reached[to][new] = True
+            known = reached
+    as_float32 = lambda values: values.astype(np.float32)
+    return DepthLayers(as_float32(near), as_float32(far), as_float32(coverage))

@@ -1,0 +1,122 @@
+"""Mesh depth: how far each ray goes before it meets a mesh, without rendering anything.
+
+Triangles are rasterised in homogeneous pixel coordinates (Olano and Greer 1997), which needs no clipping: the
+inverse of a triangle's 3x3 matrix of homogeneous vertices gives its edge functions, and wherever all three are
+positive the ray meets the triangle in front of the camera.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..jit import compiled, kernel, parallel_call, prange
+from ..scene import Camera, RleSplatError
+from ..view.projection import depth_row, world_to_pixel
+
+SAMPLES = 16
+# Sixteen rays a pixel, one in each sixteenth of its width and of its height, so that an edge along either axis
+# is seen in sixteen steps.
+_ORDER = np.array((5, 12, 2, 9, 15, 6, 0, 11, 3, 8, 13, 1, 10, 4, 14, 7))
+SAMPLE_COLUMNS = (np.arange(SAMPLES) + 0.5) / SAMPLES
+SAMPLE_ROWS = (_ORDER + 0.5) / SAMPLES
+# Samples this close outside an edge, in parts of the triangle, still count: neighbours must leave no crack.
+CRACK = 1e-9
+BAND = 16  # picture rows that one worker rasterises at a time
+
+
+def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: int):
+    """Edge functions (n, 3, 3) float64, vertex depths (n, 3) and pixel bounds (n, 4) of world triangles (n, 3, 3).
+
+    ``edges[t, i] @ (column, row, 1)`` is barycentric coordinate i over homogeneous depth.  Bounds are column and
+    row from, column and row to (inclusive, float); triangles that reach behind the camera have infinite ones.
+    Triangles seen edge-on are left out.
+    """
+    triangles = np.asarray(triangles, dtype=np.float64)
+    if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all():
+        raise RleSplatError("The scene's triangles must be finite numbers of shape (n, 3, 3).")
+    corners = np.concatenate((triangles, np.ones((*triangles.shape[:2], 1))), axis=2)
+    pixels = corners @ world_to_pixel(camera, width, height).T  # (n, 3 vertices, 3)
+    depths = corners @ depth_row(camera)
+    size = np.abs(pixels).max(axis=(1, 2))
+    determinant = np.linalg.det(pixels / np.where(size > 0.0, size, 1.0)[:, None, None])
+    in_front = (pixels[..., 2] > 0.0).any(axis=1)
+    keep = (np.abs(determinant) > 1e-14) & in_front
+    pixels, depths = pixels[keep], depths[keep]
+    edges = np.linalg.inv(pixels).transpose(0, 2, 1)
+    bounds = np.empty((len(pixels), 4))
+    whole = (pixels[..., 2] > 1e-9 * np.abs(pixels[..., 2]).max(axis=1, keepdims=True)).all(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = pixels[..., :2] / pixels[..., 2:]
+    bounds[:, :2] = np.where(whole[:, None], place.min(axis=1), -np.inf)
+    bounds[:, 2:] = np.where(whole[:, None], place.max(axis=1), np.inf)
+    return np.ascontiguousarray(edges), np.ascontiguousarray(depths), bounds
+
+
+@kernel(parallel=True)
+def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, out):
+    """``out`` (H, W, SAMPLES) float32: planar depth of the first triangle between ``nearest`` and ``furthest``."""
+    height, width = out.shape[0], out.shape[1]
+    bands = (height + BAND - 1) // BAND
+    for band in prange(bands):
+        top, bottom = band * BAND, min((band + 1) * BAND, height)
+        for t in range(edges.shape[0]):
+            if bounds[t, 3] < top or bounds[t, 1] > bottom or bounds[t, 2] < 0.0 or bounds[t, 0] > width:
+                continue
+            first_row = int(max(float(top), math.floor(bounds[t, 1])))
+            last_row = int(min(float(bottom), math.floor(bounds[t, 3]) + 1.0))
+            first_column = int(max(0.0, math.floor(bounds[t, 0])))
+            last_column = int(min(float(width), math.floor(bounds[t, 2]) + 1.0))
+            for row in range(first_row, last_row):
+                for column in range(first_column, last_column):
+                    for s in range(sample_columns.size):
+                        x, y = column + sample_columns[s], row + sample_rows[s]
+                        a = edges[t, 0, 0] * x + edges[t, 0, 1] * y + edges[t, 0, 2]
+                        b = edges[t, 1, 0] * x + edges[t, 1, 1] * y + edges[t, 1, 2]
+                        c = edges[t, 2, 0] * x + edges[t, 2, 1] * y + edges[t, 2, 2]
+                        total = a + b + c
+                        slack = -CRACK * total
+                        if total <= 0.0 or a < slack or b < slack or c < slack:
+                            continue
+                        depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
+                        if nearest <= depth <= furthest and depth < out[row, column, s]:
+                            out[row, column, s] = depth
+
+
+def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, out):
+    """The numpy twin of ``rasterise``: one triangle at a time."""
+    height, width = out.shape[:2]
+    for t in range(len(edges)):
+        first = np.maximum(np.floor(bounds[t, :2]), 0.0)
+        last = np.minimum(np.floor(bounds[t, 2:]) + 1.0, (width, height))
+        if (first >= last).any():
+            continue
+        (c0, r0), (c1, r1) = first.astype(int), last.astype(int)
+        x = np.arange(c0, c1)[None, :, None] + sample_columns
+        y = np.arange(r0, r1)[:, None, None] + sample_rows
+        a, b, c = (e[0] * x + e[1] * y + e[2] for e in edges[t])
+        total = a + b + c
+        slack = -CRACK * total
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
+        met = (total > 0.0) & (a >= slack) & (b >= slack) & (c >= slack) & (depth >= nearest) & (depth <= furthest)
+        part = out[r0:r1, c0:c1]
+        np.copyto(part, np.where(met, np.minimum(part, depth), part), casting="same_kind")
+
+
+def mesh_depth(triangles, camera: Camera, width: int, height: int, *, backend="auto", threads=0) -> np.ndarray:
+    """(H, W, SAMPLES) float32: planar depth, in world units, of the first mesh on each of SAMPLES rays a pixel.
+
+    ``triangles``: (n, 3, 3) world coordinates, seen from both sides.  inf where no mesh lies between the
+    camera's clip distances.
+    """
+    edges, depths, bounds = edge_functions(triangles, camera, width, height)
+    out = np.full((height, width, SAMPLES), np.inf, np.float32)
+    arguments = (edges, depths, bounds, camera.clip_start, camera.clip_end, SAMPLE_COLUMNS, SAMPLE_ROWS, out)
+    if compiled(backend):
+        with parallel_call(threads):
+            rasterise(*arguments)
+    else:
+        rasterise_numpy(*arguments)
+    return out

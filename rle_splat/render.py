@@ -1,0 +1,375 @@
+"""The road itself: the stages of the paper in order, what each cost, and what is kept between frames.
+
+    classify -> shade -> run length encoding -> sheet-buffer splatting -> warp
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from .axes import AXIS_NAMES
+from .classify.classification import ClassifiedVolume, classify, unit_length
+from .classify.shading import follows_view, is_shaded, normals, shade
+from .classify.transfer_function import TransferFunction
+from .effects.depth_layers import DepthLayers, depth_layers
+from .effects.mesh_depth import mesh_depth
+from .encode.encode import encode
+from .encode.store import StoredVolume
+from .encode.tables import RunLengthVolume
+from .jit import NUMBA_PROBLEM, compiled, thread_count
+from .kept import Kept
+from .scene import Quality, Rendering, RleSplatError, Scene
+from .splat.splat import splat_steps
+from .view.base_plane import BasePlane, base_plane
+from .view.eye import IndexView, index_view
+from .view.principal_axis import candidate_pyramids
+from .view.projection import world_to_camera
+from .view.ray_limits import box_depths, ray_limits
+from .warp.warp import warp
+
+STAGES = ("classify", "shade", "encode", "occlusion", "splat", "warp")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a long job is: ``fraction`` in [0, 1], and what it is doing, in words for a person."""
+
+    fraction: float
+    message: str
+
+
+class Clock:
+    """Milliseconds spent per stage."""
+
+    def __init__(self):
+        self.started = time.perf_counter()
+        self.stages = dict.fromkeys(STAGES, 0.0)
+
+    @contextmanager
+    def stage(self, name: str):
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.stages[name] += 1e3 * (time.perf_counter() - begun)
+
+    def report(self) -> dict:
+        return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
+
+
+@dataclass(frozen=True, eq=False)
+class Medium:
+    """A source of tables: what the splatter needs to know of a volume, however it came to be encoded."""
+
+    shape_xyz: tuple[int, int, int]
+    tables: object  # axis -> RunLengthVolume
+    length_unit: float  # world length in which path lengths are counted
+    most_colour: float
+    visible_voxels: int
+
+
+def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Kept | None = None) -> Rendering:
+    """The picture of a scene.
+
+    ``progress``: called with a Progress now and then; an exception it raises stops the work.  ``kept``: a store
+    that lets the next frame redo only what changed.  Raises RleSplatError with one sentence when the scene cannot
+    be rendered.
+    """
+    steps = render_steps(scene, quality or Quality.preset("standard"), kept)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as finished:
+            return finished.value
+        if progress is not None:
+            progress(step)
+
+
+def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, refuse_empty_view: bool = True):
+    """Generator form of ``render``: yields Progress, returns the Rendering.  Closing it cancels the work.
+
+    ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as
+    an animation needs it.
+    """
+    kept = kept if kept is not None else Kept(0)
+    clock = Clock()
+    backend = "numba" if compiled(quality.backend) else "numpy"
+    quality = replace(quality, backend=backend)
+    view, planes = _look(scene, quality, refuse_empty_view)
+
+    if isinstance(scene.volume, StoredVolume):
+        medium, classified, shaded = _stored_medium(scene, quality), None, None
+        held: dict[int, RunLengthVolume] = dict(scene.volume.axes)
+    else:
+        yield Progress(0.02, "Classifying")
+        classified, shaded, color_key = _classify_and_shade(scene, quality, kept, clock)
+        held = {}
+        medium = _fresh_medium(classified, shaded, color_key, quality, kept, held)
+        yield Progress(0.15, "Encoding")
+    with clock.stage("encode"):
+        encodings = {plane.axis: medium.tables(plane.axis) for plane in planes}
+
+    with clock.stage("occlusion"):
+        layers = _mesh_layers(scene, view, quality)
+    rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, clock)
+
+    report = {
+        "image": {"width": scene.width, "height": scene.height},
+        "volume": _volume_report(scene, medium, classified),
+        "stages_ms": clock.report(),
+        "memory_bytes": _memory_report(held),
+        "plan": _plan_report(quality, planes),
+        "effects": _effects_report(scene, classified, layers, clock, _clipped(scene, view)),
+        "error": {"tolerance": None, "predicted": None, "measured": None, "truth": "T1", "probes": 0},
+        "threads": thread_count(quality.threads) if backend == "numba" else 1,
+        "remarks": _remarks(scene, medium, classified, backend),
+    }
+    yield Progress(1.0, "Done")
+    return Rendering(rgba, depth, report)
+
+
+# --- the stages -----------------------------------------------------------------------------------------------
+
+
+def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[BasePlane]]:
+    """The view, and the base planes that its visible rays belong to."""
+    view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
+    nearest, furthest = box_depths(view, scene.volume.shape_xyz)
+    planes = []
+    if furthest > scene.camera.clip_start and nearest < scene.camera.clip_end:
+        for axis, sign in candidate_pyramids(view):
+            plane = base_plane(view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density)
+            if plane is not None:
+                planes.append(plane)
+    if not planes and refuse_empty_view:
+        raise RleSplatError(
+            "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
+        )
+    return view, planes
+
+
+def _array_key(*arrays) -> tuple:
+    return tuple(np.ascontiguousarray(array).tobytes() for array in arrays)
+
+
+def _classify_and_shade(scene: Scene, quality: Quality, kept: Kept, clock: Clock):
+    """Classified voxels, their shaded colours, and a key that names both."""
+    volume, tf, matrix = scene.volume, scene.transfer_function, scene.index_to_world
+    arguments = dict(backend=quality.backend, threads=quality.threads)
+    key = (volume.key, tf.classification_key, unit_length(volume, matrix), quality.backend)
+    with clock.stage("classify"):
+        classified = kept.get(
+            "classify", key, lambda: classify(volume, tf, matrix, **arguments),
+            lambda c: c.column.nbytes + c.extinction.nbytes + c.opacity.nbytes + c.color.nbytes + c.row_start.nbytes,
+        )
+    to_camera = world_to_camera(scene.camera)
+    headlight = -to_camera[2, :3] if scene.headlight else None
+    with clock.stage("shade"):
+        if not is_shaded(tf.shade, scene.lights, headlight):
+            return classified, classified.color, (key, "unshaded")
+        normals_key = (*key, _array_key(matrix[:3, :3]))
+        directions = kept.get(
+            "normals", normals_key, lambda: normals(classified, volume, matrix, **arguments), lambda n: n.nbytes
+        )
+        eye = np.append(-to_camera[2, :3], 0.0) * -1.0
+        if scene.camera.type == "PERSP":
+            eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
+        lights = tuple(
+            (light.type, light.color, light.energy, light.radius, light.size, light.size_y, light.shape,
+             light.spot_size, light.spot_blend, *_array_key(light.matrix_world)) for light in scene.lights
+        )
+        seen_from = _array_key(eye, headlight if headlight is not None else np.zeros(0))
+        color_key = (
+            normals_key, _array_key(matrix), tuple(asdict(tf.shade).values()), lights,
+            seen_from if follows_view(tf.shade, scene.lights, headlight) else None,
+        )
+        colors = kept.get(
+            "shade", color_key,
+            lambda: shade(
+                classified, directions, matrix, tf.shade, scene.lights, headlight_direction=headlight, eye=eye,
+                **arguments,
+            ),
+            lambda c: c.nbytes,
+        )
+    return classified, colors, color_key
+
+
+def _fresh_medium(classified: ClassifiedVolume, colors, color_key, quality: Quality, kept: Kept, held) -> Medium:
+    """Tables made when an axis is first asked for, and kept."""
+
+    def tables(axis: int) -> RunLengthVolume:
+        encoded = kept.get(
+            "encode", (color_key, quality.model, axis),
+            lambda: encode(
+                classified, colors, axis, quality.model, backend=quality.backend, threads=quality.threads
+            ),
+            lambda e: e.nbytes,
+        )
+        held[axis] = encoded
+        return encoded
+
+    return Medium(
+        classified.shape_xyz, tables, classified.opacity_distance if quality.model == "opacity" else 1.0,
+        float(colors.max(initial=0.0)), classified.visible_voxels,
+    )
+
+
+def _stored_medium(scene: Scene, quality: Quality) -> Medium:
+    """The medium of a `.rle` file, whose classification, colours and model are what they are."""
+    stored: StoredVolume = scene.volume
+    if quality.model != stored.model:
+        raise RleSplatError(
+            f"This .rle file holds the {stored.model} model; render it with --model {stored.model}, or encode it again."
+        )
+
+    def tables(axis: int) -> RunLengthVolume:
+        if axis not in stored.axes:
+            raise RleSplatError(
+                f"This view needs principal axis {AXIS_NAMES[axis]}, which the .rle file does not hold; "
+                "encode the volume again with all three axes."
+            )
+        return stored.axes[axis]
+
+    length = unit_length(stored, scene.index_to_world) / stored.unit_length
+    if stored.model == "opacity":
+        function = TransferFunction.from_json(stored.transfer_function)
+        distance = function.opacity_unit_distance or np.linalg.norm(stored.affine[:3, :3], axis=0).min()
+        length *= distance * stored.unit_length
+    encoded = next(iter(stored.axes.values()))
+    data = encoded.voxel_data
+    most = float((data[:, :3].max(axis=1, initial=0.0) / np.maximum(data[:, 3], 1e-37)).max(initial=0.0))
+    return Medium(stored.shape_xyz, tables, length, most, encoded.visible_voxels)
+
+
+def _clipped(scene: Scene, view: IndexView) -> bool:
+    """Whether a clip plane of the camera cuts the volume's box."""
+    nearest, furthest = box_depths(view, scene.volume.shape_xyz)
+    behind_eye = not view.is_parallel and nearest <= 0.0
+    return (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
+
+
+def _mesh_layers(scene: Scene, view: IndexView, quality: Quality) -> DepthLayers | None:
+    """Where the rays of each pixel end at meshes; None when no mesh ends any ray inside the volume."""
+    if scene.triangles is None or len(scene.triangles) == 0:
+        return None
+    samples = mesh_depth(
+        scene.triangles, scene.camera, scene.width, scene.height, backend=quality.backend, threads=quality.threads
+    )
+    nearest_mesh = float(samples.min())
+    if nearest_mesh > box_depths(view, scene.volume.shape_xyz)[1]:
+        return None
+    voxel = float(np.linalg.norm(view.to_world, axis=0).min())
+    return depth_layers(samples, 0.5 * voxel)
+
+
+def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, clock: Clock):
+    """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
+    limited = _clipped(scene, view) or layers is not None
+    surfaces = [None]
+    if layers is not None:
+        surfaces = [layers.near, layers.far] if layers.has_silhouettes else [layers.near]
+    pictures = []
+    parts = max(len(surfaces) * len(planes), 1)
+    for s, surface in enumerate(surfaces):
+        images = []
+        for n, plane in enumerate(planes):
+            limits = None
+            if limited:
+                with clock.stage("occlusion"):
+                    limits = ray_limits(plane, scene.camera.clip_start, scene.camera.clip_end, surface)
+            steps = splat_steps(encodings[plane.axis], plane, quality, medium.length_unit, limits)
+            while True:
+                try:
+                    with clock.stage("splat"):
+                        done = next(steps)
+                except StopIteration as finished:
+                    images.append(finished.value)
+                    break
+                yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, "Splatting")
+        with clock.stage("warp"):
+            pictures.append(warp(images, view, quality, medium.most_colour))
+    rgba, depth = pictures[0]
+    if len(pictures) == 2:
+        with clock.stage("warp"):
+            coverage = layers.coverage[..., None]
+            rgba = coverage * rgba + (1.0 - coverage) * pictures[1][0]
+            depth = np.where(layers.coverage >= 0.5, depth, pictures[1][1])
+    return rgba, depth
+
+
+# --- the report -----------------------------------------------------------------------------------------------
+
+
+def _volume_report(scene: Scene, medium: Medium, classified) -> dict:
+    total = int(np.prod([int(n) for n in medium.shape_xyz]))
+    return {
+        "shape_xyz": [int(n) for n in medium.shape_xyz],
+        "visible_voxels": medium.visible_voxels,
+        "visible_fraction": medium.visible_voxels / total,
+        "nan_voxels": 0 if classified is None else classified.nan_voxels,
+    }
+
+
+def _memory_report(held: dict[int, RunLengthVolume]) -> dict:
+    total = lambda table: sum(encoded.table_bytes[table] for encoded in held.values())
+    sizes = {name: total(name) for name in ("voxel_data", "runs", "scanline_pointers", "data_pointers")}
+    return {
+        **sizes, "scanline_data_pointers": total("scanline_data_pointers"),
+        "total": sum(encoded.nbytes for encoded in held.values()),
+        "axes_held": [AXIS_NAMES[axis] for axis in sorted(held)],
+    }
+
+
+def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
+    knobs = asdict(quality)
+    knobs["quality"] = knobs.pop("name")
+    knobs["base_planes"] = [
+        {
+            "principal_axis": ("+" if plane.sign > 0 else "-") + AXIS_NAMES[plane.axis],
+            "sheets": len(plane.sheets), "width": plane.width, "height": plane.height,
+        }
+        for plane in planes
+    ]
+    return knobs
+
+
+def _effects_report(scene: Scene, classified, layers, clock: Clock, clipped: bool) -> list[dict]:
+    milliseconds = clock.stages
+    if classified is None:
+        shading = (False, "baked into the .rle file", 0.0)
+    else:
+        tf = scene.transfer_function
+        if tf.shade is None:
+            shading = (False, "the transfer function does not shade", 0.0)
+        elif not (scene.lights or scene.headlight):
+            shading = (False, "the scene has no light", 0.0)
+        else:
+            lit_by = f"{len(scene.lights)} light(s) of the scene" if scene.lights else "a headlight"
+            shading = (True, f"the transfer function shades, and there is {lit_by}", milliseconds["shade"])
+    if scene.triangles is None or len(scene.triangles) == 0:
+        occlusion = (False, "the scene has no meshes", 0.0)
+    elif layers is None:
+        occlusion = (False, "no mesh lies in or before the volume", milliseconds["occlusion"])
+    else:
+        occlusion = (True, "meshes stand in or before the volume", milliseconds["occlusion"])
+    clip = (clipped, f"a clip plane of the camera {'cuts' if clipped else 'does not cut'} the volume", 0.0)
+    return [
+        {"name": name, "on": on, "reason": reason, "ms": ms}
+        for name, (on, reason, ms) in (("shading", shading), ("mesh occlusion", occlusion), ("clipping", clip))
+    ]
+
+
+def _remarks(scene: Scene, medium: Medium, classified, backend: str) -> list[str]:
+    remarks = list(scene.volume.remarks)
+    if medium.visible_voxels == 0:
+        remarks.append("The transfer function makes every voxel transparent, so the picture is empty.")
+    if classified is not None and classified.nan_voxels:
+        remarks.append(f"{classified.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
+    if backend == "numpy":
+        reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
+        remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
+    return remarks

@@ -1,0 +1,300 @@
+"""Plain data that walks the whole road: what is seen, from where, how well, and what came out.
+
+Nothing here computes a picture and nothing here knows Blender.  Every class is frozen; arrays inside are
+treated as read-only.  Matrices are 4x4 float64, column vectors, applied as ``matrix @ (x, y, z, 1)``.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+CAMERA_TYPES = ("PERSP", "ORTHO")
+SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
+LIGHT_TYPES = ("SUN", "POINT", "SPOT", "AREA")
+
+
+class RleSplatError(Exception):
+    """One sentence for the user: what is wrong and what to do.  Shown as it is, never as a traceback."""
+
+
+class Cancelled(Exception):
+    """The user stopped a long job; nothing half-made is left behind."""
+
+
+def as_matrix(value, name: str) -> np.ndarray:
+    """A finite 4x4 float64 affine matrix from nested lists or an array, or a RleSplatError that names it."""
+    try:
+        matrix = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (4, 4):
+        raise RleSplatError(f"{name} must be a 4x4 matrix of numbers, given as four rows of four.")
+    if not np.isfinite(matrix).all():
+        raise RleSplatError(f"{name} holds a value that is not finite; give sixteen ordinary numbers.")
+    if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        raise RleSplatError(f"{name} must be affine: its last row has to be 0 0 0 1.")
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _identity() -> np.ndarray:
+    return as_matrix(np.eye(4), "the identity")
+
+
+def from_mapping(cls, mapping, what: str):
+    """An instance of the frozen dataclass ``cls`` from a JSON object, refusing names it does not have."""
+    if not isinstance(mapping, dict):
+        raise RleSplatError(f"{what} must be a JSON object with named values.")
+    known = {f.name for f in fields(cls)}
+    unknown = sorted(set(mapping) - known)
+    if unknown:
+        raise RleSplatError(f"{what} has no setting called {unknown[0]!r}; it knows {', '.join(sorted(known))}.")
+    try:
+        return cls(**mapping)
+    except TypeError as problem:
+        raise RleSplatError(f"{what} is incomplete or of the wrong kind: {problem}.") from None
+
+
+def read_json(path, what: str):
+    """The parsed JSON file at ``path``; a RleSplatError that names the file when it is missing or malformed."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise RleSplatError(f"Cannot read {what} {path}: {problem.strerror or problem}.") from None
+    except ValueError as problem:
+        raise RleSplatError(f"{what} {path} is not valid JSON: {problem}.") from None
+
+
+def _positive(value, name: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise RleSplatError(f"{name} must be a number, not {value!r}.") from None
+    if not (np.isfinite(number) and number > 0.0):
+        raise RleSplatError(f"{name} must be a finite number above zero, not {value!r}.")
+    return number
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with Blender's own parameters and meaning.
+
+    ``matrix_world`` takes camera space to the world; the camera looks along its -Z with +Y up, and scale in
+    the matrix is ignored as Blender ignores it.  ``lens`` and the sensor are in mm, ``ortho_scale`` and the
+    clip distances in world units, ``shift_x`` and ``shift_y`` in fractions of the larger image side.
+    """
+
+    matrix_world: np.ndarray = field(default_factory=_identity)
+    type: str = "PERSP"
+    lens: float = 50.0
+    sensor_width: float = 36.0
+    sensor_height: float = 24.0
+    sensor_fit: str = "AUTO"
+    ortho_scale: float = 6.0
+    shift_x: float = 0.0
+    shift_y: float = 0.0
+    clip_start: float = 0.1
+    clip_end: float = 1000.0
+    pixel_aspect: tuple = (1.0, 1.0)
+
+    def __post_init__(self):
+        put = lambda name, value: object.__setattr__(self, name, value)
+        put("matrix_world", as_matrix(self.matrix_world, "The camera's matrix_world"))
+        if self.type not in CAMERA_TYPES:
+            raise RleSplatError(
+                f"A camera of type {self.type!r} cannot be splatted; use a perspective or an orthographic camera."
+            )
+        if self.sensor_fit not in SENSOR_FITS:
+            raise RleSplatError(f"The camera's sensor_fit must be one of {', '.join(SENSOR_FITS)}.")
+        for name in ("lens", "sensor_width", "sensor_height", "ortho_scale", "clip_start", "clip_end"):
+            put(name, _positive(getattr(self, name), f"The camera's {name}"))
+        for name in ("shift_x", "shift_y"):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float)) and np.isfinite(value)):
+                raise RleSplatError(f"The camera's {name} must be a finite number.")
+            put(name, float(value))
+        if self.clip_end <= self.clip_start:
+            raise RleSplatError("The camera's clip_end must be larger than its clip_start.")
+        aspect = tuple(self.pixel_aspect) if np.iterable(self.pixel_aspect) else ()
+        if len(aspect) != 2:
+            raise RleSplatError("The camera's pixel_aspect must be two numbers.")
+        put("pixel_aspect", tuple(_positive(a, "The camera's pixel_aspect") for a in aspect))
+
+    @classmethod
+    def from_json(cls, path) -> "Camera":
+        return from_mapping(cls, read_json(path, "the camera file"), "The camera file")
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light with Blender's own parameters: it shines along the -Z of ``matrix_world``.
+
+    ``energy`` is W/m^2 for a SUN and W for the others; lengths are world units, angles radians.
+    """
+
+    type: str = "SUN"
+    color: tuple = (1.0, 1.0, 1.0)
+    energy: float = 1.0
+    matrix_world: np.ndarray = field(default_factory=_identity)
+    radius: float = 0.0
+    angle: float = 0.0
+    size: float = 1.0
+    size_y: float = 1.0
+    shape: str = "SQUARE"
+    spot_size: float = 0.785398
+    spot_blend: float = 0.15
+    casts_shadow: bool = True
+
+    def __post_init__(self):
+        object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A light's matrix_world"))
+        if self.type not in LIGHT_TYPES:
+            raise RleSplatError(f"A light's type must be one of {', '.join(LIGHT_TYPES)}, not {self.type!r}.")
+        try:
+            color = tuple(float(c) for c in self.color)
+        except (TypeError, ValueError):
+            color = ()
+        if len(color) != 3 or not np.isfinite(color).all() or min(color) < 0.0:
+            raise RleSplatError("A light's color must be three finite numbers, none below zero.")
+        object.__setattr__(self, "color", color)
+        for name in ("energy", "radius", "angle", "size", "size_y", "spot_size", "spot_blend"):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float)) and np.isfinite(value) and value >= 0.0):
+                raise RleSplatError(f"A light's {name} must be a finite number, not below zero.")
+            object.__setattr__(self, name, float(value))
+
+    @classmethod
+    def list_from_json(cls, path) -> tuple:
+        entries = read_json(path, "the lights file")
+        if not isinstance(entries, list):
+            raise RleSplatError(f"The lights file {path} must hold a list of lights.")
+        return tuple(from_mapping(cls, entry, "A light of the lights file") for entry in entries)
+
+
+# One table of names for the command line, the panel and the reports: what each quality preset sets.
+# Values were chosen by measurement; see docs/quality.md.
+QUALITY_PRESETS = {
+    "draft": dict(depth_rule="slice", sheet_density=0.75, warp_filter="bilinear", termination=1 / 256),
+    "standard": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 512),
+    "fine": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 2048),
+    "strict": dict(depth_rule="simpson", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),
+}
+# Names of the knobs' values, in the order shown to people.
+CLASSIFICATIONS = ("pre",)
+DEPTH_RULES = ("slice", "simpson")
+FOOTPRINTS = ("tent",)
+WARP_FILTERS = ("bilinear", "cubic")
+MODELS = ("extinction", "opacity")
+BACKENDS = ("auto", "numba", "numpy")
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The knobs that trade time for accuracy, each by the name the command line and the panel use.
+
+    ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
+    ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
+    paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
+    """
+
+    classification: str = "pre"
+    depth_rule: str = "simpson"
+    sheet_density: float = 1.0
+    kernel: str = "tent"
+    warp_filter: str = "cubic"
+    termination: float = 1 / 512
+    model: str = "extinction"
+    length_correction: bool = True
+    threads: int = 0
+    backend: str = "auto"
+    name: str = "standard"
+
+    def __post_init__(self):
+        for value, allowed, what in (
+            (self.classification, CLASSIFICATIONS, "classification"),
+            (self.depth_rule, DEPTH_RULES, "depth rule"),
+            (self.kernel, FOOTPRINTS, "kernel"),
+            (self.warp_filter, WARP_FILTERS, "warp filter"),
+            (self.model, MODELS, "model"),
+            (self.backend, BACKENDS, "backend"),
+        ):
+            if value not in allowed:
+                raise RleSplatError(f"There is no {what} called {value!r}; choose {' or '.join(allowed)}.")
+        if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= 8.0):
+            raise RleSplatError("The sheet density must be between 0 and 8 sheet pixels per image pixel.")
+        if not (0.0 <= self.termination < 0.5):
+            raise RleSplatError("The termination transmittance must be at least 0 and below 0.5.")
+        if self.threads < 0:
+            raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
+
+    @classmethod
+    def preset(cls, name: str, **overrides) -> "Quality":
+        if name not in QUALITY_PRESETS:
+            raise RleSplatError(f"There is no quality {name!r}; choose {', '.join(QUALITY_PRESETS)}.")
+        return replace(cls(name=name, **QUALITY_PRESETS[name]), **overrides)
+
+    @classmethod
+    def paper(cls, **overrides) -> "Quality":
+        """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel."""
+        return cls(
+            depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", model="opacity",
+            length_correction=False, name="paper", **overrides,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything a picture depends on.
+
+    A voxel index (x, y, z) is placed in the world by ``volume_matrix @ scale(scene_scale) @ volume.affine``.
+    ``lights`` empty and ``headlight`` False means unlit colours.  ``background`` is scene-linear RGB.
+    ``triangles`` are the meshes that stand in or around the volume, (n, 3, 3) float64 world coordinates:
+    each ray is integrated only as far as the first of them.
+    """
+
+    volume: object
+    transfer_function: object
+    camera: Camera
+    width: int = 512
+    height: int = 512
+    volume_matrix: np.ndarray = field(default_factory=_identity)
+    scene_scale: float = 1.0
+    lights: tuple = ()
+    headlight: bool = True
+    background: tuple | None = None
+    triangles: np.ndarray | None = None
+
+    def __post_init__(self):
+        object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
+        object.__setattr__(self, "scene_scale", _positive(self.scene_scale, "The scene scale"))
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if not isinstance(value, (int, np.integer)) or not 1 <= value <= 65536:
+                raise RleSplatError(f"The image's {name} must be a whole number from 1 to 65536, not {value!r}.")
+            object.__setattr__(self, name, int(value))
+
+    @property
+    def index_to_world(self) -> np.ndarray:
+        """(4, 4) float64: voxel index (x, y, z, 1) to world."""
+        scale = np.diag((self.scene_scale, self.scene_scale, self.scene_scale, 1.0))
+        return self.volume_matrix @ scale @ self.volume.affine
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """A finished picture, row 0 on top.
+
+    ``rgba``: (H, W, 4) float32, scene-linear, premultiplied, without the background.
+    ``depth``: (H, W) float32, planar distance along the camera's axis in world units at which the
+    transmittance falls below one half, ``NO_DEPTH`` where it never does.  ``report``: JSON-ready dict.
+    """
+
+    rgba: np.ndarray
+    depth: np.ndarray
+    report: dict
+
+
+NO_DEPTH = 1e10

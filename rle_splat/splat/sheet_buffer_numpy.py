@@ -1,0 +1,99 @@
+"""The sheet-buffer loop without numba: whole sheets at a time, the same sums.  Slow, for machines without numba."""
+
+from __future__ import annotations
+
+import numpy as np
+
+ONE = np.float32(1.0)
+TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
+ALMOST_ONE = np.float32(1.0 - 2.0**-24)
+
+
+def _dense_slice(encoded, k: int) -> np.ndarray | None:
+    """(n_scanlines + 3, width + 3, 4) float32: slice ``k`` with a voxel of zeros before and two after; None if empty."""
+    n_scanlines = encoded.scanline_pointers.shape[1]
+    dense = None
+    for j in range(n_scanlines):
+        run = int(encoded.scanline_pointers[k, j])
+        if run < 0:
+            continue
+        if dense is None:
+            dense = np.zeros((n_scanlines + 3, encoded.width + 3, 4), np.float32)
+        x, voxel = 0, int(encoded.scanline_data_pointers[k, j])
+        while x < encoded.width:
+            x += int(encoded.runs[run])
+            if x >= encoded.width:
+                break
+            count = int(encoded.runs[run + 1])
+            dense[j + 1, x + 1 : x + 1 + count] = encoded.voxel_data[voxel : voxel + count]
+            x, voxel, run = x + count, voxel + count, run + 2
+    return dense
+
+
+def _taps(count: int, scale: float, offset: float, voxels: int):
+    """The lower tap (shifted by one voxel) and the fraction of each of ``count`` sheet pixels."""
+    x = np.clip((np.arange(count) - offset) / scale + 1.0, 0.0, voxels + 1.0)
+    lower = x.astype(np.int64)
+    return lower, (x - lower).astype(np.float32)
+
+
+def _extinction(samples, depth):
+    sigma = samples[..., 3]
+    tau = sigma * depth
+    return -np.expm1(-tau), np.exp(-tau), np.maximum(sigma, TINY)
+
+
+def _opacity(samples, exponent):
+    added = samples[..., 3]
+    opacity = np.minimum(added, ONE)
+    raised = -np.expm1(exponent * np.log1p(-np.minimum(opacity, ALMOST_ONE)))
+    opacity = np.where(exponent == ONE, opacity, raised).astype(np.float32)
+    return opacity, ONE - opacity, np.maximum(added, TINY)
+
+
+def splat_sheets_numpy(encoded, arguments, least, additive_opacity, corrected, pixels, half):
+    """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
+    height, width = half.shape
+    n_slices, n_scanlines = encoded.scanline_pointers.shape
+    length = arguments.path_length if corrected else np.ones((height, width), np.float32)
+    limits = arguments.limits
+    pixels[..., :3], pixels[..., 3] = 0.0, 1.0
+    slices: dict = {}
+    for sheet in range(len(arguments.lower)):
+        yield sheet / len(arguments.lower)
+        lower, fraction = int(arguments.lower[sheet]), float(arguments.fraction[sheet])
+        slices = {
+            k: slices[k] if k in slices else _dense_slice(encoded, k)
+            for k in (lower, lower + 1) if 0 <= k < n_slices
+        }
+        blend = None
+        for k, weight in ((lower, 1.0 - fraction), (lower + 1, fraction)):
+            if weight > 0.0 and slices.get(k) is not None:
+                part = np.float32(weight) * slices[k]
+                blend = part if blend is None else blend + part
+        if blend is None:
+            continue
+        (scale_u, scale_v), (offset_u, offset_v) = arguments.scale[sheet], arguments.offset[sheet]
+        cell, f = _taps(width, scale_u, offset_u, encoded.width)
+        line, g = _taps(height, scale_v, offset_v, n_scanlines)
+        across = (ONE - g)[:, None, None] * blend[line] + g[:, None, None] * blend[line + 1]
+        samples = (ONE - f)[:, None] * across[:, cell] + f[:, None] * across[:, cell + 1]
+        depth = length * np.float32(arguments.thickness[sheet])
+        if limits.size:
+            slab = arguments.end[sheet] - arguments.begin[sheet]
+            ahead = np.maximum(limits[0] - arguments.begin[sheet], 0.0)
+            behind = np.maximum(arguments.end[sheet] - limits[1], 0.0)
+            depth = depth * np.clip(1.0 - (ahead + behind) / slab, 0.0, 1.0).astype(np.float32)
+        before = pixels[..., 3].copy()
+        alive = before >= least
+        opacity, clear, divisor = (_opacity if additive_opacity else _extinction)(samples, depth)
+        weight = np.where(alive, before * opacity / divisor, 0.0).astype(np.float32)
+        pixels[..., :3] += weight[..., None] * samples[..., :3]
+        pixels[..., 3] = np.where(alive, before * clear, before)
+        crossed = (before >= 0.5) & (pixels[..., 3] < 0.5)
+        if crossed.any():
+            ahead, behind = before[crossed].astype(np.float64), pixels[..., 3][crossed].astype(np.float64)
+            part = np.zeros_like(ahead)
+            some = behind > 0.0
+            part[some] = np.log(2.0 * ahead[some]) / np.log(ahead[some] / behind[some])
+            half[crossed] = arguments.begin[sheet] + part * (arguments.end[sheet] - arguments.begin[sheet])

@@ -1,0 +1,58 @@
+"""The voxel scanline: runs of non-transparent voxels added into the scanline of a sheet.
+
+Only runs inside the spans of the row that are not yet opaque are touched, so both coherences of the paper meet
+here: the volume's (runs) and the image's (live spans).
+"""
+
+from __future__ import annotations
+
+from ..jit import kernel
+from ..lanes import add4
+
+VOXEL_BLOCK = 8  # voxels of a scanline that share one "touched" mark
+
+
+@kernel
+def add_runs(scanline, touched, weight, runs, run, voxels, voxel, width, live, live_count):
+    """Add ``weight`` times the voxels of one scanline that lie in live spans.
+
+    ``scanline``: flat float32, four channels a voxel, index 0 is voxel -1.  ``touched``: uint8 mark per
+    VOXEL_BLOCK of shifted voxels.  ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to
+    ``width``.  ``voxels``: flat float32 records, the first of this scanline at ``voxel``.  ``live``: (n, 2)
+    int64 half-open voxel intervals, ascending.
+    """
+    x = 0
+    span = 0
+    while x < width:
+        x += int(runs[run])
+        if x >= width:
+            break
+        end = x + int(runs[run + 1])
+        run += 2
+        while span < live_count and live[span, 1] <= x:
+            span += 1
+        if span == live_count:
+            break
+        s = span
+        while s < live_count and live[s, 0] < end:
+            first = max(x, live[s, 0])
+            last = min(end, live[s, 1])
+            source = 4 * (voxel + first - x)
+            for i in range(first, last):
+                add4(voxels, source, weight, scanline, 4 * (i + 1))
+                source += 4
+            for block in range((first + 1) // VOXEL_BLOCK, last // VOXEL_BLOCK + 1):
+                touched[block] = 1
+            s += 1
+        voxel += end - x
+        x = end
+
+
+@kernel
+def clear_touched(scanline, touched):
+    """Zero what ``add_runs`` wrote, and its marks."""
+    for block in range(touched.size):
+        if touched[block] != 0:
+            touched[block] = 0
+            for i in range(4 * VOXEL_BLOCK * block, 4 * VOXEL_BLOCK * (block + 1)):
+                scanline[i] = 0.0

@@ -1,0 +1,189 @@
+"""The base plane: the plane of the intermediate image, parallel to the slices of one principal axis.
+
+Slices are projected on to it along the rays.  Because it is parallel to them, each slice arrives scaled and
+moved but never rotated, voxel scanlines stay parallel to sheet scanlines, and a splat row stays a
+one-dimensional convolution: the claim the paper rests on.  One homography then warps it to the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .depth_rules import Sheets, place_sheets
+from .eye import IndexView
+
+# Which volume axes run along a scanline, count the scanlines, and count the slices, per principal axis.  The
+# same table as the encoder's; test_view compares them.
+from ..axes import AXES
+
+# Sheet pixels beyond what is seen, so that the warp's filter never misses a neighbour.
+MARGIN = 3
+# In strong perspective the densest corner does not decide the density of the whole sheet.
+DENSEST_CORNER = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class BasePlane:
+    """One intermediate image: where it lies and which of its pixels are needed.
+
+    Sheet pixel (u, v), centre at whole numbers, lies at base-plane point ``X = (u + origin[0]) / density[0]``,
+    ``Y = (v + origin[1]) / density[1]``, in voxels of the slice at ``reference`` along the principal axis.
+    ``homography``: (3, 3) float64, (X, Y, 1) to homogeneous pixel of the picture.
+    ``scale`` and ``offset``: per sheet, ``u = scale[i, 0] * x + offset[i, 0]`` for the voxel coordinate x along
+    the scanline, likewise v with index 1 for the scanline number.
+    """
+
+    axis: int
+    sign: int
+    reference: float
+    density: tuple[float, float]
+    origin: tuple[int, int]
+    width: int
+    height: int
+    homography: np.ndarray
+    sheets: Sheets
+    scale: np.ndarray
+    offset: np.ndarray
+    view: IndexView
+
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Base-plane coordinates X (W,) and Y (H,) of the sheet pixels, float64."""
+        x = (np.arange(self.width) + self.origin[0]) / self.density[0]
+        y = (np.arange(self.height) + self.origin[1]) / self.density[1]
+        return x, y
+
+    def slopes(self, x, y) -> tuple[np.ndarray, np.ndarray]:
+        """Sideways advance per slice of the rays through base-plane points, index units (algorithm.md 1.4, 5)."""
+        i, j, k = AXES[self.axis]
+        eye = self.view.eye
+        ahead = eye[3] * self.reference - eye[k]
+        return (eye[3] * x - eye[i]) / ahead, (eye[3] * y - eye[j]) / ahead
+
+    def ray_steps(self, x, y) -> np.ndarray:
+        """(3, ...) float64 index-space steps, in volume order x, y, z, of the rays per slice along +axis."""
+        i, j, k = AXES[self.axis]
+        steps = np.empty((3, *np.broadcast_shapes(np.shape(x), np.shape(y))))
+        steps[i], steps[j] = self.slopes(x, y)
+        steps[k] = 1.0
+        return steps
+
+    def path_length(self) -> np.ndarray:
+        """(H, W) float32: world length of each sheet pixel's ray per voxel of depth along the axis."""
+        x, y = self.points()
+        steps = self.ray_steps(x[None, :], y[:, None])
+        world = np.tensordot(self.view.to_world, steps, axes=1)
+        return np.sqrt((world**2).sum(axis=0)).astype(np.float32)
+
+    def depth_along(self, x, y) -> tuple[np.ndarray, np.ndarray]:
+        """Planar depth at axis position 0 and per voxel of axis position, of the rays through points (X, Y)."""
+        i, j, k = AXES[self.axis]
+        row = self.view.depth
+        per_voxel = np.tensordot(row[:3], self.ray_steps(x, y), axes=1)
+        at_reference = row[i] * x + row[j] * y + row[k] * self.reference + row[3]
+        return at_reference - self.reference * per_voxel, per_voxel
+
+
+def _clip(polygon: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """The part of a convex (n, 2) polygon where line @ (X, Y, 1) >= 0 (Sutherland and Hodgman)."""
+    if len(polygon) == 0:
+        return polygon
+    side = polygon @ line[:2] + line[2]
+    kept = []
+    for a in range(len(polygon)):
+        b = (a + 1) % len(polygon)
+        if side[a] >= 0.0:
+            kept.append(polygon[a])
+        if (side[a] >= 0.0) != (side[b] >= 0.0):
+            kept.append(polygon[a] + (polygon[b] - polygon[a]) * (side[a] / (side[a] - side[b])))
+    return np.array(kept).reshape(-1, 2)
+
+
+def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
+    """Scale (n,) and offsets (n,), (n,) of slices at ``positions`` on the base plane (algorithm.md 1.4, 3)."""
+    i, j, k = axes
+    eye = view.eye
+    beyond = eye[3] * positions - eye[k]
+    scale = (eye[3] * reference - eye[k]) / beyond
+    away = (positions - reference) / beyond
+    return scale, away * eye[i], away * eye[j]
+
+
+def base_plane(
+    view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float
+) -> BasePlane | None:
+    """The base plane of one principal axis and direction, or None when no visible ray belongs to it.
+
+    ``sheet_density`` is in sheet pixels per image pixel; 0 asks for one sheet pixel per voxel at the reference.
+    """
+    axes = i, j, k = AXES[axis]
+    eye = view.eye
+    counts = np.array([shape_xyz[a] for a in axes], dtype=np.float64)
+    eye_position = None if view.is_parallel else float(eye[k])
+    sheets = place_sheets(int(counts[2]), sign, rule, eye_position)
+    if len(sheets) == 0:
+        return None
+    reference = float(sheets.position[0])
+    if not view.is_parallel and sign * (reference - eye_position) < 1.0:
+        reference = eye_position + sign
+    scale, move_x, move_y = _slice_map(view, axes, reference, sheets.position)
+
+    # Where the volume (with the ramps of its outermost voxels) lands: monotone in depth, so the ends decide.
+    ends = [0, -1]
+    low = np.array([(-scale[ends] + move_x[ends]).min(), (-scale[ends] + move_y[ends]).min()])
+    high = np.array([
+        (scale[ends] * counts[0] + move_x[ends]).max(), (scale[ends] * counts[1] + move_y[ends]).max()
+    ])
+    homography = np.stack((
+        view.projection[:, i], view.projection[:, j], view.projection[:, 3] + reference * view.projection[:, k]
+    ), axis=1)
+
+    def window(pixel_margin, slope_margin):
+        least, most = low, high
+        if not view.is_parallel:
+            ahead = abs(reference - eye_position)
+            reach = ahead * (1.0 + slope_margin)
+            eye_at = eye[[i, j]]
+            least, most = np.maximum(low, eye_at - reach), np.minimum(high, eye_at + reach)
+            if (least >= most).any():
+                return np.empty((0, 2))
+        polygon = np.array([(least[0], least[1]), (most[0], least[1]), (most[0], most[1]), (least[0], most[1])])
+        h = homography
+        # Inside the picture means 0 <= a/c <= W and 0 <= b/c <= H with c > 0 for (a, b, c) = H (X, Y, 1).
+        for line in (
+            h[0] + pixel_margin * h[2], (view.width + pixel_margin) * h[2] - h[0],
+            h[1] + pixel_margin * h[2], (view.height + pixel_margin) * h[2] - h[1],
+        ):
+            polygon = _clip(polygon, line / np.abs(line).max())
+        return polygon
+
+    polygon = window(0.0, 0.0)
+    if len(polygon) < 3:
+        return None
+    density = _density(homography, polygon, sheet_density)
+    # One image pixel and MARGIN sheet pixels of slack on every side.
+    slack = MARGIN / (density * (1.0 if view.is_parallel else abs(reference - eye_position)))
+    polygon = window(1.0 + MARGIN / max(sheet_density, 0.5), 0.0 if view.is_parallel else slack.max())
+    first = np.floor(polygon.min(axis=0) * density).astype(np.int64) - MARGIN
+    last = np.ceil(polygon.max(axis=0) * density).astype(np.int64) + MARGIN
+    size = last - first + 1
+    scales = scale[:, None] * density
+    offsets = np.stack((move_x, move_y), axis=1) * density - first
+    return BasePlane(
+        axis, sign, reference, tuple(density), tuple(int(f) for f in first), int(size[0]), int(size[1]),
+        homography, sheets, np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view,
+    )
+
+
+def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) -> np.ndarray:
+    """(2,) sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel."""
+    if sheet_density == 0.0:
+        return np.ones(2)
+    points = np.concatenate((polygon, polygon.mean(axis=0, keepdims=True)))
+    a, b, c = homography @ np.concatenate((points, np.ones((len(points), 1))), axis=1).T
+    stretch = np.empty((2, len(points)))
+    for d in range(2):  # image pixels per voxel along X, along Y, at each point
+        h = homography[:, d]
+        stretch[d] = np.hypot(h[0] * c - a * h[2], h[1] * c - b * h[2]) / c**2
+    return sheet_density * np.minimum(stretch.max(axis=1), DENSEST_CORNER * stretch[:, -1])

@@ -1,0 +1,72 @@
+"""The homogeneous eye: one formula for orthographic, perspective, shifted, sheared and mirrored views.
+
+Voxel-index space is the only space in which voxel scanlines are parallel to the axes, so the whole view is
+expressed there (algorithm.md 1.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene import Camera, RleSplatError
+from .projection import depth_row, world_to_pixel
+
+# A matrix whose smallest singular value is below this fraction of its largest squeezes the volume flat.
+FLAT = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class IndexView:
+    """A camera as the voxel grid sees it.
+
+    ``projection``: (3, 4) float64, voxel index (x, y, z, 1) to homogeneous pixel, row 0 on top.
+    ``depth``: (4,) float64, voxel index to planar distance ahead of the camera, world units.
+    ``eye``: (4,) float64 homogeneous eye in voxel-index space; the last component is 0 for parallel rays, else
+    1.  The ray through a point x runs along ``eye[3] * x - eye[:3]``.
+    ``to_world``: (3, 3) float64, index differences to world differences.
+    """
+
+    projection: np.ndarray
+    depth: np.ndarray
+    eye: np.ndarray
+    to_world: np.ndarray
+    width: int
+    height: int
+
+    @property
+    def is_parallel(self) -> bool:
+        return self.eye[3] == 0.0
+
+    def ray_directions(self, columns, rows) -> np.ndarray:
+        """Index-space directions, (..., 3) float64 of any length, of the rays through pixel positions."""
+        columns, rows = np.broadcast_arrays(np.asarray(columns, float), np.asarray(rows, float))
+        if self.is_parallel:
+            return np.broadcast_to(-self.eye[:3], (*columns.shape, 3))
+        square = self.projection[:, :3]
+        pixels = np.stack((columns, rows, np.ones_like(columns)), axis=-1)
+        return pixels @ (np.linalg.inv(square).T)
+
+
+def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: int) -> IndexView:
+    """The view in voxel-index space; RleSplatError when the volume's matrix is singular."""
+    linear = index_to_world[:3, :3]
+    singular = np.linalg.svd(linear, compute_uv=False)
+    if not singular[2] > FLAT * singular[0]:
+        raise RleSplatError(
+            "The volume's matrix is singular: it squeezes the volume flat; give it a scale other than zero on every axis."
+        )
+    projection = world_to_pixel(camera, width, height) @ index_to_world
+    depth = depth_row(camera) @ index_to_world
+    # Right null vector by signed 3x3 minors: no inverse, and no division by a small w.
+    minors = np.array([
+        (-1.0) ** i * np.linalg.det(np.delete(projection, i, axis=1)) for i in range(4)
+    ])
+    if camera.type == "ORTHO":
+        eye = np.append(minors[:3] / np.abs(minors[:3]).max(), 0.0)
+        if depth[:3] @ eye[:3] > 0.0:
+            eye = -eye
+    else:
+        eye = minors / minors[3]
+    return IndexView(projection, depth, eye, np.array(linear), width, height)

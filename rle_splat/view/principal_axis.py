@@ -1,0 +1,27 @@
+"""Principal axis by the 45-degree rule: which set of tables a ray is splatted from.
+
+A ray belongs to the axis along which it advances fastest *in voxel-index space*, so that it never moves more
+than one voxel sideways per slice.  Parallel rays share one axis.  The rays of a perspective camera may fall into
+up to six pyramids about the eye, one for each direction of each axis (algorithm.md 1.4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .eye import IndexView
+
+
+def dominant_axis(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(...) int8 axis (0 x, 1 y, 2 z; ties go to the earlier) and (...) int8 sign of (..., 3) directions."""
+    axis = np.argmax(np.abs(directions), axis=-1).astype(np.int8)
+    along = np.take_along_axis(directions, axis[..., None].astype(np.intp), axis=-1)[..., 0]
+    return axis, np.where(along < 0.0, -1, 1).astype(np.int8)
+
+
+def candidate_pyramids(view: IndexView) -> list[tuple[int, int]]:
+    """The (axis, sign) pairs that rays of this view may belong to; for parallel rays the one they do."""
+    if view.is_parallel:
+        axis, sign = dominant_axis(-view.eye[:3])
+        return [(int(axis), int(sign))]
+    return [(axis, sign) for axis in range(3) for sign in (1, -1)]

@@ -1,0 +1,59 @@
+"""Ray limits: where the rays of sheet pixels begin and end, for clip distances and for meshes in the volume."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .base_plane import BasePlane
+from .eye import IndexView
+
+# Depths of neighbouring pixels closer than this part of their mean lie on one surface.
+SAME_SURFACE = 0.02
+
+
+def box_depths(view: IndexView, shape_xyz) -> tuple[float, float]:
+    """Least and largest planar depth of the volume's box, the ramps of its face voxels included; world units."""
+    corners = np.array(np.meshgrid(*((-1.0, n) for n in shape_xyz), indexing="ij")).reshape(3, -1)
+    depths = view.depth[:3] @ corners + view.depth[3]
+    return float(depths.min()), float(depths.max())
+
+
+def ray_limits(plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None) -> np.ndarray:
+    """(2, H, W) float32: where each sheet pixel's ray begins and ends, voxels along the viewing direction.
+
+    ``nearest`` and ``furthest``: planar depths, world units.  ``layer``: (picture height, picture width) planar
+    depth at which each pixel's ray meets a mesh, inf for none.
+    """
+    x, y = (a.astype(np.float64) for a in plane.points())
+    at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
+    per_voxel = plane.sign * per_voxel
+    end = np.full(at_zero.shape, furthest)
+    if layer is not None:
+        end = np.minimum(end, _sampled(layer, plane, x, y))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        limits = np.stack(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel))
+    sideways = ~(per_voxel > 0.0)  # never visible: such a ray runs across or against the camera's axis
+    limits[0][sideways], limits[1][sideways] = -np.inf, np.inf
+    most = np.finfo(np.float32).max
+    return np.clip(limits, -most, most).astype(np.float32)
+
+
+def _sampled(layer: np.ndarray, plane: BasePlane, x, y) -> np.ndarray:
+    """The layer at sheet pixels: linear on one surface, the nearest pixel's value elsewhere."""
+    height, width = layer.shape
+    h = plane.homography
+    a, b, c = (h[i, 0] * x[None, :] + h[i, 1] * y[:, None] + h[i, 2] for i in range(3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        column = np.clip(np.nan_to_num(a / c) - 0.5, 0.0, width - 1.0)
+        row = np.clip(np.nan_to_num(b / c) - 0.5, 0.0, height - 1.0)
+    c0, r0 = column.astype(np.intp), row.astype(np.intp)
+    c1, r1 = np.minimum(c0 + 1, width - 1), np.minimum(r0 + 1, height - 1)
+    corners = layer[r0, c0], layer[r0, c1], layer[r1, c0], layer[r1, c1]
+    least = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
+    most = np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
+    with np.errstate(invalid="ignore"):
+        smooth = most - least <= SAME_SURFACE * np.abs(most)
+        fc, fr = column - c0, row - r0
+        linear = (1 - fr) * ((1 - fc) * corners[0] + fc * corners[1]) + fr * ((1 - fc) * corners[2] + fc * corners[3])
+    nearest = layer[np.rint(row).astype(np.intp), np.rint(column).astype(np.intp)]
+    return np.where(smooth, linear, nearest)

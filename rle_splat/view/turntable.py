@@ -1,0 +1,58 @@
+"""The turntable: a camera that looks at the middle of a volume from an azimuth and an elevation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene import Camera, RleSplatError
+from ..volume.volume import Volume
+
+
+def turntable(
+    volume: Volume, azimuth: float = 0.0, elevation: float = 0.0, fit: float = 1.25, perspective: bool = False,
+    fov: float = 40.0, width: int = 512, height: int = 512, scene_scale: float = 1.0,
+) -> tuple[Camera, np.ndarray]:
+    """The camera, and the volume matrix that goes with it.
+
+    Angles are degrees.  The world's axes are the volume's own: a rotation in the volume's affine is taken back
+    by the returned (4, 4) volume matrix, its spacing is kept.  Azimuth 0, elevation 0 looks along +Y with +Z
+    up.  The view is ``fit`` times the largest n * spacing high; in perspective ``fov`` is the vertical angle
+    and the plane through the middle of the box of voxel centres fills the same height.
+    """
+    if not (np.isfinite(fit) and fit > 0.0):
+        raise RleSplatError("--fit must be a finite number above zero.")
+    if not 0.0 < fov < 180.0:
+        raise RleSplatError("--fov must lie between 0 and 180 degrees.")
+    if not (np.isfinite(azimuth) and np.isfinite(elevation)):
+        raise RleSplatError("--azimuth and --elevation must be finite numbers of degrees.")
+    counts, spacing = np.array(volume.shape_xyz), volume.spacing
+    if not (spacing > 0.0).all():
+        raise RleSplatError("The volume's affine is singular: a voxel has no length along one axis.")
+    # Chosen so that volume_matrix @ scale @ affine = scale @ diag(spacing), whatever the affine's translation.
+    scale = np.diag((scene_scale, scene_scale, scene_scale, 1.0))
+    volume_matrix = scale @ np.diag((*spacing, 1.0)) @ np.linalg.inv(scale @ volume.affine)
+
+    a, e = np.radians(azimuth), np.radians(elevation)
+    right = np.array((np.cos(a), np.sin(a), 0.0))
+    forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
+    up = np.cross(right, forward)
+    aim = 0.5 * (counts - 1) * spacing * scene_scale
+    view_height = fit * float((counts * spacing).max()) * scene_scale
+    extent = float(np.linalg.norm((counts + 1) * spacing)) * scene_scale
+
+    if perspective:
+        distance = 0.5 * view_height / np.tan(0.5 * np.radians(fov))
+        # Sensor height 24 mm; the lens that sees `fov` over it.
+        lens = 12.0 / np.tan(0.5 * np.radians(fov))
+        nearest = max(distance - extent, 1e-4 * distance)
+    else:
+        distance, lens, nearest = extent + view_height, 50.0, 0.1 * view_height
+    matrix_world = np.eye(4)
+    matrix_world[:3, :3] = np.stack((right, up, -forward), axis=1)
+    matrix_world[:3, 3] = aim - distance * forward
+    camera = Camera(
+        matrix_world=matrix_world, type="PERSP" if perspective else "ORTHO", lens=lens, sensor_fit="VERTICAL",
+        sensor_width=36.0, sensor_height=24.0, ortho_scale=view_height, clip_start=0.5 * nearest,
+        clip_end=distance + 2.0 * extent,
+    )
+    return camera, volume_matrix

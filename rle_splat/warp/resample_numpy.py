@@ -1,0 +1,62 @@
+"""The numpy twin of ``resample``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..view.principal_axis import dominant_axis
+from .resample import SAME_SURFACE
+
+
+def _weights(t, cubic):
+    """(4, ...) float32 tap weights at fractions ``t``."""
+    t = t.astype(np.float32)
+    if not cubic:
+        return np.stack((np.zeros_like(t), 1 - t, t, np.zeros_like(t)))
+    r = 1 - t
+    w0, w3 = r**3 / 6, t**3 / 6
+    w1 = (4 + t * t * (3 * t - 6)) / 6
+    return np.stack((w0, w1, 1 - w0 - w1 - w3, w3)).astype(np.float32)
+
+
+def resample_numpy(pixels, half, to_sheet, directions, axis, sign, cubic, most_colour, depth_map, rgba, depth):
+    """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
+    height, width = depth.shape
+    sheet_height, sheet_width = half.shape
+    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    places = np.stack((column, row, np.ones_like(column)))
+    if directions.any():
+        own_axis, own_sign = dominant_axis(np.moveaxis(np.tensordot(directions, places, axes=1), 0, -1))
+        mine = (own_axis == axis) & (own_sign == sign)
+    else:
+        mine = np.ones((height, width), bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v, w = np.tensordot(to_sheet, places, axes=1)
+        u, v = u / w, v / w
+        mine &= (u >= 1.0) & (v >= 1.0) & (u < sheet_width - 2) & (v < sheet_height - 2)
+    u, v = u[mine], v[mine]
+    u0, v0 = u.astype(np.int64), v.astype(np.int64)
+    across, down = _weights(u - u0, cubic), _weights(v - v0, cubic)
+    total = np.zeros((len(u), 4), np.float32)
+    for j in range(4):
+        line = np.zeros_like(total)
+        for i in range(4):
+            line += across[i][:, None] * pixels[v0 + j - 1, u0 + i - 1]
+        total += down[j][:, None] * line
+    alpha = 1 - np.clip(total[:, 3], 0, 1)
+    rgba[mine, :3] = np.clip(total[:, :3], 0, (most_colour * alpha)[:, None])
+    rgba[mine, 3] = alpha
+
+    corners = np.stack((half[v0, u0], half[v0, u0 + 1], half[v0 + 1, u0], half[v0 + 1, u0 + 1]))
+    with np.errstate(invalid="ignore"):
+        smooth = corners.max(axis=0) - corners.min(axis=0) <= SAME_SURFACE
+        fu, fv = u - u0, v - v0
+        linear = (1 - fv) * ((1 - fu) * corners[0] + fu * corners[1]) + fv * ((1 - fu) * corners[2] + fu * corners[3])
+        nearest = half[np.floor(v + 0.5).astype(np.int64), np.floor(u + 0.5).astype(np.int64)]
+        at_half = np.where(smooth, linear, nearest)
+    place = np.stack((u, v, np.ones_like(u)))
+    at_zero, per_voxel = depth_map @ place
+    found = depth[mine]
+    here = np.isfinite(at_half)
+    found[here] = at_zero[here] + at_half[here] * per_voxel[here]
+    depth[mine] = found
