@@ -46,10 +46,10 @@ class _Pieces:
     travel: np.ndarray
     length: np.ndarray
 
-    def __getitem__(self, chosen) -> "_Pieces":
+    def __getitem__(self, chosen) -> _Pieces:
         return _Pieces(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
-    def half(self, second: bool) -> "_Pieces":
+    def half(self, second: bool) -> _Pieces:
         middle, travel = 0.5 * (self.start + self.end), 0.5 * self.travel
         start, end = (middle, self.end) if second else (self.start, middle)
         entry = self.entry + travel if second else self.entry

@@ -1,4 +1,5 @@
-"""Small fields on which errors are measured: opacities per unit distance, (nz, ny, nx) float32 (algorithm.md, appendix)."""
+"""Small fields on which errors are measured (algorithm.md, appendix): opacities per unit distance, (nz, ny, nx)
+float32."""
 
 from __future__ import annotations
 

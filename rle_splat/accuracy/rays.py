@@ -41,7 +41,7 @@ class Rays:
             depth = ((np.asarray(point, dtype=np.float64) - self.origin) @ normal) / ahead
         return np.where((ahead != 0.0) & (depth > 0.0), depth, np.inf)
 
-    def __getitem__(self, chosen) -> "Rays":
+    def __getitem__(self, chosen) -> Rays:
         return Rays(self.origin[chosen], self.direction[chosen], self.length_per_depth[chosen])
 
 

@@ -182,7 +182,8 @@ def test_transfer_points_by_hand():
 def test_turntable_words_and_camera_fields_give_the_same_rays():
     """A Blender camera placed by hand where the turntable's words put the eye."""
     a, e = np.deg2rad(35.0), np.deg2rad(25.0)
-    right, up = np.array((np.cos(a), np.sin(a), 0)), np.array((-np.sin(a) * np.sin(e), np.cos(a) * np.sin(e), np.cos(e)))
+    right = np.array((np.cos(a), np.sin(a), 0.0))
+    up = np.array((-np.sin(a) * np.sin(e), np.cos(a) * np.sin(e), np.cos(e)))
     forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack((right, up, -forward), axis=1) * (2.0, 0.5, 3.0)  # scale must be ignored

@@ -1,0 +1,42 @@
+"""Proves that a machine without numba, and any number of threads, gets the same picture."""
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.phantoms import FIELDS
+from rle_splat.jit import numba
+from rle_splat.render import render
+from rle_splat.scene import Quality
+
+
+@pytest.fixture(scope="module")
+def scene(stage):
+    return stage.on_turntable(FIELDS["smooth"](16)[:, :13, :11], perspective=True, size=(32, 28))
+
+
+@pytest.mark.skipif(numba is None, reason="numba cannot be loaded, so there is nothing to compare with")
+@pytest.mark.parametrize("model", ("extinction", "opacity"))
+@pytest.mark.parametrize("depth_rule", ("slice", "simpson"))
+@pytest.mark.parametrize("warp_filter", ("bilinear", "cubic"))
+def test_numpy_equals_numba(stage, scene, model, depth_rule, warp_filter):
+    knobs = dict(model=model, depth_rule=depth_rule, warp_filter=warp_filter)
+    fast, slow = (stage.render(scene, backend=backend, **knobs) for backend in ("numba", "numpy"))
+    assert np.abs(fast.rgba - slow.rgba).max() < 1e-5 and fast.rgba.max() > 0.3
+    # Half transmittance may be reached a sheet sooner or later by rounding, on hardly any pixel.
+    assert (np.abs(fast.depth - slow.depth) > 1e-3).mean() < 0.005
+
+
+@pytest.mark.skipif(numba is None, reason="numba cannot be loaded, so there is nothing to compare with")
+def test_numpy_equals_numba_for_the_paper_and_with_stops(stage, scene):
+    paper = [render(scene, Quality.paper(backend=b)).rgba for b in ("numba", "numpy")]
+    assert np.abs(paper[0] - paper[1]).max() < 1e-5 and paper[0].max() > 0.3
+    wall = np.array((((-99.0, 6.0, -99.0), (99.0, 6.0, -99.0), (99.0, 7.0, 99.0)),
+                     ((-99.0, 6.0, -99.0), (99.0, 7.0, 99.0), (-99.0, 7.0, 99.0))))
+    stopped = stage.before(scene.volume, scene.camera, (32, 28), volume_matrix=scene.volume_matrix, triangles=wall)
+    pictures = [stage.render(stopped, backend=b).rgba for b in ("numba", "numpy")]
+    assert np.abs(pictures[0] - pictures[1]).max() < 1e-5
+
+
+def test_threads_change_no_bit(stage, scene):
+    pictures = [stage.render(scene, threads=threads).rgba for threads in (1, 2)]
+    assert (pictures[0] == pictures[1]).all()
