@@ -101,7 +101,6 @@ def kernel(function=None, *, parallel=False, inline="never", exact=False):
     return decorate if function is None else decorate(function)
 
 
-
 def read_only(array):
     """A view that cannot be written to.  numba compiles a kernel once more for each mixture of writable and
     read-only inputs, so inputs whose origin varies are always passed like this."""

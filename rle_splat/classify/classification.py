@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import compiled, parallel_call
+from ..jit import compiled, parallel_call, read_only
 from ..scene import RleSplatError
 from . import classify_kernels as passes
 from .points import LARGEST, Pieces, heights_at_numpy, pieces, positive_intervals
@@ -84,7 +84,7 @@ def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int 
     length = unit_length(volume, np.asarray(index_to_world, dtype=np.float64))
     distance = length * float(tf.opacity_unit_distance or volume.spacing.min())
     nx, ny, nz = volume.shape_xyz
-    rows = np.asarray(volume.voxels).reshape(nz * ny, nx)
+    rows = read_only(np.asarray(volume.voxels)).reshape(nz * ny, nx)
     by_table = volume.voxels.dtype.kind in "iu" and volume.voxels.dtype.itemsize <= 2
     if by_table:
         lists = _classify_by_table(rows, *_stored_value_table(volume, tf, distance), backend, threads)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange
+from ..jit import compiled, kernel, parallel_call, prange, read_only
 from ..volume.gradient import CHUNK, unit_normals
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN, light_rows
 
@@ -49,20 +49,21 @@ def shade(
     """
     if not is_shaded(shading, lights, headlight_direction):
         return classified.color
-    matrix = np.asarray(index_to_world, dtype=np.float64)
+    matrix = np.ascontiguousarray(index_to_world, dtype=np.float64)
     eye = np.zeros(4) if eye is None else np.asarray(eye, dtype=np.float64) * (-1.0 if eye[3] < 0.0 else 1.0)
     rows = light_rows(lights, headlight_direction, matrix)
     shininess = min(shading.shininess, SHARPEST)
     material = np.array([shading.ambient, shading.diffuse, shading.specular, shininess], dtype=np.float64)
     shaded = np.empty((len(classified.column), 3), dtype=np.float32)
     n_y = classified.shape_xyz[1]
-    arrays = (classified.row_start, classified.column, classified.color, normals, matrix, material, rows, eye, shaded)
+    voxels = (read_only(a) for a in (classified.row_start, classified.column, classified.color, normals))
+    arrays = (*voxels, read_only(matrix), material, rows, eye, shaded)
     if compiled(backend):
         with parallel_call(threads):
             _shade_rows(n_y, *arrays)
     else:
         _shade_numpy(n_y, *arrays)
-    return shaded
+    return read_only(shaded)
 
 
 @kernel(inline="always")

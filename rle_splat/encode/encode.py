@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..axes import AXES
-from ..jit import compiled, parallel_call
+from ..jit import compiled, parallel_call, read_only
 from ..scene import MODELS, RleSplatError
 from . import encode_kernels as passes
 from .tables import (
@@ -30,7 +30,7 @@ def encode(
     if model not in MODELS:
         raise RleSplatError(f"There is no model called {model!r}; choose {' or '.join(MODELS)}.")
     density = classified.extinction if model == "extinction" else classified.opacity
-    colors = np.ascontiguousarray(colors, dtype=np.float32)
+    colors = read_only(np.ascontiguousarray(colors, dtype=np.float32))
     if colors.shape != (len(density), 3):
         raise RleSplatError(f"There must be one RGB colour per visible voxel, {len(density)}, not {colors.shape}.")
     if not compiled(backend):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange
+from ..jit import compiled, kernel, parallel_call, prange, read_only
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
@@ -29,7 +29,8 @@ def unit_normals(
     in a ClassifiedVolume.  ``index_to_world``: (4, 4) float64, any invertible affine: a gradient is a covector,
     so it goes to the world by the inverse transpose.
     """
-    voxels = np.asarray(volume.voxels)
+    voxels = read_only(np.asarray(volume.voxels))
+    row_start, column = read_only(row_start), read_only(column)
     linear = np.asarray(index_to_world, dtype=np.float64)[:3, :3]
     # Only the direction matters, so the matrix is brought to ordinary size: no overflow at extreme scales.
     covector = np.linalg.inv(linear / np.abs(linear).max()).T * np.sign(volume.slope)

@@ -1,0 +1,94 @@
+"""Checks on the four tables before any kernel reads them: kernels have no bounds checks.
+
+Every check is whole-array; the first that fails is told as one sentence.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..axes import AXES, AXIS_NAMES
+from ..scene import MODELS, RleSplatError
+from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
+
+POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
+
+
+def validate(encoded: RunLengthVolume) -> None:
+    """RleSplatError unless the tables, the derived one too, are in the canonical form of algorithm.md 1.1."""
+    derived = scanline_data_pointers(
+        encoded.axis, encoded.shape_xyz, encoded.model, encoded.scanline_pointers, encoded.data_pointers,
+        encoded.runs, encoded.voxel_data,
+    )
+    if not np.array_equal(derived, encoded.scanline_data_pointers):
+        raise _broken(encoded.axis, "the pointers to each scanline's voxels do not follow from its runs")
+
+
+def _broken(axis, what: str) -> RleSplatError:
+    name = AXIS_NAMES[axis] if axis in AXES else repr(axis)
+    return RleSplatError(
+        f"The run-length tables of principal axis {name} are damaged: {what}; encode the volume again."
+    )
+
+
+def scanline_data_pointers(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data) -> np.ndarray:
+    """The derived fifth table, (n_slices, n_scanlines) int64, from the four that are stored, all of them checked.
+
+    Raises RleSplatError at the first thing that is not as ``RunLengthVolume`` describes it.
+    """
+    _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data)
+    width = shape_xyz[AXES[axis][0]]
+    starts = scanline_pointers[scanline_pointers >= 0].astype(np.int64)
+    if scanline_pointers.size and scanline_pointers.min() < -1:
+        raise _broken(axis, "a scanline pointer is below -1")
+    if len(starts) == 0:
+        if len(runs):
+            raise _broken(axis, "there are runs that no scanline points to")
+        voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
+    else:
+        if starts[0] != 0 or (np.diff(starts) < 2).any() or starts[-1] > len(runs) - 2:
+            raise _broken(axis, "the scanline pointers do not lead through the runs in order")
+        voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
+        voxel_counts[scanline_pointers >= 0] = _visible_per_scanline(axis, starts, runs, width)
+    pointers, n_voxels = pointers_from_counts(voxel_counts)
+    if n_voxels != len(voxel_data):
+        raise _broken(axis, f"the runs speak of {n_voxels} voxels and {len(voxel_data)} are stored")
+    if not np.array_equal(data_pointers_from_scanlines(pointers, n_voxels), data_pointers):
+        raise _broken(axis, "the data pointers of the slices do not agree with the runs")
+    return pointers
+
+
+def _visible_per_scanline(axis, starts, runs, width) -> np.ndarray:
+    """Non-transparent voxels of each scanline that has any, from (n,) ascending ``starts`` of their runs."""
+    counts = np.diff(np.append(starts, len(runs)))
+    in_line = np.arange(len(runs), dtype=np.int64) - np.repeat(starts, counts)
+    if (runs[in_line > 0] == 0).any():
+        raise _broken(axis, "a run other than a scanline's first has no length")
+    if (np.add.reduceat(runs, starts, dtype=np.int64) != width).any():
+        raise _broken(axis, f"the runs of a scanline do not sum to its {width} voxels")
+    return np.add.reduceat(np.where(in_line % 2 == 1, runs, 0), starts, dtype=np.int64)
+
+
+def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data) -> None:
+    """Types, dimensions and sizes of the stored tables, and that the voxel data are numbers, not below zero."""
+    if axis not in AXES:
+        raise _broken(axis, "there is no such axis")
+    if model not in MODELS:
+        raise _broken(axis, f"there is no model called {model!r}")
+    if len(shape_xyz) != 3 or min(shape_xyz) < 1:
+        raise _broken(axis, f"a volume cannot have the shape {tuple(shape_xyz)}")
+    _, n_scanlines, n_slices = (shape_xyz[i] for i in AXES[axis])
+    if scanline_pointers.dtype not in POINTER_TYPES or scanline_pointers.shape != (n_slices, n_scanlines):
+        raise _broken(axis, f"the scanline pointers are not {n_slices} x {n_scanlines} whole numbers")
+    if data_pointers.dtype != np.int64 or data_pointers.shape != (n_slices + 1,):
+        raise _broken(axis, f"the data pointers are not {n_slices + 1} whole numbers")
+    if runs.dtype != run_type(shape_xyz) or runs.ndim != 1:
+        raise _broken(axis, "the runs are not of the type this shape needs")
+    if voxel_data.dtype != np.float32 or voxel_data.ndim != 2 or voxel_data.shape[1] != 4:
+        raise _broken(axis, "the voxel data are not rows of four float32 numbers")
+    for table in (scanline_pointers, data_pointers, runs, voxel_data):
+        if not table.flags.c_contiguous:
+            raise _broken(axis, "a table is not contiguous in memory")
+    # One pass each and no copy: NaN fails both comparisons.
+    if voxel_data.size and not (voxel_data.min() >= 0.0 and voxel_data.max() < np.inf):
+        raise _broken(axis, "the voxel data hold a value that is negative or not finite")

@@ -1,0 +1,202 @@
+"""Classification against a voxel-by-voxel reading of the points in plain Python (catalogue V1, V3, V4, V6-V9, S2, S6)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.classification import classify, row_offsets
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.scene import RleSplatError
+from rle_splat.volume.volume import Volume
+
+BACKENDS = ("numba", "numpy")
+LISTS = ("row_start", "column", "extinction", "opacity", "color")
+STEPPED = TransferFunction(
+    opacity=((10, 0.0), (50, 0.2), (50, 0.6), (80, 0.0), (100, 0.0), (120, 1.0)),
+    color=((0, 0.0, 0.5, 1.0), (60, 1.0, 0.5, 0.25), (60, 2.0, 0.0, 0.0), (200, 0.0, 0.0, 4.0)),
+)
+
+
+def read_points(points, value):
+    """Heights at ``value`` by walking the points: steps from the right, ends held."""
+    if value < points[0][0]:
+        return points[0][1:]
+    for (x0, *y0), (x1, *y1) in zip(points, points[1:]):
+        if x0 <= value < x1:
+            return tuple(a + (b - a) * (value - x0) / (x1 - x0) for a, b in zip(y0, y1))
+    return points[-1][1:]
+
+
+def expected(volume, tf, world_distance):
+    """(row, x, extinction, alpha, colour) of every visible voxel, one after the other."""
+    nx, ny, nz = volume.shape_xyz
+    for z in range(nz):
+        for y in range(ny):
+            for x in range(nx):
+                value = float(volume.voxels[z, y, x]) * volume.slope + volume.intercept
+                if math.isnan(value):
+                    continue
+                (alpha,) = read_points(tf.opacity, value)
+                if alpha > 0.0:
+                    tau = 24 * math.log(2) if alpha == 1.0 else min(-math.log1p(-alpha), 24 * math.log(2))
+                    yield z * ny + y, x, tau / world_distance, alpha, read_points(tf.color, value)
+
+
+def assert_as_expected(classified, volume, tf, world_distance=1.0):
+    rows, xs, extinction, alpha, color = zip(*expected(volume, tf, world_distance))
+    got_rows = np.repeat(np.arange(len(classified.row_start) - 1), np.diff(classified.row_start))
+    np.testing.assert_array_equal(got_rows, rows)
+    np.testing.assert_array_equal(classified.column, xs)
+    np.testing.assert_allclose(classified.extinction, extinction, rtol=2e-7)
+    np.testing.assert_allclose(classified.opacity, alpha, rtol=2e-7)
+    np.testing.assert_allclose(classified.color, color, rtol=2e-7, atol=1e-7)
+
+
+def grid(dtype, shape=(5, 7, 11), seed=3):
+    kind = np.dtype(dtype).kind
+    values = np.random.default_rng(seed).integers(-20 if kind != "u" else 0, 125, shape)
+    return Volume((values + (0.25 if kind == "f" else 0)).astype(dtype), np.eye(4))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("dtype", "uint8 int8 uint16 int16 uint32 int32 float32 float64".split())
+def test_every_stored_type_is_classified_as_its_points_say(dtype, backend):
+    volume = grid(dtype)
+    classified = classify(volume, STEPPED, np.eye(4), backend=backend)
+    assert_as_expected(classified, volume, STEPPED)
+    assert classified.row_start.dtype == np.int64 and classified.column.dtype == np.uint16
+
+
+@pytest.mark.parametrize("dtype", "uint8 int16 int32 float32 float64".split())
+def test_kernel_and_twin_agree_to_the_bit(dtype):
+    volume = grid(dtype, (9, 13, 70), seed=8)
+    one, two = (classify(volume, STEPPED, np.eye(4), backend=b) for b in BACKENDS)
+    for name in LISTS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_the_number_of_threads_changes_nothing():
+    volume = grid("float32", (9, 13, 70))
+    one, two = (classify(volume, STEPPED, np.eye(4), threads=n) for n in (1, 2))
+    for name in LISTS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_slope_and_intercept_come_before_the_points(backend):
+    stored = np.arange(-30, 34, dtype=np.int16).reshape(4, 4, 4)
+    volume = Volume(stored, np.eye(4), slope=-2.5, intercept=40.0)
+    assert_as_expected(classify(volume, STEPPED, np.eye(4), backend=backend), volume, STEPPED)
+    same = Volume(stored.astype(np.float64), np.eye(4), slope=-2.5, intercept=40.0)
+    assert_as_expected(classify(same, STEPPED, np.eye(4), backend=backend), volume, STEPPED)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_step_is_decided_by_the_rounded_physical_value(backend):
+    # 3 * 0.1 rounds to just above 0.3; fused with the intercept it would not.
+    tf = TransferFunction(opacity=((0.1 * 3 + 0.7, 0.0), (0.1 * 3 + 0.7, 0.5)), color=((0, 1, 1, 1),))
+    for dtype in (np.uint8, np.float32):
+        stored = np.arange(8, dtype=dtype).reshape(2, 2, 2)
+        volume = Volume(stored, np.eye(4), slope=0.1, intercept=0.7)
+        classified = classify(volume, tf, np.eye(4), backend=backend)
+        assert classified.visible_voxels == int((stored.astype(float) * 0.1 + 0.7 >= 0.1 * 3 + 0.7).sum())
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("dtype", (np.uint8, np.float32))
+def test_v1_nothing_visible(dtype, backend):
+    tf = TransferFunction(opacity=((0, 0.0),), color=((0, 1, 1, 1),))
+    classified = classify(Volume(np.ones((3, 4, 5), dtype), np.eye(4)), tf, np.eye(4), backend=backend)
+    assert classified.visible_voxels == 0 and classified.visible_fraction == 0.0
+    assert len(classified.row_start) == 13 and not classified.row_start.any() and classified.color.shape == (0, 3)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("alpha", (2.0**-149, 2.0**-126, 1e-30, 2.0**-24, 0.5, 1 - 2.0**-24, 1.0))
+def test_v3_v4_extinction_at_both_ends_of_alpha(alpha, backend):
+    tf = TransferFunction(opacity=((0, alpha),), color=((0, 1, 1, 1),), opacity_unit_distance=0.5)
+    for dtype in (np.int16, np.float32):
+        classified = classify(Volume(np.zeros((2, 2, 2), dtype), np.eye(4)), tf, np.eye(4), backend=backend)
+        assert classified.visible_voxels == 8
+        truth = 2 * (24 * math.log(2) if alpha == 1.0 else -math.log1p(-alpha))
+        np.testing.assert_allclose(classified.extinction, truth, rtol=1e-6, atol=2.0**-149)
+        assert np.isfinite(classified.extinction).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_v6_nan_is_transparent_and_counted(backend):
+    volume = grid("float32")
+    holes = np.random.default_rng(5).random(volume.voxels.shape) < 0.2
+    with_nan, with_air = volume.voxels.copy(), volume.voxels.copy()
+    with_nan[holes], with_air[holes] = np.nan, 0.0
+    one = classify(Volume(with_nan, np.eye(4)), STEPPED, np.eye(4), backend=backend)
+    two = classify(Volume(with_air, np.eye(4)), STEPPED, np.eye(4), backend=backend)
+    assert one.nan_voxels == holes.sum() and two.nan_voxels == 0
+    for name in LISTS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("slope", (1.0, -1.0))
+def test_v7_v9_infinities_take_the_end_values(slope, backend):
+    tf = TransferFunction(opacity=((-5, 0.3), (0, 0.0), (5, 0.7)), color=((-5, 1, 0, 0), (5, 0, 1, 0)))
+    stored = np.array([-np.inf, np.inf, 1e308, -1e308, 5.0, -5.0, 0.0, 2.0]).reshape(2, 2, 2)
+    one, two = (
+        classify(Volume(v, np.eye(4), slope=slope), tf, np.eye(4), backend=backend) for v in (stored, np.clip(stored, -5, 5))
+    )
+    assert one.visible_voxels == 7 and one.nan_voxels == 0
+    for name in LISTS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_opacity_is_per_length_in_the_world():
+    volume = Volume(np.full((2, 2, 2), 120, np.uint8), np.diag((2.0, 3.0, 0.5, 1.0)))
+    tf = TransferFunction(opacity=((0, 0.25),), color=((0, 1, 1, 1),))
+    tau = -math.log1p(-0.25)
+    for scale in (1e-12, 0.001, 1.0, 1e12):
+        classified = classify(volume, tf, np.diag((scale, scale, scale, 1.0)) @ volume.affine)
+        assert classified.unit_length == pytest.approx(scale, rel=1e-12)
+        np.testing.assert_allclose(classified.extinction, tau / (0.5 * scale), rtol=1e-6)
+    # A turn, a shear and a mirror keep volumes, so they keep the length too.
+    shear = np.array([[0.0, -1.0, 0.7, 5.0], [1.0, 0.0, 0.3, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    assert classify(volume, tf, shear @ volume.affine).unit_length == pytest.approx(1.0)
+    own = TransferFunction(opacity=((0, 0.25),), color=((0, 1, 1, 1),), opacity_unit_distance=4.0)
+    np.testing.assert_allclose(classify(volume, own, volume.affine).extinction, tau / 4.0, rtol=1e-6)
+
+
+def test_a_flat_matrix_is_refused():
+    volume = Volume(np.ones((2, 2, 2), np.uint8), np.eye(4))
+    with pytest.raises(RleSplatError, match="flat"):
+        classify(volume, STEPPED, np.diag((1.0, 1.0, 0.0, 1.0)))
+
+
+def test_s6_memory_layout_does_not_matter(tmp_path):
+    values = np.random.default_rng(1).integers(0, 125, (6, 5, 9)).astype(np.int16)
+    truth = classify(Volume(values, np.eye(4)), STEPPED, np.eye(4))
+    path = tmp_path / "odd.raw"
+    path.write_bytes(b"\0" + values.tobytes())  # one header byte: the mapped 16-bit voxels are not aligned
+    mapped = np.memmap(path, dtype=np.int16, mode="r", offset=1, shape=values.shape)
+    frozen = values.copy()
+    frozen.setflags(write=False)
+    strided = np.repeat(values, 2, axis=2)[:, :, ::2]
+    for voxels in (mapped, frozen, strided, np.asfortranarray(values), np.ma.masked_array(values)):
+        for backend in BACKENDS:
+            same = classify(Volume(voxels, np.eye(4)), STEPPED, np.eye(4), backend=backend)
+            for name in LISTS:
+                np.testing.assert_array_equal(getattr(same, name), getattr(truth, name))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_s4_columns_grow_with_the_width(backend):
+    for width, stored_type in ((65536, np.uint16), (65537, np.int32), (70000, np.int32)):
+        voxels = np.zeros((1, 1, width), np.uint8)
+        voxels[0, 0, [0, 65535, width - 1]] = 255
+        classified = classify(Volume(voxels, np.eye(4)), STEPPED, np.eye(4), backend=backend)
+        assert classified.column.dtype == stored_type
+        assert classified.column.tolist() == sorted({0, 65535, width - 1})
+
+
+def test_s5_offsets_go_beyond_32_bits():
+    offsets = row_offsets(np.full(5, 2**31 - 1, dtype=np.int32))
+    assert offsets.dtype == np.int64 and offsets[-1] == 5 * (2**31 - 1)
