@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from ..scene import (
     BACKENDS, CLASSIFICATIONS, DEPTH_RULES, FOOTPRINTS, MODELS, QUALITY_PRESETS, WARP_FILTERS, Quality, RleSplatError,
 )
+from ..read.layout import BYTE_ORDERS
 from ..volume.volume import STORED_TYPES
-
-BYTE_ORDERS = ("little", "big")
 
 # One table of knobs: option -> (field of Quality, how to read it, how the help names its values).
 KNOBS = {
@@ -26,7 +25,10 @@ DEFAULT_QUALITY = "standard"
 CUSTOM_QUALITY = "custom"  # the name of a quality put together from knobs, as reports show it
 
 # The options of read_volume, each by its name in the parsed arguments.
-READ_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid")
+READ_OPTIONS = (
+    "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "unit", "value_unit",
+    "modality",
+)
 
 
 def add_volume_argument(parser) -> None:
@@ -44,16 +46,14 @@ def add_volume_options(parser) -> None:
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb")
+    group.add_argument("--unit", metavar="NAME", help="what lengths are in (mm)")
+    group.add_argument("--value-unit", metavar="NAME", help="what values are in, such as HU")
+    group.add_argument("--modality", metavar="NAME", help="how it was measured, such as CT or MR")
 
 
 def volume_options(args) -> dict:
-    """The options of read_volume that were given; a RleSplatError for names that do not exist."""
-    given = {name: getattr(args, name) for name in READ_OPTIONS if getattr(args, name) is not None}
-    if given.get("dtype", "uint8") not in STORED_TYPES:
-        raise RleSplatError(f"There is no voxel type {given['dtype']!r}; choose {', '.join(STORED_TYPES)}.")
-    if given.get("byte_order", "little") not in BYTE_ORDERS:
-        raise RleSplatError(f"There is no byte order {given['byte_order']!r}; choose {' or '.join(BYTE_ORDERS)}.")
-    return given
+    """The options of read_volume that were given, by its names; it checks their values."""
+    return {name: getattr(args, name) for name in READ_OPTIONS if getattr(args, name) is not None}
 
 
 def add_report_options(parser) -> None:
@@ -82,19 +82,27 @@ def add_light_options(parser) -> None:
     group.add_argument("--no-shading", action="store_true", help="the transfer function's colours as they are")
 
 
-def add_view_options(parser) -> None:
-    group = parser.add_argument_group("view options", "a turntable about the volume, or a camera from a file")
+def add_turntable_options(parser) -> None:
+    group = parser.add_argument_group("turntable", "an orthographic view of the volume from the front where left out")
     group.add_argument("--azimuth", type=float, metavar="DEG", help="0 (default) looks along +Y")
     group.add_argument("--elevation", type=float, metavar="DEG", help="0 (default) is level, 90 looks straight down")
     group.add_argument("--fit", type=float, metavar="F", help="height of the view over the largest side (1.25)")
     group.add_argument("--perspective", action="store_true", default=None, help="instead of orthographic")
     group.add_argument("--fov", type=float, metavar="DEG", help="vertical angle of a perspective view (40)")
-    group.add_argument("--camera", metavar="FILE.json", help="a camera as Blender describes it")
+
+
+def add_placement_options(parser) -> None:
+    group = parser.add_argument_group("placement")
+    group.add_argument("--camera", metavar="FILE.json", help="a camera as Blender has it, instead of the turntable")
     group.add_argument("--volume-matrix", metavar="FILE.json", help="4x4, the volume's own space to the world")
     group.add_argument("--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (1)")
     group.add_argument("--size", type=image_size, default=(512, 512), metavar="W [H]", help="pixels (512)")
-    group.add_argument(
-        "--background", nargs=3, type=float, metavar=("R", "G", "B"), help="scene-linear, under a .png's picture"
+
+
+def add_background_option(parser) -> None:
+    parser.add_argument(
+        "--background", nargs=3, type=float, metavar=("R", "G", "B"),
+        help="scene-linear, under the picture of a .png; left out, a .png has straight alpha",
     )
 
 
@@ -105,6 +113,11 @@ def add_quality_options(parser) -> None:
     for option, (name, kind, values) in KNOBS.items():
         group.add_argument(option, dest=name, type=kind, metavar=values)
     add_machine_options(parser)
+
+
+def add_model_option(parser) -> None:
+    """The one knob of quality that tables are made for."""
+    parser.add_argument("--model", metavar="|".join(MODELS), help=f"what voxel data hold (default {MODELS[0]})")
 
 
 def add_machine_options(parser) -> None:
@@ -130,6 +143,11 @@ def quality_from(args) -> Quality:
     return Quality.preset(args.quality or DEFAULT_QUALITY, **machine)
 
 
+def encoding_quality(args) -> Quality:
+    """The Quality that matters to encoding: the model, and what does the work."""
+    return Quality(model=args.model or MODELS[0], threads=args.threads, backend=args.backend)
+
+
 def image_size(text: str) -> tuple[int, int]:
     """Width and height from ``W`` or ``WxH``."""
     try:
@@ -139,8 +157,3 @@ def image_size(text: str) -> tuple[int, int]:
     if len(sides) not in (1, 2):
         raise argparse.ArgumentTypeError(f"{text!r} is not one or two whole numbers of pixels")
     return sides[0], sides[-1]
-
-
-def quality_report(quality: Quality) -> dict:
-    """The knobs by name, for the report."""
-    return {f.name: getattr(quality, f.name) for f in fields(quality)}

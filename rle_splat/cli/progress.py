@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from contextlib import contextmanager
 
 # A line is redrawn at most this often, in seconds, so that a terminal costs nothing; a new message shows at once.
 REDRAW_INTERVAL = 0.1
@@ -47,6 +48,28 @@ class ProgressLine:
                 self.show(start + (1.0 - start) * progress.fraction, progress.message)
         finally:
             steps.close()
+
+    @contextmanager
+    def compiling(self):
+        """While this is open the line says when kernels are compiled, which takes a while but happens once."""
+        from ..jit import numba
+
+        if numba is None or not self._on:
+            yield
+            return
+        from numba.core import event
+
+        show = self.show
+
+        class Compiling(event.Listener):
+            def on_start(self, _):
+                show(None, "compiling kernels (first run only)")
+
+            def on_end(self, _):
+                """Nothing to say: the next step speaks for itself."""
+
+        with event.install_listener("numba:compile", Compiling()):
+            yield
 
     def _draw(self, text: str) -> None:
         if not self._on or (not text and not self._shown):

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
-from ..scene import RleSplatError, Scene
+import numpy as np
+
+from ..scene import Quality, RleSplatError, Scene
 from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
+from .lighting import check_lighting
 from .options import (
-    add_light_options, add_quality_options, add_report_options, add_transfer_function_options, add_view_options,
-    add_volume_argument, add_volume_options, quality_from, quality_report, volume_options,
+    add_background_option, add_light_options, add_placement_options, add_quality_options, add_report_options,
+    add_transfer_function_options, add_turntable_options, add_volume_argument, add_volume_options, quality_from,
+    volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import write_report
-from .viewing import check_view, place, read_lights, read_placement
+from .viewing import check_light_options, check_placement, place, read_lights, read_placement
 
 ENCODED_SUFFIX = ".rle"
 
@@ -26,12 +31,25 @@ def add_arguments(parser) -> None:
         "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in WRITERS)}}}",
         help="where the picture goes; may be given several times",
     )
+    add_background_option(parser)
     add_report_options(parser)
     add_volume_options(parser)
     add_transfer_function_options(parser)
     add_light_options(parser)
-    add_view_options(parser)
+    add_turntable_options(parser)
+    add_placement_options(parser)
     add_quality_options(parser)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What is rendered and how, with what the report says of it."""
+
+    scene: Scene
+    quality: Quality
+    read_ms: float
+    transfer_function: dict
+    remarks: tuple = ()
 
 
 def run(args) -> None:
@@ -39,67 +57,109 @@ def run(args) -> None:
     writers = [writer_for(path) for path in args.output]
     outputs = [*args.output, *([args.json] if args.json else [])]
     check_outputs(outputs, inputs=(args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix))
-    check_view(args)
+    _check_background(args.background)
+    check_light_options(args)
+    check_placement(args)
     quality = quality_from(args)
-    placement = read_placement(args)
-    road = _from_tables if Path(args.volume).suffix.lower() == ENCODED_SUFFIX else _from_voxels
     with ProgressLine(args.progress) as line:
-        rendering, notes = road(args, quality, placement, line)
-        report = dict(rendering.report)
-        report["stages_ms"] = {**report.get("stages_ms", {}), **notes.pop("stages_ms")}
-        report.update(notes)
-        report["command"] = "render"
-        report["quality"] = quality_report(quality)
-        report["background"] = args.background
-        report["outputs"] = [str(path) for path in args.output]
-        line.show(None, "writing")
+        line.show(0.0, f"reading {Path(args.volume).name}")
+        is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
+        prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
+        line.show(0.1, "loading the renderer")
+        from ..render import render_steps
+
+        with line.compiling():
+            rendering = line.follow(render_steps(prepared.scene, prepared.quality), start=0.1)
+        line.show(1.0, "writing")
         with whole_files(outputs) as parts:
             began = perf_counter()
             for writer, part in zip(writers, parts):
                 writer(part, rendering.rgba, rendering.depth, args.background)
-            report["stages_ms"]["write"] = 1e3 * (perf_counter() - began)
-            report["stages_ms"]["total"] = 1e3 * (perf_counter() - start)
+            write_ms = 1e3 * (perf_counter() - began)
+            report = _report(args, prepared, rendering, write_ms, start)
             if args.json:
                 write_report(parts[-1], report)
     _say(report)
 
 
-def _from_voxels(args, quality, placement, line):
-    """Read, choose a look, and walk the whole road."""
+def _check_background(background) -> None:
+    if background is not None and not all(np.isfinite(c) and c >= 0.0 for c in background):
+        raise RleSplatError("--background takes three finite numbers, none below zero.")
+
+
+def _prepare_voxels(args, quality) -> Prepared:
+    """Read a volume and choose a look, a place and lights for it; what can be refused is, before the reading."""
+    camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    line.show(None, f"reading {Path(args.volume).name}")
     from ..read.formats import read_volume
 
     began = perf_counter()
     volume = read_volume(args.volume, **volume_options(args))
     read_ms = 1e3 * (perf_counter() - began)
-    line.show(None, "looking at the values")
     function, reason = choose_transfer_function(args, volume, given_function)
-    camera, matrix = place(args, volume, *placement)
+    camera, matrix = place(args, volume, camera, matrix)
+    scene = _scene(args, volume, function, camera, matrix, lights, headlight)
+    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": reason})
+
+
+def _prepare_tables(args, quality) -> Prepared:
+    """Load a .rle file: its transfer function, its lights and its model are what they are."""
+    from ..classify.transfer_function import TransferFunction
+    from ..encode.store import load
+
+    camera, matrix = read_placement(args)
+    given_function = read_transfer_function(args)
+    lights, _ = read_lights(args)
+    if volume_options(args):
+        option = next(iter(volume_options(args))).replace("_", "-")
+        raise RleSplatError(f"A .rle file says itself how its voxels lie; leave --{option} out.")
+    began = perf_counter()
+    stored = load(args.volume)
+    read_ms = 1e3 * (perf_counter() - began)
+    function = TransferFunction.from_json(stored.transfer_function)
+    if args.preset is not None or (given_function is not None and given_function.key != function.key):
+        raise RleSplatError(
+            f"{args.volume} was classified with {function.name or 'its own transfer function'}; leave the option for "
+            "another one out, or encode the volume again."
+        )
+    camera, matrix = place(args, stored, camera, matrix)
+    check_lighting(args, stored.lighting, lights, camera)
+    if args.model is None and not args.paper:
+        quality = replace(quality, model=stored.model)
+    scene = _scene(args, stored, function, camera, matrix, (), False)
+    remark = "Lit as it was encoded." if stored.lighting["shaded"] else "Unshaded, as it was encoded."
+    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "baked into the .rle file"}, (remark,))
+
+
+def _scene(args, volume, function, camera, matrix, lights, headlight) -> Scene:
     width, height = args.size
-    scene = Scene(
+    return Scene(
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
         scene_scale=args.scene_scale, lights=lights, headlight=headlight, background=args.background,
     )
-    line.show(None, "loading the renderer")
-    from ..render import render_steps
 
-    rendering = line.follow(render_steps(scene, quality))
-    notes = {
-        "stages_ms": {"read": read_ms},
-        "input": {"path": str(args.volume), "remarks": list(volume.remarks)},
-        "transfer_function": {"name": function.name, "reason": reason},
+
+def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) -> dict:
+    """The renderer's report with what the command adds; ``total`` is reading to writing."""
+    report = {"command": "render", "input": {"path": str(args.volume)}, **rendering.report}
+    rendered = dict(report["stages_ms"])
+    report["stages_ms"] = {
+        "read": prepared.read_ms, **rendered, "render": rendered["total"], "write": write_ms,
+        "total": 1e3 * (perf_counter() - start),
     }
-    return rendering, notes
+    report["transfer_function"] = prepared.transfer_function
+    report["remarks"] = [*report["remarks"], *prepared.remarks]
+    report["background"] = args.background
+    report["outputs"] = [str(path) for path in args.output]
+    return report
 
 
 def _say(report: dict) -> None:
     """What came of it, on stdout: a few lines."""
-    for remark in report["input"]["remarks"]:
+    for remark in report["remarks"]:
         print(remark)
-    function = report["transfer_function"]
+    function, image = report["transfer_function"], report["image"]
     print(f"Transfer function {function['name']}: {function['reason']}")
-    stages = report["stages_ms"]
-    image = report["image"]
-    print(f"Wrote {', '.join(report['outputs'])} ({image['width']} x {image['height']}) in {stages['total']:.0f} ms.")
+    seconds = report["stages_ms"]["total"] / 1e3
+    print(f"Wrote {', '.join(report['outputs'])} ({image['width']} x {image['height']}) in {seconds:.2f} s.")

@@ -52,6 +52,11 @@ class StoredVolume:
         return self._any_axis.shape_xyz
 
     @property
+    def spacing(self) -> np.ndarray:
+        """(3,) float64: distance between neighbouring voxel centres along x, y, z, in ``unit``."""
+        return np.linalg.norm(self.affine[:3, :3], axis=0)
+
+    @property
     def model(self) -> str:
         return self._any_axis.model
 

@@ -25,6 +25,16 @@ def ball(shape_xyz=SHAPE_XYZ) -> np.ndarray:
 
 
 @pytest.fixture
+def shape_xyz() -> tuple:
+    return SHAPE_XYZ
+
+
+@pytest.fixture
+def voxels() -> np.ndarray:
+    return ball()
+
+
+@pytest.fixture
 def raw(tmp_path) -> Path:
     """A ball as raw voxels, in a folder that holds nothing else."""
     folder = tmp_path / "data"
