@@ -104,6 +104,10 @@ class Camera:
     def __post_init__(self):
         put = lambda name, value: object.__setattr__(self, name, value)
         put("matrix_world", as_matrix(self.matrix_world, "The camera's matrix_world"))
+        axes = self.matrix_world[:3, :3]
+        # Scale is ignored, so what counts is whether the axes span space: the volume of their directions.
+        if abs(np.linalg.det(axes)) <= 1e-9 * np.prod(np.linalg.norm(axes, axis=0)):
+            raise RleSplatError("The camera's matrix_world is singular; give it a scale other than zero on every axis.")
         if self.type not in CAMERA_TYPES:
             raise RleSplatError(
                 f"A camera of type {self.type!r} cannot be splatted; use a perspective or an orthographic camera."

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..axes import AXIS_NAMES
 from ..scene import RleSplatError
-from .appearance import choose_transfer_function, read_transfer_function
+from .appearance import check_values, choose_transfer_function, read_transfer_function
 from .lighting import describe_lighting
 from .options import (
     add_light_options, add_machine_options, add_model_option, add_placement_options, add_report_options,
@@ -57,6 +57,7 @@ def run(args) -> None:
         line.show(0.0, f"reading {Path(args.volume).name}")
         volume = read_volume(args.volume, **volume_options(args))
         read_ms = 1e3 * (perf_counter() - start)
+        check_values(volume)
         function, reason = choose_transfer_function(args, volume, given_function)
         camera, matrix = place(args, volume, *placement)
         lighting = describe_lighting(function, lights, headlight, camera)

@@ -109,29 +109,32 @@ def main(argv=None) -> int:
         _run(argv)
         sys.stdout.flush()
         return DONE
-    except SystemExit as end:  # --help and --version leave this way
+    except SystemExit as end:  # --help leaves this way
         return DONE if end.code is None else end.code
-    except (KeyboardInterrupt, Cancelled):
-        message, code = "Stopped; nothing was written.", INTERRUPTED
-    except RleSplatError as problem:
-        message, code = problem, BAD_INPUT
     except BrokenPipeError:
         # The reader of our output has gone (``| head``): say nothing, and keep the interpreter's last flush quiet.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
-    except OSError as problem:
-        place = f" ({problem.filename})" if problem.filename else ""
-        message, code = f"The system refused: {problem.strerror or problem}{place}.", FAILURE
-    except MemoryError as problem:
-        detail = f" ({problem})" if str(problem) else ""
-        message = f"There is not enough memory for this{detail}; use a smaller volume, image or sheet density."
-        code = FAILURE
-    except Exception as problem:
-        message = f"This failed for a reason of our own ({type(problem).__name__}: {problem}); --debug shows where."
-        code = FAILURE
-    if debug:
-        import traceback
+    except (Exception, KeyboardInterrupt) as problem:
+        if debug:
+            import traceback
 
-        traceback.print_exc()
-    print(_sentence(message), file=sys.stderr)
-    return code
+            traceback.print_exception(problem)
+        message, code = _verdict(problem, RleSplatError, Cancelled)
+        print(_sentence(message), file=sys.stderr)
+        return code
+
+
+def _verdict(problem, bad_input, cancelled) -> tuple[str, int]:
+    """The sentence and the exit code for an exception; the two last are our own classes."""
+    if isinstance(problem, bad_input):
+        return str(problem), BAD_INPUT
+    if isinstance(problem, (KeyboardInterrupt, cancelled)):
+        return "Stopped; nothing was written.", INTERRUPTED
+    detail = f" ({problem})" if str(problem) else ""
+    if isinstance(problem, MemoryError):
+        return f"There is not enough memory for this{detail}; use a smaller volume, image or sheet density.", FAILURE
+    if isinstance(problem, OSError):
+        place = f" ({problem.filename})" if problem.filename else ""
+        return f"The system refused: {problem.strerror or problem}{place}.", FAILURE
+    return f"This failed for a reason of our own ({type(problem).__name__}{detail}); --debug shows where.", FAILURE

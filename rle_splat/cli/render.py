@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from ..scene import Quality, RleSplatError, Scene
-from .appearance import choose_transfer_function, read_transfer_function
+from .appearance import check_values, choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .lighting import check_lighting
 from .options import (
@@ -97,6 +97,7 @@ def _prepare_voxels(args, quality) -> Prepared:
     began = perf_counter()
     volume = read_volume(args.volume, **volume_options(args))
     read_ms = 1e3 * (perf_counter() - began)
+    check_values(volume)
     function, reason = choose_transfer_function(args, volume, given_function)
     camera, matrix = place(args, volume, camera, matrix)
     scene = _scene(args, volume, function, camera, matrix, lights, headlight)
