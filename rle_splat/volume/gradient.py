@@ -142,7 +142,7 @@ def _neighbours(place, shape, axis):
 def _central_numpy(voxels, place):
     """(m, 3) x, y, z gradient per voxel step at ``place`` (z, y, x index arrays), and (m,) the largest value met."""
     here = voxels[place].astype(np.float64)
-    gradient, largest = np.empty((len(here), 3)), np.abs(here)
+    gradient, largest = np.empty((len(here), 3)), np.zeros(len(here))
     for axis, component in ((2, 0), (1, 1), (0, 2)):
         before, after, span = _neighbours(place, voxels.shape, axis)
         a, b = (voxels[index].astype(np.float64) for index in (before, after))

@@ -1,0 +1,131 @@
+"""Normals against analytic fields under any affine (catalogue V8, V13, C9; the table of algorithm.md 1.13)."""
+
+import numpy as np
+import pytest
+
+from rle_splat.volume.gradient import unit_normals
+from rle_splat.volume.volume import Volume
+
+BACKENDS = ("numba", "numpy")
+INTEGER = ("uint8", "int8", "uint16", "int16", "uint32", "int32")
+FLOAT = ("float32", "float64")
+AFFINES = {
+    "plain": np.eye(4),
+    "anisotropic": np.diag((0.5, 2.0, 7.0, 1.0)),
+    "mirrored": np.diag((1.0, -1.0, 1.5, 1.0)),
+    "sheared": np.array([[1.0, 0.7, -0.2, 9.0], [0.1, 1.2, 0.5, -4.0], [0.0, 0.3, 0.8, 1.0], [0, 0, 0, 1.0]]),
+    "turned": np.array([[0.36, 0.48, -0.8, 1e3], [-0.8, 0.6, 0.0, 0], [0.48, 0.64, 0.6, 0], [0, 0, 0, 1.0]]),
+}
+
+
+def everywhere(volume):
+    """Row starts and columns that name every voxel."""
+    nx, ny, nz = volume.shape_xyz
+    return np.arange(nz * ny + 1, dtype=np.int64) * nx, np.tile(np.arange(nx, dtype=np.uint16), nz * ny)
+
+
+def all_normals(voxels, affine=np.eye(4), backend="numba", slope=1.0):
+    volume = Volume(voxels, np.eye(4), slope=slope)
+    return unit_normals(volume, *everywhere(volume), affine, backend=backend).reshape(*voxels.shape, 3)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("dtype", INTEGER + FLOAT)
+@pytest.mark.parametrize("name", AFFINES)
+def test_a_linear_field_has_its_normal_everywhere_faces_too(name, dtype, backend):
+    affine = AFFINES[name]
+    z, y, x = np.indices((4, 5, 6))
+    voxels = (3 * x - 2 * y + 5 * z + 20).astype(dtype)
+    # The field's value at a world point is g . point: g solves linear^T g = index gradient.
+    truth = np.linalg.solve(affine[:3, :3].T, (3.0, -2.0, 5.0))
+    truth /= np.linalg.norm(truth)
+    for slope in (2.0, -0.001):
+        got = all_normals(voxels, affine, backend, slope)
+        np.testing.assert_allclose(got, np.broadcast_to(truth * np.sign(slope), got.shape), atol=2e-7)
+
+
+@pytest.mark.parametrize("dtype", INTEGER + FLOAT)
+def test_kernel_and_twin_agree(dtype):
+    voxels = np.random.default_rng(2).integers(0, 100, (6, 7, 8)).astype(dtype)
+    one, two = (all_normals(voxels, AFFINES["sheared"], b) for b in BACKENDS)
+    np.testing.assert_allclose(one, two, atol=1e-6)
+    assert (np.abs(np.linalg.norm(one, axis=-1) - 1.0) < 1e-6).mean() > 0.9
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("dtype, mean, worst", (("float32", 0.35, 0.8), ("uint8", 0.4, 1.0)))
+def test_angle_errors_on_a_sphere_are_those_of_the_table(dtype, mean, worst, backend):
+    z, y, x = np.indices((40, 40, 40)) - 19.5
+    radius = np.sqrt(x * x + y * y + z * z)
+    field = 255.0 / (1.0 + np.exp((radius - 13.0) / 1.5))
+    voxels = np.rint(field).astype(dtype) if dtype == "uint8" else field.astype(dtype)
+    edge = np.abs(radius - 13.0) < 1.5
+    got = all_normals(voxels, backend=backend)[edge]
+    outward = np.stack((x, y, z), axis=-1)[edge] / radius[edge][:, None]
+    angle = np.degrees(np.arccos(np.clip(-(got * outward).sum(axis=1), -1.0, 1.0)))
+    assert angle.mean() < mean and angle.max() < worst
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("dtype", INTEGER + FLOAT)
+def test_v8_a_constant_has_no_normal(dtype, backend):
+    assert not all_normals(np.full((3, 4, 5), 77, dtype), backend=backend).any()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_v13_below_the_noise_floor_there_is_no_normal(backend):
+    x = np.indices((5, 5, 40))[2]
+    slow = (x // 8).astype(np.uint8)  # one step in eight voxels: mostly flat
+    lone = np.zeros((5, 5, 5), np.uint8)
+    lone[2, 2, 2] = 1  # one stray step: Sobel sees an eighth of it straight ahead
+    assert not all_normals(lone, backend=backend).any()
+    flat = (x % 8 > 0) & (x % 8 < 7)
+    assert not all_normals(slow, backend=backend)[flat].any()
+    wobble = 1000.0 * (1.0 + 2.0**-23 * np.random.default_rng(1).integers(-2, 3, (5, 5, 5)))
+    assert not all_normals(wobble.astype(np.float32), backend=backend).any()
+    clear = (1000.0 + 0.1 * x).astype(np.float32)
+    np.testing.assert_allclose(all_normals(clear, backend=backend), np.broadcast_to((1, 0, 0), (5, 5, 40, 3)), atol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_normal_does_not_know_the_scale_of_world_or_values(backend):
+    voxels = np.random.default_rng(2).random((5, 5, 5)).astype(np.float32)
+    truth = all_normals(voxels, AFFINES["sheared"], backend)
+    for scale in (1e-12, 1e12, 1e-130, 1e130):
+        np.testing.assert_allclose(all_normals(voxels, AFFINES["sheared"] * scale, backend), truth, atol=1e-6)
+    np.testing.assert_allclose(all_normals(voxels * np.float32(2.0**-60), AFFINES["sheared"], backend), truth, atol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_neighbours_that_are_not_finite_do_no_harm(backend):
+    x = np.indices((5, 5, 5))[2].astype(np.float32)
+    for bad in (np.nan, np.inf, -np.inf):
+        voxels = x.copy()
+        voxels[2, 2, 2] = bad
+        got = all_normals(voxels, backend=backend)
+        np.testing.assert_allclose(got, np.broadcast_to((1, 0, 0), got.shape), atol=1e-6)
+    lost = all_normals(np.full((3, 3, 3), np.inf, np.float32), backend=backend)
+    assert not lost.any()  # and no NaN either, which would count as any
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("shape", ((1, 1, 1), (1, 5, 5), (5, 1, 5), (5, 5, 1), (2, 2, 2)))
+def test_thin_volumes_have_no_gradient_across(shape, backend):
+    for dtype in (np.uint8, np.float32):
+        voxels = np.random.default_rng(0).integers(0, 200, shape).astype(dtype)
+        got = all_normals(voxels, backend=backend)
+        assert np.isfinite(got).all()
+        for axis in range(3):
+            if shape[axis] == 1:
+                assert not got[..., 2 - axis].any()
+
+
+def test_only_the_named_voxels_are_visited():
+    voxels = np.random.default_rng(0).integers(0, 200, (4, 5, 6)).astype(np.uint8)
+    volume = Volume(voxels, np.eye(4))
+    mask = np.random.default_rng(1).random(voxels.shape) < 0.3
+    row_start = np.append(0, np.cumsum(mask.reshape(20, 6).sum(axis=1)))
+    column = np.nonzero(mask)[2].astype(np.uint16)
+    for backend in BACKENDS:
+        some = unit_normals(volume, row_start, column, AFFINES["turned"], backend=backend)
+        np.testing.assert_array_equal(some, all_normals(voxels, AFFINES["turned"], backend)[mask])

@@ -1,0 +1,200 @@
+"""Shading against the formula written out for one voxel at a time, and lights against what Cycles was measured to do."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.classification import classify
+from rle_splat.classify.shading import follows_view, is_shaded, normals, shade
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.scene import Light
+from rle_splat.volume.volume import Volume
+
+BACKENDS = ("numba", "numpy")
+WHITE = TransferFunction(opacity=((0, 0.5),), color=((0, 1, 1, 1),))
+TINTED = TransferFunction(opacity=((40, 0.0), (60, 0.5)), color=((0, 0.2, 0.4, 0.8), (100, 1.5, 0.5, 0.1)))
+PLACE = np.array([[0.5, 0.1, 0.0, -3.0], [0.0, 0.7, -0.2, 2.0], [0.1, 0.0, -0.6, 1.0], [0, 0, 0, 1.0]])
+
+
+def pose(position=(0, 0, 0), shines_along=(0, 0, -1), scale=1.0):
+    """A light's matrix: -Z turned to ``shines_along``."""
+    back = -np.asarray(shines_along, float) / np.linalg.norm(shines_along)
+    side = np.cross((0.3, 1.0, 0.2), back)
+    side /= np.linalg.norm(side)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1) * scale
+    matrix[:3, 3] = position
+    return matrix
+
+
+def one_voxel(position, normal, lights=(), shading=Shade(0, 1, 0, 1), color=(1, 1, 1), backend="numba", **kwargs):
+    """Shaded colour of a single small voxel at a world position with a given normal."""
+    volume = Volume(np.ones((1, 1, 1), np.uint8), np.diag((1e-3, 1e-3, 1e-3, 1.0)))
+    tf = TransferFunction(opacity=((0, 0.5),), color=((0, *color),))
+    matrix = volume.affine.copy()
+    matrix[:3, 3] = position
+    classified = classify(volume, tf, matrix, backend=backend)
+    normal = np.array([normal], np.float32)
+    return shade(classified, normal, matrix, shading, lights, backend=backend, **kwargs)[0]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_measured_radiance_of_a_white_lambert_surface(backend):
+    here, up = (1.0, 2.0, 0.0), (0.0, 0.0, 1.0)
+    above = pose((1.0, 2.0, 5.0))
+    for light, radiance in (
+        (Light("SUN", energy=3.0, matrix_world=above), 3.0 / math.pi),
+        (Light("POINT", energy=100.0, matrix_world=above), 100.0 / (4 * math.pi**2 * 25)),
+        (Light("SPOT", energy=100.0, matrix_world=above), 100.0 / (4 * math.pi**2 * 25)),
+        (Light("AREA", energy=100.0, matrix_world=above, size=0.1), 100.0 / (math.pi**2 * 25)),
+    ):
+        got = one_voxel(here, up, (light,), backend=backend)
+        np.testing.assert_allclose(got, radiance, rtol=1e-6)
+        # Lights add up, are coloured, and two-sided surfaces do not care which way the normal points.
+        twice = one_voxel(here, np.negative(up), (light, light), color=(0.5, 0.25, 2.0), backend=backend)
+        np.testing.assert_allclose(twice, 2 * radiance * np.array((0.5, 0.25, 2.0)), rtol=1e-6)
+        tilted = one_voxel(here, (0.0, math.sin(1.0), math.cos(1.0)), (light,), backend=backend)
+        np.testing.assert_allclose(tilted, radiance * math.cos(1.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_ambient_counts_once_and_specular_is_white(backend):
+    lights = (Light("SUN", energy=math.pi), Light("SUN", energy=math.pi))
+    got = one_voxel(
+        (0, 0, 0), (0, 0, 1), lights, Shade(0.3, 0.5, 0.25, 8.0), (0.2, 0.4, 0.6), backend, eye=(0.0, 0.0, 1.0, 0.0)
+    )
+    np.testing.assert_allclose(got, np.array((0.2, 0.4, 0.6)) * (0.3 + 2 * 0.5) + 2 * 0.25, rtol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_without_a_normal_the_color_stays(backend):
+    got = one_voxel((0, 0, 0), (0, 0, 0), (Light("SUN", energy=9.0),), Shade(), (0.2, 0.4, 0.6), backend)
+    np.testing.assert_array_equal(got, np.array((0.2, 0.4, 0.6), np.float32))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_spots_cone_is_a_smoothstep_of_the_cosine(backend):
+    angle, blend = 1.2, 0.4
+    light = Light("SPOT", energy=4 * math.pi**2 * 4, matrix_world=pose((0, 0, 2)), spot_size=angle, spot_blend=blend)
+    edge = math.cos(angle / 2)
+    for off in (0.0, 0.2, 0.4, 0.5, 0.55, 0.59, 0.61, 1.0, 3.0):
+        here = (2 * math.sin(off), 0.0, 2 - 2 * math.cos(off))
+        t = min(max((math.cos(off) - edge) / ((1 - edge) * blend), 0.0), 1.0)
+        facing = np.array((0, 0, 2.0)) - here
+        got = one_voxel(here, facing / np.linalg.norm(facing), (light,), backend=backend)
+        np.testing.assert_allclose(got, t * t * (3 - 2 * t), atol=2e-6)
+    assert one_voxel((0, 0, -1), (0, 0, 1), (Light("SPOT", spot_blend=0.0, matrix_world=pose((0, 0, 2))),),
+                     backend=backend).min() > 0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_area_light_shines_forward_by_the_cosine(backend):
+    light = Light("AREA", energy=math.pi**2 * 4, matrix_world=pose((0, 0, 2)), size=0.01)
+    for off in (0.0, 0.7, 1.5, 1.6, 3.0):
+        here = (2 * math.sin(off), 0.0, 2 - 2 * math.cos(off))
+        facing = np.array((0, 0, 2.0)) - here
+        got = one_voxel(here, facing / np.linalg.norm(facing), (light,), backend=backend)
+        np.testing.assert_allclose(got, max(math.cos(off), 0.0), atol=2e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a14_nothing_blows_up_at_the_light(backend):
+    for kind in ("POINT", "SPOT", "AREA"):
+        light = Light(kind, energy=10.0, radius=0.0, size=0.0)
+        for here in ((0, 0, 0), (0, 0, -1e-9), (0, 0, -1e-300)):
+            got = one_voxel(here, (0, 0, 1), (light,), Shade(0.1, 1.0, 1.0, 5.0), backend=backend, eye=(0, 0, 0, 1.0))
+            assert np.isfinite(got).all()
+    # No brighter than the light's own surface: P / (pi A) for an area, P / (4 pi^2 r^2) for a sphere.
+    for shape, area in (("SQUARE", 4.0), ("DISK", math.pi), ("RECTANGLE", 6.0), ("ELLIPSE", 1.5 * math.pi)):
+        light = Light("AREA", energy=10.0, size=2.0, size_y=3.0, shape=shape)
+        np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (light,), backend=backend),
+                                   10.0 / (math.pi * area), rtol=1e-6)
+    scaled = Light("AREA", energy=10.0, size=1.0, matrix_world=pose(scale=2.0))
+    np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (scaled,), backend=backend), 10.0 / (math.pi * 4),
+                               rtol=1e-6)
+    ball = Light("POINT", energy=10.0, radius=0.5)
+    np.testing.assert_allclose(one_voxel((0, 0, -0.1), (0, 0, 1), (ball,), backend=backend), 10 / (4 * math.pi**2 * 0.25),
+                               rtol=1e-6)
+
+
+def written_out(classified, n, matrix, s, lights, forward, eye):
+    """The formula for every voxel, with suns, points and a headlight."""
+    nx, ny, nz = classified.shape_xyz
+    rows = np.repeat(np.arange(ny * nz), np.diff(classified.row_start))
+    result = []
+    for row, x, c, normal in zip(rows, classified.column, classified.color, n):
+        if not normal.any():
+            result.append(c)
+            continue
+        point = (matrix @ (int(x), row % ny, row // ny, 1.0))[:3]
+        view = eye[:3] / eye[3] - point if eye[3] else eye[:3]
+        view = view / np.linalg.norm(view)
+        total = c * s.ambient
+        for light in (*lights, None):
+            if light is None:
+                l, strength = -np.asarray(forward), np.ones(3)
+            elif light.type == "SUN":
+                l, strength = light.matrix_world[:3, 2], light.energy / math.pi * np.array(light.color)
+            else:
+                l = light.matrix_world[:3, 3] - point
+                strength = light.energy / (4 * math.pi**2 * (l @ l)) * np.array(light.color)
+            l = l / np.linalg.norm(l)
+            h = (l + view) / np.linalg.norm(l + view)
+            total = total + c * s.diffuse * abs(normal @ l) * strength
+            total = total + s.specular * abs(normal @ h) ** s.shininess * strength
+        result.append(total)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("eye", ((4.0, -20.0, 3.0, 2.0), (0.6, -0.8, 0.0, 0.0)))
+@pytest.mark.parametrize("shininess", (1.0, 20.0, 7.5))
+def test_a_whole_volume_is_shaded_by_the_formula(eye, shininess):
+    voxels = np.random.default_rng(6).integers(0, 100, (5, 6, 7)).astype(np.uint8)
+    voxels[:3, :3, :4] = 70  # some without a normal
+    volume = Volume(voxels, np.eye(4))
+    classified = classify(volume, TINTED, PLACE)
+    lights = (
+        Light("SUN", (1, 0.5, 0.2), 2.0, pose(shines_along=(1, 2, -1))), Light("POINT", (0.3, 1, 0.4), 90.0, pose((9, 9, 9)))
+    )
+    s = Shade(0.2, 0.7, 0.4, shininess)
+    forward, eye = np.array((0.0, 0.6, -0.8)), np.array(eye)
+    n = normals(classified, volume, PLACE)
+    assert 0 < (~n.any(axis=1)).sum() < len(n)
+    truth = written_out(classified, n.astype(float), PLACE, s, lights, forward, eye)
+    for backend in BACKENDS:
+        got = shade(classified, n, PLACE, s, lights, headlight_direction=forward, eye=eye, backend=backend)
+        assert got.dtype == np.float32
+        np.testing.assert_allclose(got, truth, rtol=2e-6)
+        flipped = shade(classified, n, PLACE, s, lights, headlight_direction=forward, eye=-eye, backend=backend)
+        if eye[3]:  # a homogeneous eye means the same under any factor
+            np.testing.assert_array_equal(flipped, got)
+    one, two = (shade(classified, n, PLACE, s, lights, eye=eye, threads=t) for t in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_any_shininess_is_finite(backend):
+    for shininess in (0.0, 0.5, 1e6, 1e300):
+        got = one_voxel((0, 0, 0), (0, 0.6, 0.8), (Light("SUN"),), Shade(0, 1, 1, shininess), backend=backend,
+                        eye=(0, 0, 1.0, 0))
+        assert np.isfinite(got).all()
+
+
+def test_v8_a_constant_volume_keeps_its_color():
+    volume = Volume(np.full((4, 4, 4), 90, np.int16), np.eye(4))
+    classified = classify(volume, WHITE, np.eye(4))
+    n = normals(classified, volume, np.eye(4))
+    got = shade(classified, n, np.eye(4), Shade(), (), headlight_direction=(0, 0, -1), eye=(0, 0, 1, 0))
+    np.testing.assert_array_equal(got, classified.color)
+
+
+def test_shading_only_when_called_for():
+    volume = Volume(np.full((2, 2, 2), 90, np.int16), np.eye(4))
+    classified = classify(volume, WHITE, np.eye(4))
+    sun = (Light("SUN"),)
+    assert shade(classified, None, np.eye(4), None, sun) is classified.color
+    assert shade(classified, None, np.eye(4), Shade(), ()) is classified.color
+    assert not is_shaded(None, sun) and not is_shaded(Shade(), ()) and is_shaded(Shade(), (), (0, 0, -1))
+    assert not follows_view(Shade(specular=0.0), sun) and follows_view(Shade(specular=0.1), sun)
+    assert follows_view(Shade(specular=0.0), (), (0, 0, -1)) and not follows_view(None, sun, (0, 0, -1))
