@@ -50,12 +50,17 @@ def cache_folder() -> Path:
 def _kernel_folder() -> Path:
     """The folder for kernels compiled from exactly these sources.
 
-    numba recompiles a kernel when its own file changes, but not when a file it inlines from does, so the
-    folder's name carries a hash of all of them.  The latest few are kept, for several versions side by side.
+    numba recompiles a kernel when its own file changes, but not when a file it inlines or takes constants from
+    does, so the folder's name carries a hash of every file in a room that holds kernels.  The latest few are
+    kept, for several versions side by side.
     """
-    sources = hashlib.blake2b(digest_size=8)
+    rooms: dict[Path, list[bytes]] = {}
     for source in sorted(Path(__file__).parent.rglob("*.py")):
-        sources.update(source.read_bytes())
+        rooms.setdefault(source.parent, []).append(source.read_bytes())
+    sources = hashlib.blake2b(digest_size=8)
+    for contents in rooms.values():
+        if any(b"@kernel" in content for content in contents):
+            sources.update(b"".join(contents))
     folder = cache_folder() / f"{KERNEL_PREFIX}{sources.hexdigest()}"
     if not folder.exists():
         earlier = sorted(folder.parent.glob(f"{KERNEL_PREFIX}*"), key=lambda f: f.stat().st_mtime, reverse=True)

@@ -30,19 +30,21 @@ class DepthLayers:
 
 def depth_layers(samples: np.ndarray, step: float) -> DepthLayers:
     """Layers from (H, W, S) sample depths; depths further apart than ``step`` (world units) are two surfaces."""
-    ordered = np.sort(samples, axis=-1)
-    count = ordered.shape[-1]
+    count = samples.shape[-1]
+    least, most = samples.min(axis=-1), samples.max(axis=-1)
     with np.errstate(invalid="ignore"):
-        gaps = np.diff(ordered, axis=-1)  # inf - inf is nan: no gap
-    gaps = np.where(np.isnan(gaps), 0.0, gaps)
-    split_at = gaps.argmax(axis=-1) + 1
-    split = gaps.max(axis=-1) > step
-    split_at = np.where(split, split_at, count)
-    is_near = np.arange(count) < split_at[..., None]
-    near = np.where(is_near, ordered, 0.0).sum(axis=-1) / split_at
-    beyond = np.where(is_near, 0.0, ordered).sum(axis=-1) / np.maximum(count - split_at, 1)
-    far = np.where(split, beyond, near)
-    coverage = np.where(split, split_at / count, 1.0)
+        split = most - least > step  # inf - inf is nan: no mesh at all
+    near = np.where(np.isinf(most), most, samples.mean(axis=-1, dtype=np.float64))
+    far, coverage = near.copy(), np.ones(near.shape)
+    # Few pixels hold two surfaces; only those are sorted, and cut at their widest gap.
+    ordered = np.sort(samples[split].astype(np.float64), axis=-1)
+    with np.errstate(invalid="ignore"):
+        gaps = np.nan_to_num(np.diff(ordered, axis=-1), nan=0.0, posinf=np.inf)
+    in_front = gaps.argmax(axis=-1) + 1
+    is_near = np.arange(count) < in_front[:, None]
+    near[split] = np.where(is_near, ordered, 0.0).sum(axis=-1) / in_front
+    far[split] = np.where(is_near, 0.0, ordered).sum(axis=-1) / (count - in_front)
+    coverage[split] = in_front / count
     return _carried_past_silhouettes(near, far, coverage, split)
 
 
