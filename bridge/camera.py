@@ -1,0 +1,92 @@
+"""The scene's active camera and render settings as plain data.
+
+Blender's own rules are kept: the scale of the camera object and of its parents does not count (each column of
+the matrix is normalised), the image is the resolution times the percentage rounded down, and of a camera that
+is bound to a marker the evaluated scene knows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..rle_splat.scene import Camera, RleSplatError
+from .decimals import typed, typed_tuple
+
+_PANORAMIC = {"PANO": "panoramic", "CUSTOM": "custom (OSL)"}
+
+
+def image_size(render) -> tuple[int, int]:
+    """Width and height in pixels of the full frame that ``render`` (RenderSettings) makes."""
+    percentage = render.resolution_percentage
+    return (
+        max(1, render.resolution_x * percentage // 100),
+        max(1, render.resolution_y * percentage // 100),
+    )
+
+
+def camera_object(depsgraph):
+    """The evaluated active camera, or a RleSplatError that says what to do."""
+    original = depsgraph.scene_eval.camera or depsgraph.scene.camera
+    if original is None:
+        raise RleSplatError("The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.")
+    if original.type != "CAMERA":
+        raise RleSplatError(
+            f"The scene is seen through {original.name!r}, which is not a camera; make a camera the active one."
+        )
+    return original.evaluated_get(depsgraph)
+
+
+def read_camera(depsgraph) -> tuple[Camera, int, int]:
+    """The active camera at the depsgraph's time, and the width and height of the frame in pixels.
+
+    Raises RleSplatError without an active camera, for a panoramic or custom one, and with stereoscopy.
+    """
+    evaluated = camera_object(depsgraph)
+    data = evaluated.data
+    if data.type not in ("PERSP", "ORTHO"):
+        kind = _PANORAMIC.get(data.type, data.type.lower())
+        raise RleSplatError(
+            f"The camera {evaluated.name!r} is {kind}; set its type to Perspective or Orthographic to splat a volume."
+        )
+    render = depsgraph.scene_eval.render
+    if render.use_multiview:
+        raise RleSplatError("Stereoscopy cannot be splatted; turn it off in the output properties.")
+    width, height = image_size(render)
+    camera = Camera(
+        matrix_world=without_scale(evaluated.matrix_world),
+        type=data.type,
+        lens=typed(data.lens),
+        sensor_width=typed(data.sensor_width),
+        sensor_height=typed(data.sensor_height),
+        sensor_fit=data.sensor_fit,
+        ortho_scale=typed(data.ortho_scale),
+        shift_x=typed(data.shift_x),
+        shift_y=typed(data.shift_y),
+        clip_start=typed(data.clip_start),
+        clip_end=typed(data.clip_end),
+        pixel_aspect=typed_tuple((render.pixel_aspect_x, render.pixel_aspect_y)),
+    )
+    return camera, width, height
+
+
+def without_scale(matrix_world) -> np.ndarray:
+    """(4, 4) float64: the matrix with columns 0 to 2 of unit length, as Blender looks through a scaled camera."""
+    matrix = np.array(matrix_world, dtype=np.float64)
+    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not (np.isfinite(matrix).all() and (lengths > 0.0).all()):
+        raise RleSplatError("The camera's matrix is singular; give the camera and its parents a scale above zero.")
+    matrix[:3, :3] /= lengths
+    return matrix
+
+
+def frame_crop(render) -> tuple[slice, slice] | None:
+    """Rows (from the top) and columns of the full frame that a cropped render region keeps; None without one.
+
+    Blender rounds the region's corners down to whole pixels counted from the bottom left.
+    """
+    if not (render.use_border and render.use_crop_to_border):
+        return None
+    width, height = image_size(render)
+    left, right = int(render.border_min_x * width), int(render.border_max_x * width)
+    bottom, top = int(render.border_min_y * height), int(render.border_max_y * height)
+    return slice(height - top, height - bottom), slice(left, right)

@@ -1,0 +1,116 @@
+"""What happens by itself: a fresh picture for every rendered frame, a backdrop that follows, pictures packed on save.
+
+Blender calls ``frame_change_post`` once more for each view layer of every rendered frame, stills included, with the
+evaluated scene of that render and before the compositor reads any image: that is where the volume is splatted.
+In a window this runs on the render's own thread.  There only the pixels of an image that the Composite operator
+made beforehand are written, no datablock is created or removed, and ``use_lock_interface`` (set by that operator)
+keeps the interface from drawing the image meanwhile.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..rle_splat.scene import RleSplatError
+from . import images, pictures, render_scene, volumes
+
+# Scenes whose volume is splatted for the frame being rendered.  Further view layers, and the subframes that motion
+# blur visits after the frame itself, use the same picture.
+_splatted: set[str] = set()
+
+
+@persistent
+def _on_render_pre(_scene, _depsgraph=None):
+    _splatted.clear()
+
+
+@persistent
+def _on_frame_change_post(scene, depsgraph=None):
+    if depsgraph is None:
+        return
+    if depsgraph.mode == "RENDER":
+        if scene.rle_splat.use_composite and scene.name not in _splatted:
+            _splatted.add(scene.name)
+            splat_over_render(scene, depsgraph)
+    elif scene.rle_splat.backdrop_follows and scene.rle_splat.backdrop_object is not None:
+        splat_backdrop(scene, depsgraph)
+
+
+@persistent
+def _on_save_pre(*_arguments):
+    images.pack_unsaved()
+
+
+@persistent
+def _on_load_pre(*_arguments):
+    _splatted.clear()
+    render_scene.forget_stages()
+    volumes.forget_all()
+
+
+HANDLERS = (
+    ("render_pre", _on_render_pre),
+    ("frame_change_post", _on_frame_change_post),
+    ("save_pre", _on_save_pre),
+    ("load_pre", _on_load_pre),
+)
+
+
+def splat_over_render(scene, depsgraph) -> None:
+    """Bring the picture that the compositor lays over the render up to date; blank and a message on failure."""
+    settings = scene.rle_splat
+    image = settings.composite_image
+    if image is None:
+        _complain(settings, "The picture to lay over the render was deleted; press Composite into Render again.")
+        return
+    _update(scene, depsgraph, settings.composite_object, image, with_meshes=settings.meshes_occlude, crop=True)
+
+
+def splat_backdrop(scene, depsgraph) -> None:
+    """Bring the camera's backdrop up to date with the frame; blank and a message on failure."""
+    settings = scene.rle_splat
+    image = bpy.data.images.get((pictures.name_of(settings.backdrop_object, "backdrop"), None))
+    if image is not None:
+        with_meshes = settings.meshes_occlude and settings.backdrop_depth == "FRONT"
+        _update(scene, depsgraph, settings.backdrop_object, image, with_meshes=with_meshes, crop=False)
+
+
+def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, crop: bool) -> None:
+    settings = scene.rle_splat
+    try:
+        if volume_object is None:
+            raise RleSplatError("The volume was deleted; choose another, or remove it from the compositor.")
+        if not render_scene.is_rendered(volume_object, depsgraph):
+            images.clear(image)
+            return
+        plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
+        rendering = render_scene.drain(render_scene.steps(plain, quality, refuse_empty_view=False))
+        rgba, depth = rendering.rgba, rendering.depth
+        if crop:
+            rgba, depth = render_scene.cropped(rendering, depsgraph.scene_eval.render)
+        height, width = depth.shape
+        images.write_color(images.ensure_image(image, image.name, width, height), rgba)
+        settings.message = ""
+        pictures.note_report(settings, rendering.report)
+    except Exception as problem:  # a traceback from every frame of a render would help no one: one sentence, once
+        images.clear(image)  # nothing stale may pass for this frame
+        known = isinstance(problem, RleSplatError)
+        _complain(settings, str(problem) if known else f"The volume was not splatted: {problem!r}.")
+
+
+def _complain(settings, sentence: str) -> None:
+    settings.message = sentence
+    print(f"RLE Splat: {sentence}")
+
+
+def register():
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister():
+    for name, handler in reversed(HANDLERS):
+        getattr(bpy.app.handlers, name).remove(handler)
+    _splatted.clear()
+    render_scene.forget_stages()

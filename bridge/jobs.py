@@ -1,0 +1,123 @@
+"""Long work as one generator of steps, driven to its end at once or a little at a time from a timer.
+
+An operator that mixes in ``StepwiseOperator`` gives ``prepare`` (read everything, return the generator) and
+``commit`` (put the result into the .blend).  ``execute`` runs it at once: scripts and background mode need that.
+``invoke`` in a window works in small bites from a timer, shows progress and obeys Esc.  Success, failure and Esc
+all end in ``_finish``.
+"""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+
+from ..rle_splat.scene import Cancelled, RleSplatError
+
+TIME_BUDGET = 0.1  # seconds of work in each tick of the timer; the window redraws and listens in between
+TICK = 0.01  # seconds between ticks
+
+
+class StepwiseOperator:
+    """Mix-in for operators whose work is a generator of Progress(fraction, message)."""
+
+    _running = False  # one job at a time, whatever the operator: they share the stages kept between pictures
+    _generator = None
+    _timer = None
+
+    def prepare(self, context):
+        """Read all that the work depends on; returns the generator.  RleSplatErrors go to the user's report."""
+        raise NotImplementedError
+
+    def commit(self, context, result) -> None:
+        """Put the finished result into the .blend."""
+        raise NotImplementedError
+
+    def execute(self, context):
+        return self._guarded(context, self._run_through)
+
+    def invoke(self, context, _event):
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        if StepwiseOperator._running:
+            self.report({"WARNING"}, "Another picture is being made; wait for it or press Esc there.")
+            return {"CANCELLED"}
+        return self._guarded(context, self._start)
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self._finish(context)
+            self.report({"INFO"}, "Cancelled; nothing was changed.")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        return self._guarded(context, self._work_a_while)
+
+    def cancel(self, context):
+        """Blender calls this when a file is loaded or the window is closed in the middle of the work."""
+        self._finish(context)
+
+    def _guarded(self, context, action):
+        """``action(context)``, with every way to fail ending in _finish and one sentence."""
+        try:
+            return action(context)
+        except RleSplatError as problem:
+            self._finish(context)
+            self.report({"ERROR"}, str(problem))
+        except Cancelled:
+            self._finish(context)
+            self.report({"INFO"}, "Cancelled; nothing was changed.")
+        except MemoryError:
+            self._finish(context)
+            self.report({"ERROR"}, "There is not enough memory for this picture; make the image smaller.")
+        except BaseException:
+            self._finish(context)
+            raise
+        return {"CANCELLED"}
+
+    def _run_through(self, context):
+        self._generator = self.prepare(context)
+        while True:
+            try:
+                next(self._generator)
+            except StopIteration as finished:
+                return self._succeed(context, finished.value)
+
+    def _start(self, context):
+        self._generator = self.prepare(context)
+        StepwiseOperator._running = True
+        window_manager = context.window_manager
+        window_manager.progress_begin(0.0, 1.0)
+        self._timer = window_manager.event_timer_add(TICK, window=context.window)
+        window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _work_a_while(self, context):
+        stop = time.perf_counter() + TIME_BUDGET
+        progress = None
+        while time.perf_counter() < stop:
+            try:
+                progress = next(self._generator)
+            except StopIteration as finished:
+                return self._succeed(context, finished.value)
+        if progress is not None:
+            context.window_manager.progress_update(progress.fraction)
+            context.workspace.status_text_set(f"RLE Splat: {progress.message} ({progress.fraction:.0%}), Esc cancels")
+        return {"RUNNING_MODAL"}
+
+    def _succeed(self, context, result):
+        self._finish(context)
+        self.commit(context, result)
+        return {"FINISHED"}
+
+    def _finish(self, context) -> None:
+        """Let go of timer, progress bar and generator; may be called twice."""
+        if self._generator is not None:
+            self._generator.close()
+            self._generator = None
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+            context.window_manager.progress_end()
+            context.workspace.status_text_set(None)
+            StepwiseOperator._running = False

@@ -1,0 +1,47 @@
+"""Which image datablocks a volume's pictures go to, and how a finished picture gets there."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+
+from . import images
+
+LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
+SUFFIXES = {"color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite"}
+
+
+def name_of(volume_object, kind: str) -> str:
+    """What the volume's image of that kind, a key of SUFFIXES, is called."""
+    return f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
+
+
+def find_or_make(volume_object, kind: str, width: int, height: int):
+    """The volume's image of that kind: the one of last time, or a new one."""
+    name = name_of(volume_object, kind)
+    existing = bpy.data.images.get((name, None))
+    if existing is not None and images.MARK not in existing:
+        existing = None  # the user's own picture of that name is left alone
+    return images.ensure_image(existing, name, width, height, depth=kind == "depth")
+
+
+def keep(volume_object, rgba, depth, *, kind: str = "color"):
+    """Write a picture and its depth into the volume's images, packed; returns (image, depth image)."""
+    height, width = depth.shape
+    image = find_or_make(volume_object, kind, width, height)
+    images.write_color(image, rgba)
+    images.pack(image)
+    depth_image = find_or_make(volume_object, "depth", width, height)
+    images.write_depth(depth_image, depth)
+    images.pack(depth_image)
+    return image, depth_image
+
+
+def note_report(settings, report: dict) -> None:
+    """Keep what a picture took in the scene's settings, for people and for machines."""
+    stages = report.get("stages_ms", {})
+    lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
+             if isinstance(value, (int, float))]
+    settings.last_report = "\n".join(lines)
+    settings.last_report_json = json.dumps(report, default=str)

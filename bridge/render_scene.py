@@ -1,0 +1,90 @@
+"""From Blender's evaluated scene to the renderer's plain data, and the stages kept between its pictures.
+
+Everything is read before the first step of the work, so that what the user does meanwhile changes nothing.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..rle_splat.kept import Kept
+from ..rle_splat.render import render_steps
+from ..rle_splat.scene import Rendering, RleSplatError, Scene
+from . import settings, transfer, volumes
+from .camera import frame_crop, read_camera
+from .lights import read_lights
+from .meshes import read_triangles
+
+KEPT = Kept()  # keyed by content, so it may outlive files and undo
+
+
+def forget_stages() -> None:
+    """Let go of everything kept between pictures."""
+    KEPT.clear()
+
+
+def still_there(name: str):
+    """The object of that name after a job: no reference to an object survives undo, and it may be deleted."""
+    found = bpy.data.objects.get((name, None)) or bpy.data.objects.get(name)
+    if found is None:
+        raise RleSplatError(f"{name!r} is no longer there, so its picture was dropped.")
+    return found
+
+
+def read_scene(volume_object, depsgraph, *, with_meshes: bool, warn=None):
+    """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
+
+    ``with_meshes``: stop each ray at the first mesh surface.  ``warn``: called with a sentence for what is odd.
+    Raises RleSplatError for every mistake the user can mend.
+    """
+    scene = depsgraph.scene_eval
+    camera, width, height = read_camera(depsgraph)
+    volume = volumes.load_volume(volume_object, warn)
+    transfer_function = transfer.read_transfer(volume_object, depsgraph)
+    lighting = scene.rle_splat.lighting
+    lights = read_lights(depsgraph) if lighting == "SCENE" else ()
+    triangles = read_triangles(depsgraph) if with_meshes else None
+    plain = Scene(
+        volume=volume,
+        transfer_function=transfer_function,
+        camera=camera,
+        width=width,
+        height=height,
+        volume_matrix=np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64),
+        scene_scale=settings.scene_scale_of(scene, volume.unit),
+        lights=lights,
+        headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
+        triangles=triangles if triangles is not None and len(triangles) else None,
+    )
+    return plain, settings.quality_of(scene)
+
+
+def is_rendered(volume_object, depsgraph) -> bool:
+    """Whether a render of this depsgraph shows the object: it and its collections are not hidden from renders."""
+    for instance in depsgraph.object_instances:
+        if not instance.is_instance and instance.object.original == volume_object:
+            return not instance.object.hide_render
+    return False
+
+
+def steps(plain: Scene, quality, *, refuse_empty_view: bool = True):
+    """The work as a generator of Progress that returns a Rendering."""
+    return render_steps(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)
+
+
+def drain(generator):
+    """Run a generator of steps to its end; its return value."""
+    while True:
+        try:
+            next(generator)
+        except StopIteration as finished:
+            return finished.value
+
+
+def cropped(rendering: Rendering, render) -> tuple[np.ndarray, np.ndarray]:
+    """The picture and the depth of the part of the frame that a cropped render region keeps."""
+    crop = frame_crop(render)
+    if crop is None:
+        return rendering.rgba, rendering.depth
+    return rendering.rgba[crop], rendering.depth[crop]

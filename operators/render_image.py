@@ -1,0 +1,61 @@
+"""Render Image: the volume through the active camera, as a float image and a depth image."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from ..bridge import pictures, render_scene, volumes
+from ..bridge.jobs import StepwiseOperator
+from .refusal import has_volume
+
+
+class RLE_SPLAT_OT_render_image(StepwiseOperator, bpy.types.Operator):
+    bl_idname = "rle_splat.render_image"
+    bl_label = "Render Image"
+    bl_description = "Splat the volume through the active camera into a float image and a depth image"
+    bl_options = {"REGISTER", "UNDO"}
+
+    use_meshes: BoolProperty(
+        name="Meshes Occlude", default=False,
+        description="Stop each ray at the first mesh surface; otherwise the volume is shown alone")
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume_and_camera(cls, context)
+
+    def prepare(self, context):
+        volume_object = volumes.volume_object(context)
+        self._name = volume_object.name
+        plain, quality = render_scene.read_scene(
+            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes,
+            warn=lambda sentence: self.report({"WARNING"}, sentence))
+        return render_scene.steps(plain, quality)
+
+    def commit(self, context, rendering):
+        volume_object = render_scene.still_there(self._name)
+        settings = context.scene.rle_splat
+        settings.image, settings.depth_image = pictures.keep(volume_object, rendering.rgba, rendering.depth)
+        pictures.note_report(settings, rendering.report)
+        report_picture(self, settings.image, rendering)
+
+
+def has_volume_and_camera(cls, context) -> bool:
+    """For ``poll``: whether there is a volume and a camera; the button's tooltip says what is missing."""
+    if not has_volume(cls, context):
+        return False
+    if context.scene.camera is None:
+        cls.poll_message_set("The scene has no active camera; add one and make it active with Ctrl+Numpad 0")
+        return False
+    return True
+
+
+def report_picture(operator, image, rendering) -> None:
+    """Say what was made and what is odd about it; a blank picture is a warning."""
+    sentences = " ".join(rendering.report["remarks"])
+    if rendering.rgba[..., 3].any():
+        height, width = rendering.depth.shape
+        operator.report({"INFO"}, f"{image.name}: {width} x {height} pixels. {sentences}".rstrip())
+    else:
+        operator.report({"WARNING"}, sentences or "The picture is blank: the volume is hidden or transparent here.")
+
+
+CLASSES = (RLE_SPLAT_OT_render_image,)

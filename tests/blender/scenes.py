@@ -1,0 +1,135 @@
+"""Small scenes for the tests: a volume of a few voxels, a camera, meshes, and what a render of them holds."""
+
+import bpy
+import numpy as np
+
+
+def import_raw(folder, voxels, spacing=(1.0, 1.0, 1.0), name="cube"):
+    """Import a (nz, ny, nx) array through a raw file and the import operator; returns the volume object.
+
+    The scene shows one voxel spacing unit as one world unit.
+    """
+    bpy.context.scene.rle_splat.scene_scale = 1.0
+    path = folder / f"{name}.raw"
+    path.write_bytes(np.ascontiguousarray(voxels).tobytes())
+    done = bpy.ops.rle_splat.import_volume(
+        filepath=str(path), shape=voxels.shape[::-1], dtype=voxels.dtype.name, spacing=spacing)
+    assert done == {"FINISHED"}
+    return bpy.context.view_layer.objects.active
+
+
+def give_transfer(write_transfer, transfer_function_class, volume_object, opacity, color):
+    """Unshaded constant-colour transfer function, opacities per world unit."""
+    function = transfer_function_class(
+        name="test", unit=None, opacity=tuple(opacity), color=((0.0, *color), (255.0, *color)),
+        opacity_unit_distance=1.0, shade=None)
+    write_transfer(volume_object, function)
+
+
+def add_camera(location=(0.0, 0.0, 10.0), rotation=(0.0, 0.0, 0.0), **settings):
+    """An active camera, looking down -Z unless rotated."""
+    data = bpy.data.cameras.new("Camera")
+    for name, value in settings.items():
+        setattr(data, name, value)
+    camera = bpy.data.objects.new("Camera", data)
+    camera.location, camera.rotation_euler = location, rotation
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+    return camera
+
+
+def add_mesh(vertices, faces, color=None, name="mesh"):
+    """A mesh object; with a colour it emits that radiance."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([tuple(v) for v in vertices], [], faces)
+    mesh_object = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(mesh_object)
+    if color is not None:
+        mesh.materials.append(emission(color))
+    return mesh_object
+
+
+def emission(color):
+    """A material that emits ``color`` (linear RGB) and reflects nothing."""
+    material = bpy.data.materials.new("emission")
+    if material.node_tree is None:  # always there from 5.0 on
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader = tree.nodes.new("ShaderNodeEmission")
+    shader.inputs["Color"].default_value = (*color, 1.0)
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def use_cycles(size=(64, 64), samples=1, transparent=True):
+    """Cycles on the CPU, box-filtered over one pixel, without noise of its own: emission only."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = samples
+    scene.cycles.use_denoising = False
+    scene.cycles.pixel_filter_type = "BOX"
+    scene.cycles.filter_width = 1.0
+    scene.render.film_transparent = transparent
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    scene.render.compositor_device = "CPU"
+    return scene
+
+
+def grey_world(value):
+    """A world of even radiance (``film_transparent`` off shows it)."""
+    world = bpy.data.worlds.new("world")
+    if world.node_tree is None:
+        world.use_nodes = True
+    bpy.context.scene.world = world
+    tree = world.node_tree
+    tree.nodes.clear()
+    shader = tree.nodes.new("ShaderNodeBackground")
+    shader.inputs["Color"].default_value = (value, value, value, 1.0)
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+
+
+def write_exr(path):
+    """Have renders written to ``path`` as 32-bit EXR."""
+    render = bpy.context.scene.render
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_mode = "RGBA"
+    render.image_settings.color_depth = "32"
+    render.filepath = str(path)
+    return render
+
+
+def rendered(path, **options):
+    """Render and return the composited picture, (H, W, 4) float32 premultiplied, row 0 on top."""
+    write_exr(path)
+    bpy.ops.render.render(write_still=True, **options)
+    return load_pixels(path)
+
+
+def load_pixels(path):
+    """(H, W, 4) float32, row 0 on top, of an image file."""
+    image = bpy.data.images.load(str(path))
+    pixels = image_pixels(image)
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def image_pixels(image):
+    """(H, W, 4) float32, row 0 on top."""
+    width, height = image.size
+    flat = np.empty(width * height * 4, dtype=np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(height, width, 4)[::-1].copy()
+
+
+def centroid(weights):
+    """(column, row) of the middle of mass, pixel (c, r) covering [c, c+1)."""
+    rows, columns = np.indices(weights.shape) + 0.5
+    total = weights.sum()
+    return np.array(((columns * weights).sum() / total, (rows * weights).sum() / total))

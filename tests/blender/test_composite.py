@@ -1,0 +1,264 @@
+"""Composite into Render, through Cycles: predicted pixels with meshes before, inside and behind a volume whose
+light is known in closed form, and a compositor that keeps what its owner put there.
+
+The volume is a uniform cube of N voxels at unit spacing.  Zero-padded, as its truth says, each voxel's tent adds
+one unit of length, so a ray along an axis meets N units in all, and from the top face down to height z in the
+medium (0 <= z <= N - 1) it meets N - 1/2 - z: half a unit in the ramp above the face, the rest below it.
+"""
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+N = 9
+ALPHA = 0.08  # per world unit
+COLOR = (0.9, 0.5, 0.2)
+VIEW = 12.0  # world units across the picture
+TOLERANCE = 1.0 / 255.0
+
+
+@pytest.fixture
+def volume(bridge, core, tmp_path):
+    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+    scenes.use_cycles()
+    middle = (N - 1) / 2
+    scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=VIEW)
+    bpy.context.scene.rle_splat.quality = "fine"
+    return owner
+
+
+def column_of(x):
+    """The column that holds world x: 64 pixels over VIEW units about the middle of the volume."""
+    return int((x - (N - 1) / 2) / VIEW * 64 + 32)
+
+
+def over(length, below=(0.0, 0.0, 0.0), below_alpha=0.0):
+    """RGBA of ``length`` units of the medium over what is below."""
+    alpha = 1.0 - (1.0 - ALPHA) ** length
+    rgb = alpha * np.array(COLOR) + (1.0 - alpha) * np.array(below)
+    return np.array((*rgb, alpha + (1.0 - alpha) * below_alpha))
+
+
+def strip(x0, x1, z, color, y0=-2.0, y1=10.0):
+    """A rectangle at height z that emits ``color``."""
+    return scenes.add_mesh(
+        [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], [(0, 1, 2, 3)], color, name=f"strip at {z}")
+
+
+def color_inputs(node):
+    return [socket for socket in node.inputs if socket.type == "RGBA"]
+
+
+def links_of(tree):
+    return sorted((link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier)
+                  for link in tree.links)
+
+
+def make_user_tree(versions):
+    """A compositor that multiplies the render by two; returns the tree and its links."""
+    scene = bpy.context.scene
+    tree = versions.switch_on_compositor(scene)
+    versions.add_output_socket(tree)
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    layers.scene = scene
+    exposure = tree.nodes.new("CompositorNodeExposure")
+    exposure.inputs["Exposure"].default_value = 1.0
+    output = tree.nodes.new(versions.OUTPUT_NODE)
+    tree.links.new(layers.outputs["Image"], exposure.inputs[0])
+    tree.links.new(exposure.outputs[0], color_inputs(output)[0])
+    return tree, links_of(tree)
+
+
+def test_meshes_in_front_inside_and_behind(volume, tmp_path):
+    front, inside, cut, behind = (1.0, 0.1, 0.1), (0.1, 1.0, 0.1), (0.6, 0.6, 0.1), (0.1, 0.1, 1.0)
+    strip(0.0, 1.5, 15.0, front)
+    strip(2.0, 3.5, 4.0, inside)
+    strip(4.0, 5.5, 2.3, cut)  # between two slices: a fractional last slab
+    strip(6.0, 7.0, -5.0, behind)
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    picture = scenes.rendered(tmp_path / "out.exr")
+
+    expected = {0.8: over(0.0, front, 1.0), 2.8: over(N - 0.5 - 4.0, inside, 1.0),
+                4.8: over(N - 0.5 - 2.3, cut, 1.0), 6.5: over(N, behind, 1.0), 7.5: over(N)}
+    for x, rgba in expected.items():
+        np.testing.assert_allclose(picture[32, column_of(x)], rgba, atol=TOLERANCE, err_msg=f"at x = {x}")
+    assert np.abs(picture[2, 2]).max() == 0.0  # beside the volume
+
+
+def test_a_silhouette_inside_the_volume_is_antialiased(volume, tmp_path):
+    pixel = VIEW / 64
+    covered = 6 / 16  # of column 40
+    strip(0.0, 4.0 + (40 + covered - 32) * pixel, 4.0, (0.0, 0.0, 0.0))
+    bpy.ops.rle_splat.composite()
+    scenes.rendered(tmp_path / "out.exr")
+    alpha = scenes.image_pixels(bpy.context.scene.rle_splat.composite_image)[32, :, 3]
+    near, far = over(N - 0.5 - 4.0)[3], over(N)[3]
+    np.testing.assert_allclose(alpha[39], near, atol=TOLERANCE)
+    np.testing.assert_allclose(alpha[41], far, atol=TOLERANCE)
+    np.testing.assert_allclose(alpha[40], covered * near + (1 - covered) * far, atol=TOLERANCE)
+
+
+def test_hidden_and_instanced_meshes(volume, tmp_path):
+    """Only what the render shows cuts the volume: instances do, objects hidden from renders or the camera do not."""
+    hidden = strip(0.0, 2.0, 4.0, (1.0, 1.0, 1.0))
+    hidden.hide_render = True
+    unseen = strip(2.0, 4.0, 4.0, (1.0, 1.0, 1.0))
+    unseen.visible_camera = False
+    source = strip(-1.5, 0.5, 0.0, (0.0, 0.0, 1.0))
+    collection = bpy.data.collections.new("instanced")
+    collection.objects.link(source)
+    bpy.context.scene.collection.objects.unlink(source)
+    instancer = bpy.data.objects.new("instancer", None)
+    instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
+    instancer.location = (6.0, 0.0, 3.0)
+    bpy.context.scene.collection.objects.link(instancer)
+    bpy.ops.rle_splat.composite()
+    picture = scenes.rendered(tmp_path / "out.exr")
+    np.testing.assert_allclose(picture[32, column_of(1.0)], over(N), atol=TOLERANCE)
+    np.testing.assert_allclose(picture[32, column_of(3.0)], over(N), atol=TOLERANCE)
+    np.testing.assert_allclose(
+        picture[32, column_of(5.5)], over(N - 0.5 - 3.0, (0.0, 0.0, 1.0), 1.0), atol=TOLERANCE)
+
+
+def test_render_settings_of_modifiers_count(volume, tmp_path):
+    """The mesh that is met is the render's own: here a modifier that only renders moves it."""
+    mesh_object = strip(0.0, 8.0, 20.0, (0.0, 1.0, 0.0))
+    modifier = mesh_object.modifiers.new("down", "DISPLACE")
+    modifier.direction, modifier.mid_level, modifier.strength = "Z", 0.0, -16.0
+    modifier.show_viewport, modifier.show_render = False, True
+    bpy.ops.rle_splat.composite()
+    picture = scenes.rendered(tmp_path / "out.exr")
+    np.testing.assert_allclose(picture[32, 32], over(N - 0.5 - 4.0, (0.0, 1.0, 0.0), 1.0), atol=TOLERANCE)
+
+
+def test_the_users_nodes_stay(volume, bridge, tmp_path):
+    tree, before = make_user_tree(bridge("versions"))
+    names = sorted(node.name for node in tree.nodes)
+    strip(-2.0, 10.0, -5.0, (0.2, 0.2, 0.2), -4.0, 12.0)
+
+    bpy.ops.rle_splat.composite()
+    once = links_of(tree)
+    bpy.ops.rle_splat.composite()
+    assert links_of(tree) == once and len(tree.nodes) == len(names) + 2
+    picture = scenes.rendered(tmp_path / "out.exr")
+    np.testing.assert_allclose(picture[32, 32], over(N, (0.4, 0.4, 0.4), 1.0), atol=TOLERANCE)
+
+    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert links_of(tree) == before and sorted(node.name for node in tree.nodes) == names
+    assert bridge("versions").compositor_tree(bpy.context.scene) == tree
+    np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], (0.4, 0.4, 0.4, 1.0), atol=1e-5)
+
+
+def test_torn_nodes_are_mended(volume, bridge, tmp_path):
+    tree, before = make_user_tree(bridge("versions"))
+    bpy.ops.rle_splat.composite()
+    whole = links_of(tree)
+    picture_node = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeImage")
+    tree.nodes.remove(picture_node)
+    bpy.ops.rle_splat.composite()
+    assert len(links_of(tree)) == len(whole)
+    np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], over(N), atol=TOLERANCE)
+    bpy.ops.rle_splat.remove_composite()
+    assert links_of(tree) == before
+
+
+def test_without_a_compositor_one_is_made_and_taken_away(volume, bridge):
+    versions, scene = bridge("versions"), bpy.context.scene
+    scene.render.use_lock_interface = False
+    assert versions.compositor_tree(scene) is None
+    bpy.ops.rle_splat.composite()
+    assert versions.compositor_tree(scene) is not None
+    assert scene.render.use_lock_interface
+    bpy.ops.rle_splat.remove_composite()
+    assert versions.compositor_tree(scene) is None
+    assert not scene.render.use_lock_interface
+    assert not bpy.ops.rle_splat.remove_composite.poll()
+
+
+def test_an_unlinked_output_keeps_its_colour(volume, bridge, tmp_path):
+    versions, scene = bridge("versions"), bpy.context.scene
+    tree = versions.switch_on_compositor(scene)
+    versions.add_output_socket(tree)
+    output = tree.nodes.new(versions.OUTPUT_NODE)
+    color_inputs(output)[0].default_value = (0.0, 0.3, 0.0, 1.0)
+    bpy.ops.rle_splat.composite()
+    over_node = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeAlphaOver")
+    assert tuple(color_inputs(over_node)[0].default_value) == pytest.approx((0.0, 0.3, 0.0, 1.0))
+    bpy.ops.rle_splat.remove_composite()
+    assert tuple(color_inputs(output)[0].default_value) == pytest.approx((0.0, 0.3, 0.0, 1.0))
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="compositors can be shared from 5.0 on")
+def test_a_compositor_shared_with_another_scene_is_copied(volume, bridge):
+    tree, before = make_user_tree(bridge("versions"))
+    other = bpy.data.scenes.new("other")
+    other.compositing_node_group = tree
+    bpy.ops.rle_splat.composite()
+    assert other.compositing_node_group == tree and links_of(tree) == before
+    assert bpy.context.scene.compositing_node_group != tree
+
+
+def test_the_picture_follows_the_render_size_and_region(volume, tmp_path):
+    strip(2.0, 3.5, 4.0, (0.1, 1.0, 0.1))
+    bpy.ops.rle_splat.composite()
+    render = bpy.context.scene.render
+    whole = scenes.rendered(tmp_path / "whole.exr")
+    render.use_border = render.use_crop_to_border = True
+    render.border_min_x, render.border_max_x = 16 / 64, 56 / 64
+    render.border_min_y, render.border_max_y = 8 / 64, 40 / 64
+    part = scenes.rendered(tmp_path / "part.exr")
+    assert part.shape == (32, 40, 4)
+    np.testing.assert_allclose(part, whole[24:56, 16:56], atol=1e-5)
+    render.use_border = False
+    render.resolution_percentage = 50
+    half = scenes.rendered(tmp_path / "half.exr")
+    assert half.shape == (32, 32, 4)
+    np.testing.assert_allclose(half[16, column_of(7.5) // 2], over(N), atol=TOLERANCE)
+
+
+def test_a_render_region_that_is_not_cropped(volume, tmp_path):
+    bpy.ops.rle_splat.composite()
+    render = bpy.context.scene.render
+    render.use_border, render.use_crop_to_border = True, False
+    render.border_min_x, render.border_max_x = 16 / 64, 56 / 64
+    render.border_min_y, render.border_max_y = 8 / 64, 40 / 64
+    picture = scenes.rendered(tmp_path / "part.exr")
+    assert picture.shape == (64, 64, 4)
+    np.testing.assert_allclose(picture[32, 40], over(N), atol=TOLERANCE)
+
+
+def test_a_hidden_volume_is_not_composited(volume, tmp_path):
+    bpy.ops.rle_splat.composite()
+    assert scenes.rendered(tmp_path / "seen.exr")[32, 32, 3] > 0.3
+    volume.hide_render = True
+    assert np.abs(scenes.rendered(tmp_path / "hidden.exr")).max() == 0.0
+
+
+def test_a_failure_in_a_render_blanks_the_picture_and_is_told(volume, tmp_path, capfd):
+    bpy.ops.rle_splat.composite()
+    assert scenes.rendered(tmp_path / "seen.exr")[32, 32, 3] > 0.3
+    (tmp_path / "cube.raw").unlink()
+    assert np.abs(scenes.rendered(tmp_path / "blank.exr")).max() == 0.0
+    message = bpy.context.scene.rle_splat.message
+    assert "cube.raw" in message and message.count(".") >= 1 and "Traceback" not in message
+    printed = capfd.readouterr()
+    assert message in printed.out and "Traceback" not in printed.out + printed.err
+
+
+def test_without_a_composite_renders_are_left_alone(volume, tmp_path):
+    strip(-2.0, 10.0, -5.0, (0.2, 0.3, 0.4), -4.0, 12.0)
+    np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], (0.2, 0.3, 0.4, 1.0), atol=1e-5)
+    assert bpy.context.scene.rle_splat.last_report_json == ""
+
+
+def test_over_a_world(volume, tmp_path):
+    scenes.use_cycles(transparent=False)
+    scenes.grey_world(0.5)
+    bpy.ops.rle_splat.composite()
+    picture = scenes.rendered(tmp_path / "out.exr")
+    np.testing.assert_allclose(picture[32, 32], over(N, (0.5, 0.5, 0.5), 1.0), atol=TOLERANCE)
