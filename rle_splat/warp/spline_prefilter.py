@@ -20,12 +20,14 @@ def _filter_line(data, start, stride, count):
     """In-place prefilter of ``count`` elements, four channels each, ``stride`` floats apart."""
     if count < 2:
         return
-    reach = min(HORIZON, count - 1)
+    period = 2 * count - 2
     for c in range(4):
         first = data[start + c]
         power = POLE
-        for n in range(1, reach + 1):
-            first += power * data[start + n * stride + c]
+        for n in range(1, HORIZON + 1):
+            mirrored = n % period
+            mirrored = min(mirrored, period - mirrored)
+            first += power * data[start + mirrored * stride + c]
             power *= POLE
         data[start + c] = GAIN * first
     for n in range(1, count):
@@ -58,9 +60,9 @@ def spline_coefficients_numpy(image):
         count = len(lines)
         if count < 2:
             continue
-        reach = min(HORIZON, count - 1)
-        powers = POLE ** np.arange(reach + 1, dtype=np.float32)
-        lines[0] = np.tensordot(powers, lines[: reach + 1], axes=1)
+        powers = POLE ** np.arange(HORIZON + 1, dtype=np.float32)
+        ahead = np.arange(HORIZON + 1) % (2 * count - 2)
+        lines[0] = np.tensordot(powers, lines[np.minimum(ahead, 2 * count - 2 - ahead)], axes=1)
         lines *= GAIN
         for n in range(1, count):
             lines[n] += POLE * lines[n - 1]

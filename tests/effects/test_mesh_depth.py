@@ -1,0 +1,104 @@
+"""Mesh depth per ray, against plain ray-triangle intersection (Moeller and Trumbore)."""
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.rays import camera_rays
+from rle_splat.effects.depth_layers import REACH, depth_layers
+from rle_splat.effects.mesh_depth import SAMPLE_COLUMNS, SAMPLE_ROWS, mesh_depth
+from rle_splat.scene import Camera
+
+
+def intersect(origins, directions, triangles, ahead):
+    """Planar depth along ``ahead`` of the first triangle on each ray; inf for none."""
+    best = np.full(len(origins), np.inf)
+    for a, b, c in triangles:
+        p = np.cross(directions, c - a)
+        determinant = p @ (b - a)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = origins - a
+            u = (s * p).sum(axis=1) / determinant
+            q = np.cross(s, b - a)
+            v = (directions * q).sum(axis=1) / determinant
+            t = q @ (c - a) / determinant
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+        best = np.where(hit, np.minimum(best, t * (directions @ ahead)), best)
+    return best
+
+
+def camera(kind):
+    placed = np.eye(4)
+    placed[:3, 3] = (0.3, -0.2, 5.0)
+    return Camera(matrix_world=placed, type=kind, ortho_scale=4.0, lens=30.0, shift_x=0.1, clip_start=0.1, clip_end=50.0)
+
+
+TRIANGLES = np.array([
+    [(-1.5, -1, 0), (1.5, -1, 0.5), (0, 1.4, -1)],
+    [(-1, -1, 1.0), (0.2, 0.1, 2.0), (-0.5, 1.0, 1.5)],
+    [(-2, 0, 8.0), (2, 0.3, 8.0), (0, -0.4, 1.0)],  # reaches behind the perspective camera
+])
+
+
+@pytest.mark.parametrize("kind", ["ORTHO", "PERSP"])
+@pytest.mark.parametrize("backend", ["numba", "numpy"])
+def test_depth_is_the_ray_intersection(kind, backend):
+    width, height = 24, 18
+    eye = camera(kind)
+    depth = mesh_depth(TRIANGLES, eye, width, height, backend=backend)
+    s = 6
+    column, row = np.meshgrid(np.arange(width) + SAMPLE_COLUMNS[s], np.arange(height) + SAMPLE_ROWS[s])
+    rays = camera_rays(eye, width, height, column, row)
+    expected = intersect(rays.origin, rays.direction, TRIANGLES, np.array((0, 0, -1.0)))
+    expected = np.where(expected < eye.clip_start, np.inf, expected).reshape(height, width)
+    if kind == "ORTHO":  # the triangle behind the camera plane is clipped
+        expected = np.where(expected <= 0, np.inf, expected)
+    both = np.isfinite(expected) & np.isfinite(depth[..., s])
+    assert (np.isfinite(expected) == np.isfinite(depth[..., s])).mean() > 0.995, "samples on an edge may differ"
+    assert both.sum() > 30
+    np.testing.assert_allclose(depth[..., s][both], expected[both], rtol=2e-6)
+
+
+def test_twins_agree():
+    for kind in ("ORTHO", "PERSP"):
+        one, two = (mesh_depth(TRIANGLES, camera(kind), 20, 31, backend=b) for b in ("numba", "numpy"))
+        np.testing.assert_array_equal(np.isfinite(one), np.isfinite(two))
+        np.testing.assert_allclose(one[np.isfinite(one)], two[np.isfinite(two)], rtol=1e-6)
+
+
+def test_neighbouring_triangles_leave_no_crack():
+    rng = np.random.default_rng(4)
+    corners = np.array([(-2, -2, 0), (2, -2, 0.1), (2, 2, 0), (-2, 2, -0.1)], float)
+    middle = np.array((*rng.uniform(-0.5, 0.5, 2), 0.05))
+    fan = np.array([[corners[i], corners[(i + 1) % 4], middle] for i in range(4)])
+    placed = np.eye(4)
+    placed[:3, 3] = (0, 0, 5)
+    eye = Camera(matrix_world=placed, type="ORTHO", ortho_scale=2.0)
+    assert np.isfinite(mesh_depth(fan, eye, 64, 64)).all()
+
+
+def test_silhouette_pixels_hold_both_depths_and_the_covered_part():
+    samples = np.full((9, 9, 16), 7.0)
+    samples[:, :4] = 3.0
+    samples[:, 4, :5] = 3.0  # the silhouette: 5 of 16 samples on the near surface
+    layers = depth_layers(samples, 0.5)
+    assert layers.has_silhouettes
+    np.testing.assert_allclose(layers.near[:, 4], 3.0)
+    np.testing.assert_allclose(layers.far[:, 4], 7.0)
+    np.testing.assert_allclose(layers.coverage[:, 4], 5 / 16)
+    # Carried past the silhouette, without weight there.
+    np.testing.assert_allclose(layers.near[:, 4 : 4 + REACH + 1], 3.0)
+    np.testing.assert_allclose(layers.coverage[:, 5:9], 0.0)
+    np.testing.assert_allclose(layers.far[:, :4], 7.0)
+    np.testing.assert_allclose(layers.coverage[:, :4], 1.0)
+
+
+def test_a_slanted_surface_is_one_surface():
+    slope = np.linspace(2.0, 2.3, 16)
+    layers = depth_layers(np.broadcast_to(slope, (5, 5, 16)), 0.5)
+    assert not layers.has_silhouettes
+    np.testing.assert_allclose(layers.near, slope.mean(), rtol=1e-6)
+
+
+def test_no_mesh_at_all():
+    layers = depth_layers(np.full((4, 4, 16), np.inf), 0.5)
+    assert not layers.has_silhouettes and np.isinf(layers.near).all() and (layers.coverage == 1).all()

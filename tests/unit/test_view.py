@@ -1,0 +1,148 @@
+"""View factorisation: slice map and homography together are the camera, for every camera and matrix."""
+
+import numpy as np
+import pytest
+
+from rle_splat.axes import AXES
+from rle_splat.scene import Camera, RleSplatError
+from rle_splat.view.base_plane import base_plane
+from rle_splat.view.depth_rules import CELL_NODES, place_sheets
+from rle_splat.view.eye import index_view
+from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
+from rle_splat.view.projection import world_to_pixel
+
+
+def random_rotation(rng):
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return q
+
+
+def random_scene(rng, kind):
+    """A camera that looks roughly at a sheared, scaled, perhaps mirrored volume, and the volume's matrix."""
+    shape = tuple(int(n) for n in rng.integers(3, 40, 3))
+    size = 10.0 ** rng.uniform(-3, 3)
+    matrix = np.eye(4)
+    matrix[:3, :3] = random_rotation(rng) @ np.diag(rng.uniform(0.3, 3.0, 3) * rng.choice((-1, 1), 3)) * size
+    matrix[:3, :3] @= np.eye(3) + 0.3 * rng.uniform(-1, 1, (3, 3))
+    matrix[:3, 3] = rng.normal(size=3) * size
+    centre = matrix[:3, :3] @ (0.5 * np.array(shape)) + matrix[:3, 3]
+    reach = np.abs(matrix[:3, :3]).sum() * max(shape)
+    placed = np.eye(4)
+    placed[:3, :3] = random_rotation(rng)
+    if np.linalg.det(placed[:3, :3]) < 0:
+        placed[:3, 0] *= -1
+    placed[:3, 3] = centre + placed[:3, 2] * reach * rng.uniform(1.0, 4.0)
+    camera = Camera(
+        matrix_world=placed, type=kind, lens=rng.uniform(15, 90), ortho_scale=reach * rng.uniform(0.5, 2),
+        shift_x=rng.uniform(-0.3, 0.3), shift_y=rng.uniform(-0.3, 0.3), clip_start=1e-3 * reach, clip_end=1e3 * reach,
+        pixel_aspect=(1.0, rng.uniform(0.5, 2)), sensor_fit=str(rng.choice(("AUTO", "HORIZONTAL", "VERTICAL"))),
+    )
+    return camera, matrix, shape
+
+
+@pytest.mark.parametrize("kind", ["ORTHO", "PERSP"])
+def test_slice_map_then_homography_is_the_projection(kind):
+    rng = np.random.default_rng(1 if kind == "ORTHO" else 2)
+    planes_seen = 0
+    for _ in range(200):
+        camera, matrix, shape = random_scene(rng, kind)
+        width, height = (int(n) for n in rng.integers(20, 90, 2))
+        view = index_view(camera, matrix, width, height)
+        to_pixel = world_to_pixel(camera, width, height) @ matrix
+        for axis, sign in candidate_pyramids(view):
+            plane = base_plane(view, shape, axis, sign, "simpson", 1.3)
+            if plane is None:
+                continue
+            planes_seen += 1
+            i, j, k = AXES[axis]
+            for sheet in (0, len(plane.sheets) // 2, -1):
+                point = np.ones(4)
+                point[[i, j]] = rng.uniform(0, 1, 2) * (shape[i], shape[j])
+                point[k] = plane.sheets.position[sheet]
+                u = plane.scale[sheet] * point[[i, j]] + plane.offset[sheet]
+                on_plane = (u + plane.origin) / plane.density
+                there = plane.homography @ (*on_plane, 1.0)
+                direct = to_pixel @ point
+                if direct[2] <= 0.0:
+                    continue
+                np.testing.assert_allclose(there[:2] / there[2], direct[:2] / direct[2], atol=1e-6, rtol=1e-7)
+    assert planes_seen > 150
+
+
+def test_every_visible_ray_finds_its_base_plane_inside_the_window():
+    """The ray of any pixel that hits the volume's box lands in the window of its own pyramid's base plane."""
+    rng = np.random.default_rng(5)
+    rays = 0
+    for _ in range(60):
+        camera, matrix, shape = random_scene(rng, str(rng.choice(("ORTHO", "PERSP"))))
+        view = index_view(camera, matrix, 40, 30)
+        planes = {
+            (a, s): base_plane(view, shape, a, s, "slice", 1.0) for a, s in candidate_pyramids(view)
+        }
+        point = rng.uniform(0, 1, 3) * (np.array(shape) - 1)
+        pixel = view.projection @ np.append(point, 1.0)
+        column, row = pixel[:2] / pixel[2]
+        if pixel[2] <= 0 or not (0 <= column <= 40 and 0 <= row <= 30):
+            continue
+        axis, sign = dominant_axis(view.ray_directions(column, row))
+        plane = planes[int(axis), int(sign)]
+        assert plane is not None
+        x, y, w = np.linalg.inv(plane.homography) @ (column, row, 1.0)
+        u = np.array((x, y)) / w * plane.density - plane.origin
+        assert (u >= 1).all() and u[0] < plane.width - 2 and u[1] < plane.height - 2
+        rays += 1
+    assert rays > 20
+
+
+def test_path_length_is_the_world_length_between_slices():
+    rng = np.random.default_rng(7)
+    for kind in ("ORTHO", "PERSP"):
+        camera, matrix, shape = random_scene(rng, kind)
+        view = index_view(camera, matrix, 30, 30)
+        for axis, sign in candidate_pyramids(view):
+            plane = base_plane(view, shape, axis, sign, "slice", 1.0)
+            if plane is None:
+                continue
+            i, j, k = AXES[axis]
+            u, v = plane.width // 2, plane.height // 3
+            ends = []
+            for sheet in (0, -1):
+                point = np.ones(4)
+                point[[i, j]] = ((u, v) - plane.offset[sheet]) / plane.scale[sheet]
+                point[k] = plane.sheets.position[sheet]
+                ends.append((matrix @ point)[:3])
+            depth = abs(plane.sheets.position[-1] - plane.sheets.position[0])
+            length = np.linalg.norm(ends[1] - ends[0])
+            np.testing.assert_allclose(plane.path_length()[v, u], length / depth, rtol=1e-5)
+
+
+@pytest.mark.parametrize("rule", sorted(CELL_NODES))
+@pytest.mark.parametrize("sign", [1, -1])
+def test_sheets_fill_the_depth_without_gaps(rule, sign):
+    sheets = place_sheets(7, sign, rule, None)
+    assert (np.diff(sign * sheets.position) > 0).all(), "front to back"
+    np.testing.assert_allclose(sheets.end[:-1], sheets.begin[1:], atol=1e-12)
+    np.testing.assert_allclose(sheets.end - sheets.begin, sheets.thickness, atol=1e-12)
+    # The tent medium of a constant grid holds exactly n voxels of it, ramps included.
+    tent = np.clip(np.minimum(sheets.position + 1, 7 - sheets.position), 0, 1)
+    np.testing.assert_allclose((sheets.thickness * tent).sum(), 7.0, rtol=1e-12)
+
+
+def test_the_cell_around_the_eye_is_integrated_from_the_eye_on():
+    sheets = place_sheets(10, 1, "simpson", 3.3)
+    assert sheets.position.min() > 3.3
+    np.testing.assert_allclose(sheets.begin[0], 3.3)
+    np.testing.assert_allclose(sheets.thickness.sum(), 10 - 3.3 - 1 / 6)  # the node at slice 10 holds nothing
+    assert len(place_sheets(10, -1, "simpson", -1.5)) == 0, "nothing lies ahead"
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 0), (0, 0, 0), (1, 1e-14, 1)])
+def test_a_flat_matrix_is_refused_in_a_sentence(scale):
+    matrix = np.diag((*scale, 1.0))
+    with pytest.raises(RleSplatError, match="squeezes the volume flat"):
+        index_view(Camera(), matrix, 8, 8)
+
+
+def test_ties_go_to_the_earlier_axis():
+    axis, sign = dominant_axis(np.array([[1.0, 1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, -2.0]]))
+    assert axis.tolist() == [0, 1, 2] and sign.tolist() == [1, -1, -1]
