@@ -1,0 +1,15 @@
+"""RLE Splat: volumes splatted on the CPU, among the meshes of a Blender scene."""
+
+from . import bridge, operators, panels
+
+FLOORS = (bridge, operators, panels)
+
+
+def register():
+    for floor in FLOORS:
+        floor.register()
+
+
+def unregister():
+    for floor in reversed(FLOORS):
+        floor.unregister()

@@ -1,0 +1,63 @@
+"""The wire box that shows where a volume lies.
+
+An Empty's own cube is centred on the object with equal sides, while a volume's box starts at its first voxel's
+centre and may be long, turned or sheared by the volume's affine.  So the Empty instances a collection of
+one mesh of twelve edges: it shows the exact box, a click on it selects the Empty, framing the Empty frames the
+box, copies and appends bring it along, and having no faces it never shows in a render.  The object's matrix stays
+what it is: the volume's placement.
+"""
+
+import bpy
+import numpy as np
+
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
+EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1]
+HANDLE_FRACTION = 0.02  # half side of the Empty's own cube, as a part of the box's diagonal
+
+
+def corners_of(shape_xyz, affine) -> np.ndarray:
+    """(8, 3) float64: the corners of the box of voxel centres in the volume's own space."""
+    indices = CORNERS * (np.asarray(shape_xyz, dtype=np.float64) - 1.0)
+    return indices @ affine[:3, :3].T + affine[:3, 3]
+
+
+def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
+    """Show the box of a volume of that shape and affine on the Empty, in place of an earlier one."""
+    old = volume_object.instance_collection
+    name = f"{volume_object.name} Box"
+    mesh = bpy.data.meshes.new(name)
+    corners = corners_of(shape_xyz, affine)
+    mesh.from_pydata(corners.tolist(), EDGES, [])
+    holder = bpy.data.objects.new(name, mesh)
+    holder.scale = (scene_scale,) * 3
+    holder.display_type = "WIRE"
+    holder.hide_render = True
+    collection = bpy.data.collections.new(name)
+    collection.objects.link(holder)
+    volume_object.empty_display_type = "CUBE"
+    diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
+    volume_object.empty_display_size = max(diagonal * scene_scale * HANDLE_FRACTION, 1e-6)
+    volume_object.instance_type = "COLLECTION"
+    volume_object.instance_collection = collection
+    if old is not None and old.users == 0:
+        remove_box(old)
+
+
+def rescale_box(volume_object, scene_scale: float) -> None:
+    """Follow a change of the scene scale."""
+    if volume_object.instance_collection is None:
+        return
+    for holder in volume_object.instance_collection.objects:
+        if holder.scale[0] > 0.0:
+            volume_object.empty_display_size *= scene_scale / holder.scale[0]
+        holder.scale = (scene_scale,) * 3
+
+
+def remove_box(collection) -> None:
+    """Remove a box's collection with its object and mesh."""
+    for holder in tuple(collection.objects):
+        mesh = holder.data
+        bpy.data.objects.remove(holder)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    bpy.data.collections.remove(collection)

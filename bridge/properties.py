@@ -1,0 +1,170 @@
+"""What is kept in the .blend: a property group on each object, and one on the scene.
+
+Voxels are not kept: ``VolumeProperties`` says how to read them again.  The curve and the colours of the transfer
+function are in the node group ``transfer`` points at (see ``transfer.py``); its window is here, so that it
+can be keyframed on the object.
+"""
+
+from functools import partial
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from ..rle_splat import scene as tables
+from . import box
+from .settings import scene_scale_of
+from .source_options import SourceOptions
+from .transfer_nodes import is_transfer_tree
+
+QUALITY_TEXTS = {
+    "draft": ("Draft", "Slice planes and a coarser sheet: for moving about"),
+    "standard": ("Standard", "Simpson's rule in depth, one sheet pixel per image pixel"),
+    "fine": ("Fine", "Denser sheet: for final pictures"),
+    "strict": ("Strict", "The densest sheet: where errors must be as small as they get"),
+}
+QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name in tables.QUALITY_PRESETS] + [
+    ("paper", "Paper", "The paper's literal pipeline: opacities added in slice planes, one sheet pixel per voxel"),
+    ("custom", "Custom", "Every knob by hand"),
+]
+LIGHTING_ITEMS = [
+    ("SCENE", "Scene Lights", "The lights of the scene; a headlight when there are none"),
+    ("HEADLIGHT", "Headlight", "One white parallel light along the camera's axis"),
+    ("NONE", "Unlit", "The colours of the transfer function, unshaded"),
+]
+
+
+def _evaluate_anew(group, _context):
+    """Pictures are made from evaluated copies; Blender refreshes them by itself when a user edits a property of an
+    extension, but not when a script does."""
+    group.id_data.update_tag()
+
+
+# Properties that decide a picture.
+LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, LiveString = (
+    partial(kind, update=_evaluate_anew)
+    for kind in (BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
+)
+
+
+def _items(names):
+    return [(name, name.replace("_", " ").title(), "") for name in names]
+
+
+class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
+    """The source, the facts and the window of one volume object."""
+
+    is_volume: BoolProperty(name="Is a Volume", default=False, options={"HIDDEN"})
+    filepath: StringProperty(
+        name="File", description="The volume's file, relative to the .blend where it can be", subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"})
+    data_key: StringProperty(name="Data Hash", description="Hash of the voxels when they were imported")
+    facts: StringProperty(name="Facts", description="What the volume is, one fact a line")
+    remarks: StringProperty(name="Remarks", description="What is odd about the data, one sentence a line")
+    histogram: StringProperty(name="Histogram", description="Counts of the voxels' values, JSON")
+    length_unit: StringProperty(name="Length Unit", description="Unit of the volume's own space", default="mm")
+    value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
+    value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
+
+    transfer: LivePointer(
+        name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
+        description="Node group that holds the colours and the opacity curve; shared by copies of the object")
+    transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
+    transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
+    window_center: LiveFloat(
+        name="Level", description="Value in the middle of the colours and the curve", default=0.5, precision=2)
+    window_width: LiveFloat(
+        name="Window", description="Span of values that the colours and the curve cover", default=1.0, min=1e-6,
+        precision=2)
+    opacity_scale: LiveFloat(
+        name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
+    opacity_unit_distance: LiveFloat(
+        name="Opacity Distance", description="Length, in the volume's unit, to which the curve's opacities "
+        "refer; zero for the smallest spacing of the voxels", default=0.0, min=0.0, precision=4)
+    use_shading: LiveBool(name="Shading", description="Light the volume by its gradients", default=True)
+    ambient: LiveFloat(name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Unlit share of the colour")
+    diffuse: LiveFloat(name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Share that faces the light")
+    specular: LiveFloat(name="Specular", default=0.2, min=0.0, soft_max=1.0, description="White highlight")
+    shininess: LiveFloat(
+        name="Shininess", default=20.0, min=1.0, soft_max=100.0, description="Exponent of the highlight")
+
+
+def _rescale_boxes(settings, context):
+    _evaluate_anew(settings, context)
+    for volume_object in settings.id_data.objects:
+        if volume_object.rle_splat.is_volume:
+            box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
+
+
+class SceneSettings(bpy.types.PropertyGroup):
+    """How the pictures of a scene are made, and what the last one reported."""
+
+    scene_scale: FloatProperty(
+        name="Scene Scale", description="World units for each millimetre: 0.001 shows millimetres in metres",
+        default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
+    quality: LiveEnum(
+        name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default="standard")
+    classification: LiveEnum(
+        name="Classification", description="When values become opacity and colour",
+        items=_items(tables.CLASSIFICATIONS), default=tables.Quality.classification)
+    depth_rule: LiveEnum(
+        name="Depth Rule", description="How sheets are integrated along the view", items=_items(tables.DEPTH_RULES),
+        default=tables.Quality.depth_rule)
+    kernel: LiveEnum(
+        name="Footprint", description="Reconstruction kernel of a voxel", items=_items(tables.FOOTPRINTS),
+        default=tables.Quality.kernel)
+    warp_filter: LiveEnum(
+        name="Warp Filter", description="Filter from the intermediate image to the picture",
+        items=_items(tables.WARP_FILTERS), default=tables.Quality.warp_filter)
+    model: LiveEnum(
+        name="Model", description="What overlapping footprints add up", items=_items(tables.MODELS),
+        default=tables.Quality.model)
+    sheet_density: LiveFloat(
+        name="Sheet Density", description="Sheet pixels per image pixel; zero for one per voxel",
+        default=tables.Quality.sheet_density, min=0.0, max=8.0)
+    termination: LiveFloat(
+        name="Termination", description="Transmittance below which a pixel counts as opaque",
+        default=tables.Quality.termination, min=0.0, max=0.499, precision=5)
+    threads: LiveInt(name="Threads", description="Zero for one per core", default=0, min=0, soft_max=64)
+    backend: LiveEnum(
+        name="Backend", description="What runs the loops", items=_items(tables.BACKENDS),
+        default=tables.Quality.backend)
+    lighting: LiveEnum(name="Lighting", description="What lights the volume", items=LIGHTING_ITEMS)
+    meshes_occlude: LiveBool(
+        name="Meshes Occlude", description="Stop each ray at the first mesh surface, also inside the volume",
+        default=True)
+    backdrop_depth: EnumProperty(
+        name="Place", description="Where the camera shows the backdrop",
+        items=[("BACK", "Behind", "Behind the scene's objects"), ("FRONT", "In Front", "In front of them")])
+    backdrop_object: PointerProperty(
+        name="Backdrop Volume", type=bpy.types.Object, description="The volume whose picture the camera shows")
+    backdrop_follows: BoolProperty(
+        name="Follow Camera", description="Splat the backdrop anew when the frame changes", default=False)
+    composite_object: PointerProperty(
+        name="Composite Volume", type=bpy.types.Object, description="The volume that is laid over renders")
+    composite_image: PointerProperty(
+        name="Composite Picture", type=bpy.types.Image, description="The picture that is laid over renders")
+    message: StringProperty(name="Message", description="What went wrong in the last render or frame change")
+    use_composite: BoolProperty(
+        name="Composite into Render", description="Splat anew for every rendered frame and lay it over the render",
+        default=False)
+    image: PointerProperty(name="Picture", type=bpy.types.Image, description="The last picture")
+    depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="The depth of the last picture")
+    last_report: StringProperty(name="Report", description="What the last picture took, one line each")
+    last_report_json: StringProperty(name="Report as JSON", description="The machine-readable report")
+
+
+CLASSES = (VolumeProperties, SceneSettings)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Object.rle_splat = PointerProperty(type=VolumeProperties)
+    bpy.types.Scene.rle_splat = PointerProperty(type=SceneSettings)
+
+
+def unregister():
+    del bpy.types.Scene.rle_splat
+    del bpy.types.Object.rle_splat
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,167 @@
+"""The transfer function of a volume object: plain data on one side, the .blend on the other.
+
+Positions 0 to 1 of the ramp and the curve stand for the values of the window on the object.  Moving the window
+moves all points, as window and level do on a scanner's console.  A copy of an object shares the node group,
+as copies share a material, and has a window of its own.
+"""
+
+from ..rle_splat.classify.transfer_function import Shade, TransferFunction
+from ..rle_splat.scene import RleSplatError
+from . import transfer_nodes as nodes
+from .decimals import rounded_to_span, typed
+
+
+def window_of(properties) -> tuple[float, float]:
+    """The values at positions 0 and 1 of the ramp and the curve, float64."""
+    center, width = typed(properties.window_center), typed(properties.window_width)
+    return center - 0.5 * width, center + 0.5 * width
+
+
+def write_transfer(volume_object, transfer_function: TransferFunction, window=None) -> str:
+    """Put a transfer function into the object's node group (made if there is none), window and shading.
+
+    ``window``: (low, high) values to spread the curves over; left out, the span of the function's points.
+    Returns a sentence on what could not be kept exactly, or "".
+    """
+    properties = volume_object.rle_splat
+    low, high = _usable_window(transfer_function, properties) if window is None else window
+    properties.window_center = 0.5 * (low + high)
+    properties.window_width = high - low
+    low, high = window_of(properties)  # as rounded by the properties, so that values come back as they were
+    if properties.transfer is None or not nodes.is_transfer_tree(properties.transfer):
+        properties.transfer = nodes.new_tree(volume_object.name)
+    opacity = _cropped(_without_inner_repeats(transfer_function.opacity), low, high, transfer_function.alpha_at)
+    color = _cropped(_without_inner_repeats(transfer_function.color), low, high, transfer_function.color_at)
+    kept = nodes.fewest_stops(color)
+    scale = 1.0 / (high - low)
+    nodes.write_curve(
+        nodes.opacity_mapping(properties.transfer), [(_unit((v - low) * scale), alpha) for v, alpha in opacity])
+    nodes.write_ramp(
+        nodes.color_ramp(properties.transfer), [(_unit((color[i][0] - low) * scale), *color[i][1:]) for i in kept])
+    properties.transfer_name = transfer_function.name
+    properties.transfer_unit = transfer_function.unit or ""
+    properties.opacity_unit_distance = transfer_function.opacity_unit_distance or 0.0
+    properties.opacity_scale = 1.0
+    properties.use_shading = transfer_function.shade is not None
+    if transfer_function.shade is not None:
+        for name in ("ambient", "diffuse", "specular", "shininess"):
+            setattr(properties, name, getattr(transfer_function.shade, name))
+    if len(kept) < len(color):
+        return (f"The transfer function has {len(color)} colours and a ramp in Blender holds {nodes.MOST_STOPS}; "
+                f"the {nodes.MOST_STOPS} that matter most were kept.")
+    return ""
+
+
+def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
+    """The object's transfer function; with a depsgraph, as animated at its frame.
+
+    Raises RleSplatError when the object has none.
+    """
+    source = volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)
+    properties = source.rle_splat
+    tree = properties.transfer
+    if tree is None or not nodes.is_transfer_tree(tree):
+        raise RleSplatError(
+            f"{volume_object.name!r} has no transfer function; apply a preset in the RLE Splat tab.")
+    if depsgraph is not None:
+        tree = tree.evaluated_get(depsgraph)
+    low, high = window_of(properties)
+    width = high - low
+    scale = typed(properties.opacity_scale)
+
+    def value(position):
+        return rounded_to_span(low + position * width, width)
+
+    opacity = [(value(p), min(1.0, max(0.0, typed(a) * scale)))
+               for p, a in nodes.read_curve(nodes.opacity_mapping(tree))]
+    color = [(value(p), *(max(0.0, typed(c)) for c in rgb)) for p, *rgb in nodes.read_ramp(nodes.color_ramp(tree))]
+    shade = None
+    if properties.use_shading:
+        shade = Shade(*(typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess")))
+    return TransferFunction(
+        name=properties.transfer_name, unit=properties.transfer_unit or None, opacity=tuple(opacity),
+        color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade)
+
+
+def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:
+    """Set level and window.  ``keep_values`` redraws the curves so that every value keeps its look: the widget
+    then shows another range of the same function.  Returns write_transfer's remark."""
+    properties = volume_object.rle_splat
+    if not keep_values:
+        properties.window_center, properties.window_width = center, width
+        return ""
+    opacity_scale = properties.opacity_scale
+    properties.opacity_scale = 1.0  # kept beside the curve, not drawn into it
+    before = read_transfer(volume_object)
+    remark = write_transfer(volume_object, before, (center - 0.5 * width, center + 0.5 * width))
+    properties.opacity_scale = opacity_scale
+    return remark
+
+
+def own_tree(volume_object) -> None:
+    """Give the object a node group that no other object shares."""
+    properties = volume_object.rle_splat
+    if properties.transfer is not None:
+        properties.transfer = properties.transfer.copy()
+
+
+KEYED = (
+    "window_center", "window_width", "opacity_scale", "opacity_unit_distance", "ambient", "diffuse", "specular",
+    "shininess",
+)
+
+
+def keyframe(volume_object, frame: float) -> int:
+    """Insert keyframes on everything of the transfer function at ``frame``; returns how many values were keyed.
+
+    Blender makes no path to a curve's point by itself, so the path is spelt out from the node group.
+    """
+    properties = volume_object.rle_splat
+    tree = properties.transfer
+    for name in KEYED:
+        properties.keyframe_insert(name, frame=frame)
+    paths = [
+        f'nodes["{nodes.OPACITY_NODE}"].mapping.curves[0].points[{i}].location'
+        for i in range(len(nodes.opacity_mapping(tree).curves[0].points))
+    ]
+    for i in range(len(nodes.color_ramp(tree).elements)):
+        element = f'nodes["{nodes.COLOR_NODE}"].color_ramp.elements[{i}]'
+        paths += [f"{element}.position", f"{element}.color"]
+    for path in paths:
+        tree.keyframe_insert(path, frame=frame)
+    return len(KEYED) + len(paths)
+
+
+def _usable_window(transfer_function, properties) -> tuple[float, float]:
+    low, high = transfer_function.span
+    if high > low:
+        return low, high
+    low, high = min(low, properties.value_low), max(high, properties.value_high)
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+def _without_inner_repeats(points) -> list:
+    """At a repeated value only the first and the last point can matter."""
+    return [
+        p for i, p in enumerate(points)
+        if not (0 < i < len(points) - 1 and points[i - 1][0] == p[0] == points[i + 1][0])
+    ]
+
+
+def _cropped(points, low: float, high: float, evaluate) -> list:
+    """The points within [low, high], with one at each end where the curve goes on beyond it."""
+    tolerance = 1e-6 * (high - low)
+    inside = [p for p in points if low - tolerance <= p[0] <= high + tolerance]
+
+    def height(value):
+        return tuple(map(float, evaluate(value).reshape(-1)))
+
+    if points[0][0] < low - tolerance and not (inside and inside[0][0] <= low + tolerance):
+        inside.insert(0, (low, *height(low)))
+    if points[-1][0] > high + tolerance and not (inside and inside[-1][0] >= high - tolerance):
+        inside.append((high, *height(high)))
+    return inside or [(low, *height(low))]
+
+
+def _unit(position: float) -> float:
+    return min(1.0, max(0.0, position))

@@ -1,0 +1,156 @@
+"""The node group that holds a transfer function's colours and opacity curve, over positions from 0 to 1.
+
+A property group cannot own a colour ramp or a curve, so both live in nodes of a shader node group: Blender
+then saves, undoes, appends and animates them like anything else.  The group is never wired into a material.
+"""
+
+from itertools import pairwise
+
+import bpy
+import numpy as np
+
+COLOR_NODE = "Color"
+OPACITY_NODE = "Opacity"
+MARK = "rle_splat_transfer"
+MOST_STOPS = 32  # Blender's limit on the stops of a colour ramp
+# A repeated position is a step.  Blender may swap points at one position when it sorts, so the second stands this
+# far to the right: thirty times the spacing of float32 below 1, a five-hundredth of a 12-bit grey level.
+STEP = 2e-6
+TABLE = 256  # Blender evaluates a curve through a table of this many intervals
+
+
+def is_transfer_tree(tree) -> bool:
+    return bool(tree.get(MARK)) and COLOR_NODE in tree.nodes and OPACITY_NODE in tree.nodes
+
+
+def new_tree(name: str):
+    """A new node group; the leading dot hides it from menus of node groups."""
+    tree = bpy.data.node_groups.new(f".RLE Splat {name}", "ShaderNodeTree")
+    tree[MARK] = True
+    for kind, label in (("ShaderNodeValToRGB", COLOR_NODE), ("ShaderNodeFloatCurve", OPACITY_NODE)):
+        node = tree.nodes.new(kind)
+        node.name = node.label = label
+    return tree
+
+
+def color_ramp(tree):
+    return tree.nodes[COLOR_NODE].color_ramp
+
+
+def opacity_mapping(tree):
+    return tree.nodes[OPACITY_NODE].mapping
+
+
+def steps_apart(positions) -> list[float]:
+    """Ascending positions in [0, 1] with the second of each equal pair moved right (at 1, the first left).
+
+    Of more than two equal positions only the first and the last may be given.
+    """
+    apart = [float(p) for p in positions]
+    for i in range(1, len(apart)):
+        if apart[i] - apart[i - 1] < STEP:
+            if apart[i] + STEP > 1.0:
+                apart[i - 1], apart[i] = 1.0 - STEP, 1.0
+            else:
+                apart[i] = apart[i - 1] + STEP
+    return apart
+
+
+def steps_together(positions) -> list[float]:
+    """The inverse of ``steps_apart``: a pair closer than two steps shares one position."""
+    together = [float(p) for p in positions]
+    for i in range(1, len(together)):
+        if together[i] - together[i - 1] < 1.5 * STEP:
+            shared = 1.0 if together[i] >= 1.0 else together[i - 1]
+            together[i - 1] = together[i] = shared
+    return together
+
+
+def write_curve(mapping, points) -> None:
+    """Control points ((position, height), ...) ascending in [0, 1], joined by straight lines."""
+    if len(points) == 1:
+        points = ((0.0, points[0][1]), (1.0, points[0][1]))
+    curve = mapping.curves[0]
+    while len(curve.points) > 2:
+        curve.points.remove(curve.points[1])
+    positions = steps_apart([p for p, _ in points])
+    # The two remaining ends go far apart first, so that points added between them keep their order.
+    curve.points[0].location = (positions[0], points[0][1])
+    curve.points[-1].location = (positions[-1], points[-1][1])
+    for position, (_, height) in zip(positions[1:-1], points[1:-1]):
+        curve.points.new(position, height)
+    for point in curve.points:
+        point.handle_type = "VECTOR"
+        point.select = False
+    mapping.extend = "HORIZONTAL"
+    mapping.update()
+
+
+def read_curve(mapping) -> list[tuple[float, float]]:
+    """Points whose straight joins are the curve: its own where its handles are vectors, its table elsewhere."""
+    mapping.initialize()
+    curve = mapping.curves[0]
+    own = [(float(p.location[0]), float(p.location[1]), p.handle_type) for p in curve.points]
+    own.sort(key=lambda point: point[0])
+    positions = steps_together([point[0] for point in own])
+    points = []
+    for i, (position, (_, height, handle)) in enumerate(zip(positions, own)):
+        points.append((position, height))
+        if i + 1 == len(own) or (handle == "VECTOR" and own[i + 1][2] == "VECTOR"):
+            continue
+        for sample in _between(position, positions[i + 1]):
+            points.append((sample, float(mapping.evaluate(curve, sample))))
+    return points
+
+
+def write_ramp(ramp, points) -> None:
+    """Stops ((position, r, g, b), ...) ascending in [0, 1], at most MOST_STOPS, joined by straight lines."""
+    ramp.color_mode = "RGB"
+    ramp.interpolation = "LINEAR"
+    while len(ramp.elements) > 1:
+        ramp.elements.remove(ramp.elements[-1])
+    positions = steps_apart([p[0] for p in points])
+    ramp.elements[0].position = positions[0]
+    ramp.elements[0].color = (*points[0][1:], 1.0)
+    for position, (_, *rgb) in zip(positions[1:], points[1:]):
+        ramp.elements.new(position).color = (*rgb, 1.0)
+
+
+def read_ramp(ramp) -> list[tuple[float, float, float, float]]:
+    """Points whose straight joins in linear RGB are the ramp; smooth modes are sampled TABLE times."""
+    stops = sorted(((float(e.position), *map(float, e.color[:3])) for e in ramp.elements), key=lambda s: s[0])
+    positions = steps_together([stop[0] for stop in stops])
+    stops = [(position, *stop[1:]) for position, stop in zip(positions, stops)]
+    if ramp.color_mode == "RGB" and ramp.interpolation == "LINEAR":
+        return stops
+    if ramp.interpolation == "CONSTANT":
+        points = stops[:1]
+        for left, right in pairwise(stops):
+            points += [(right[0], *left[1:]), right]
+        return points
+    return [(p, *map(float, ramp.evaluate(p)[:3])) for p in np.linspace(0.0, 1.0, TABLE + 1).tolist()]
+
+
+def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
+    """Indices of at most ``most`` of the colour points, both ends among them, that keep the largest error small.
+
+    Points are added where the polyline through those chosen so far is farthest from the others.
+    """
+    if len(points) <= most:
+        return list(range(len(points)))
+    table = np.array(points, dtype=np.float64)
+    chosen = [0, len(points) - 1]
+    while len(chosen) < most:
+        chosen.sort()
+        error = np.max(
+            [np.abs(np.interp(table[:, 0], table[chosen, 0], table[chosen, c]) - table[:, c]) for c in (1, 2, 3)],
+            axis=0)
+        error[chosen] = -1.0
+        chosen.append(int(np.argmax(error)))
+    return sorted(chosen)
+
+
+def _between(left: float, right: float) -> list[float]:
+    """Positions of the evaluation table strictly between two control points."""
+    first, last = int(np.floor(left * TABLE)) + 1, int(np.ceil(right * TABLE)) - 1
+    return [i / TABLE for i in range(first, last + 1) if left < i / TABLE < right]

@@ -1,0 +1,109 @@
+"""Volume objects and their voxels.
+
+Voxels stay outside the .blend.  They are read when first needed and kept in memory under what decides them: the
+file, its size and time, and the options.  No reference to a Blender datablock is kept.
+"""
+
+import hashlib
+import os
+
+import bpy
+
+from ..rle_splat.read.formats import read_volume
+from ..rle_splat.scene import RleSplatError
+from .source_options import read_options
+
+_kept: dict = {}  # source key -> (Volume, hash of its voxels)
+
+
+def volume_objects(scene) -> list:
+    """The volume objects of a scene, by name."""
+    return sorted((o for o in scene.objects if o.rle_splat.is_volume), key=lambda o: o.name)
+
+
+def volume_object(context):
+    """The volume the user means: the active object, else the only selected one, else the scene's only one, or
+    None."""
+    active = context.view_layer.objects.active
+    if active is not None and active.rle_splat.is_volume:
+        return active
+    every = volume_objects(context.scene)
+    selected = [o for o in every if o.select_get(view_layer=context.view_layer)]
+    for candidates in (selected, every):
+        if len(candidates) == 1:
+            return candidates[0]
+    return None
+
+
+def resolved_path(owner) -> str:
+    """The absolute path of a volume object's file."""
+    return os.path.normpath(bpy.path.abspath(owner.rle_splat.filepath, library=owner.library))
+
+
+def read_file(path: str, options: dict):
+    """``read_volume`` with Blender's OpenVDB module within reach.  Raises RleSplatError."""
+    bpy.utils.expose_bundled_modules()
+    return read_volume(path, **options)
+
+
+def load_volume(owner, warn=None):
+    """The Volume of a volume object, from memory or from its file.
+
+    ``warn``: called with a sentence when the voxels are not those that were imported.  Raises RleSplatError when
+    the file is missing or cannot be read.
+    """
+    properties = owner.rle_splat
+    if not properties.is_volume:
+        raise RleSplatError(f"{owner.name!r} is not a volume; import one with File > Import > Volume (RLE Splat).")
+    path = resolved_path(owner)
+    try:
+        status = os.stat(path)
+    except OSError:
+        raise RleSplatError(
+            f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to say where it is now."
+        ) from None
+    options = read_options(properties)
+    key = _source_key(path, status, options)
+    if key not in _kept:
+        volume = read_file(path, options)
+        forget_unused()
+        _kept[key] = (volume, hash_of_voxels(volume))
+    volume, voxel_hash = _kept[key]
+    if warn is not None and properties.data_key and voxel_hash != properties.data_key:
+        warn(f"The voxels of {owner.name!r} are not those that were imported: {path} has changed since.")
+    return volume
+
+
+def keep_volume(owner, volume) -> None:
+    """Remember a volume that was just read for the object."""
+    path = resolved_path(owner)
+    _kept[_source_key(path, os.stat(path), read_options(owner.rle_splat))] = (volume, owner.rle_splat.data_key)
+
+
+def is_loaded(owner) -> bool:
+    """Whether voxels of the object's file are in memory; does not touch the disk."""
+    path = resolved_path(owner)
+    return any(key[0] == path for key in _kept)
+
+
+def forget_all() -> None:
+    """Let go of all voxels."""
+    _kept.clear()
+
+
+def hash_of_voxels(volume) -> str:
+    """A hash of the stored voxels and their arrangement, not of what the options make of them."""
+    digest = hashlib.blake2b(f"{volume.voxels.dtype.str}{volume.voxels.shape}".encode(), digest_size=16)
+    for plane in volume.voxels:
+        digest.update(plane)
+    return digest.hexdigest()
+
+
+def _source_key(path: str, status, options: dict) -> tuple:
+    return path, status.st_size, status.st_mtime_ns, tuple(sorted(options.items()))
+
+
+def forget_unused() -> None:
+    used = {resolved_path(o) for o in bpy.data.objects if o.rle_splat.is_volume}
+    for key in [key for key in _kept if key[0] not in used]:
+        del _kept[key]
