@@ -1,0 +1,35 @@
+"""What a user can do, one file an action."""
+
+import bpy
+
+from . import (
+    apply_preset,
+    composite,
+    import_volume,
+    keyframe_transfer,
+    own_transfer,
+    relocate,
+    render_image,
+    set_backdrop,
+    transfer_files,
+    window_level,
+)
+
+MODULES = (
+    import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
+    set_backdrop, composite,
+)
+
+
+def register():
+    for module in MODULES:
+        for cls in module.CLASSES:
+            bpy.utils.register_class(cls)
+    bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
+
+
+def unregister():
+    bpy.types.TOPBAR_MT_file_import.remove(import_volume.draw_menu_entry)
+    for module in reversed(MODULES):
+        for cls in reversed(module.CLASSES):
+            bpy.utils.unregister_class(cls)

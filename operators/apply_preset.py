@@ -1,0 +1,42 @@
+"""A built-in transfer function, or the one the data suggest."""
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..bridge import transfer, volumes
+from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
+from ..rle_splat.scene import RleSplatError
+from .refusal import has_volume, refuse
+
+
+class RLE_SPLAT_OT_apply_preset(bpy.types.Operator):
+    """Replace the volume's transfer function by a built-in one"""
+
+    bl_idname = "rle_splat.apply_preset"
+    bl_label = "Apply Preset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: EnumProperty(name="Preset", description="Built-in transfer function", items=IMPORT_ITEMS)
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def _warn(self, sentence):
+        self.report({"WARNING"}, sentence)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            transfer_function, reason = chosen_transfer(self.preset, volumes.load_volume(owner, self._warn))
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        remark = transfer.write_transfer(owner, transfer_function)
+        if remark:
+            self._warn(remark)
+        if reason:
+            self.report({"INFO"}, reason)
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_apply_preset,)

@@ -1,0 +1,178 @@
+"""File > Import > Volume (RLE Splat), and files dropped into the window."""
+
+import os
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
+
+from ..bridge import new_volume, source_options, volumes
+from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
+from ..rle_splat.read.formats import FORMATS, format_of, suffixes
+from ..rle_splat.read.guess import guess_raw
+from ..rle_splat.scene import RleSplatError
+from .refusal import refuse
+
+# Blender looks only at a name's last suffix, so .raw.gz is offered as .gz and judged again when it is opened.
+LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
+RAW = FORMATS[0]
+DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to learn a size while a dialog waits; about a second
+
+
+class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operator, ImportHelper):
+    """Import a volume to be splatted; its voxels stay in the file"""
+
+    bl_idname = "rle_splat.import_volume"
+    bl_label = "Import Volume"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
+    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
+    preset: EnumProperty(
+        name="Transfer Function", description="Colours and opacities to start with", items=IMPORT_ITEMS)
+    at_cursor: BoolProperty(
+        name="Centre at Cursor", description="Move the middle of the volume to the 3D cursor instead of keeping the "
+        "file's own coordinates", default=False)
+    guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+            return False
+        return True
+
+    def paths(self) -> list[str]:
+        """The files to import: those named in the dialog or dropped, else the one path."""
+        names = [entry.name for entry in self.files if entry.name]
+        if self.directory and names:
+            return [os.path.join(self.directory, name) for name in names]
+        return [bpy.path.abspath(self.filepath)] if self.filepath else []
+
+    def invoke(self, context, event):
+        source_options.clear(self)  # what the last import guessed must not pass for this file's
+        self.check(context)
+        return self.invoke_popup(context)
+
+    def check(self, _context):
+        """Fill the dialog's layout with a guess when another file is picked; whether anything changed."""
+        paths = self.paths()
+        path = paths[0] if len(paths) == 1 else ""
+        if path == self.guessed_for:
+            return False
+        self.guessed_for, self.guess_text = path, ""
+        source_options.clear(self)
+        if path and os.path.isfile(path) and format_of(path) is RAW:
+            try:
+                guess = guess_raw(path, limit=DIALOG_GUESS_LIMIT)
+            except RleSplatError as problem:
+                self.guess_text = str(problem)
+            else:
+                source_options.fill_from_guess(self, guess)
+                self.guess_text = "\n".join(guess.reasons)
+        return True
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        paths = self.paths()
+        kind = format_of(paths[0]) if paths else None
+        if len(paths) > 1:
+            layout.label(text=f"{len(paths)} files, each read by its own guess")
+        elif kind is None or "shape" in kind.options:
+            self._draw_raw(layout)
+        else:
+            layout.prop(self, "grid")
+        layout.separator()
+        layout.prop(self, "modality")
+        layout.prop(self, "value_unit")
+        layout.prop(self, "use_calibration")
+        column = layout.column(align=True)
+        column.active = self.use_calibration
+        column.prop(self, "slope")
+        column.prop(self, "intercept")
+        layout.separator()
+        layout.prop(self, "preset")
+        layout.prop(self, "at_cursor")
+
+    def _draw_raw(self, layout):
+        for name in ("shape", "dtype", "byte_order", "header_bytes", "spacing"):
+            layout.prop(self, name)
+        if self.guess_text:
+            box = layout.box().column(align=True)
+            box.scale_y = 0.8
+            for line in self.guess_text.split("\n"):
+                box.label(text=line)
+
+    def execute(self, context):
+        paths = self.paths()
+        if not paths:
+            return refuse(self, "No file was chosen; give filepath, or directory and files.")
+        explicit = len(paths) == 1
+        try:
+            read = [self._read(path, explicit) for path in paths]
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        for path, options, volume, transfer_function, reason in read:
+            owner, remark = new_volume.add_volume(
+                context, path, volume, options, transfer_function, at_cursor=self.at_cursor)
+            for sentence in (*volume.remarks, remark):
+                if sentence:
+                    self.report({"WARNING"}, sentence)
+            self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", reason))))
+        return {"FINISHED"}
+
+    def _read(self, path: str, explicit: bool):
+        """(path, its options, Volume, TransferFunction, why that one); nothing in the .blend is touched."""
+        options = source_options.PlainOptions()
+        if explicit:
+            source_options.copy(self, options)
+        if os.path.isfile(path) and format_of(path) is RAW:
+            self._complete(path, options)
+        volume = volumes.read_file(path, source_options.read_options(options))
+        new_volume.checked_for_picture(volume)
+        transfer_function, reason = chosen_transfer(self.preset, volume)
+        return path, options, volume, transfer_function, reason
+
+    def _complete(self, path: str, options) -> None:
+        """Guess what a raw file's layout lacks, saying so; a RleSplatError when nothing fits its size."""
+        if any(options.shape) and options.dtype != "AUTO":
+            return
+        known = {name: value for name, value in source_options.read_options(options).items()
+                 if name in ("shape", "dtype", "byte_order", "header_bytes")}
+        guess = guess_raw(path, **known)
+        if guess.shape is None or guess.dtype is None or not guess.candidates:
+            size = "too many" if guess.size is None else guess.size
+            raise RleSplatError(
+                f"No shape and type can be guessed for {os.path.basename(path)} with its {size} bytes; "
+                "give Shape and Type in the import dialog.")
+        if not guess.certain:
+            self.report({"WARNING"}, f"{os.path.basename(path)} was read as {guess.candidates[0]}, which is a guess.")
+        spacing = tuple(options.spacing)
+        source_options.fill_from_guess(options, guess)
+        if any(spacing):
+            options.spacing = spacing
+
+
+class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
+    """Volumes dropped into the 3D view or the outliner"""
+
+    bl_idname = "RLE_SPLAT_FH_volume"
+    bl_label = "Volume (RLE Splat)"
+    bl_import_operator = "rle_splat.import_volume"
+    bl_file_extensions = ";".join(LAST_SUFFIXES)
+
+    @classmethod
+    def poll_drop(cls, context):
+        return poll_file_object_drop(context)
+
+
+def draw_menu_entry(menu, _context):
+    names = "/".join(LAST_SUFFIXES)
+    menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=f"Volume (RLE Splat) ({names})")
+
+
+CLASSES = (RLE_SPLAT_OT_import_volume, RLE_SPLAT_FH_volume)

@@ -1,0 +1,27 @@
+"""Keyframes on a whole transfer function: Blender offers none on the points of a curve."""
+
+import bpy
+
+from ..bridge import transfer, volumes
+from .refusal import has_own_transfer
+
+
+class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
+    """Insert keyframes on the colours, the opacity curve, the window and the shading at the current frame"""
+
+    bl_idname = "rle_splat.keyframe_transfer"
+    bl_label = "Keyframe Transfer Function"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return has_own_transfer(cls, context)
+
+    def execute(self, context):
+        count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)
+        self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}; "
+                              "keep the number of points the same between keyframes.")
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_keyframe_transfer,)

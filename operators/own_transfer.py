@@ -1,0 +1,30 @@
+"""Stop sharing a transfer function with copies of the volume."""
+
+import bpy
+
+from ..bridge import transfer, volumes
+from .refusal import has_own_transfer
+
+
+class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
+    """Give this volume colours and a curve of its own; copies of an object share them until then"""
+
+    bl_idname = "rle_splat.own_transfer"
+    bl_label = "Make Single User"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not has_own_transfer(cls, context):
+            return False
+        if volumes.volume_object(context).rle_splat.transfer.users < 2:
+            cls.poll_message_set("No other object shares this transfer function")
+            return False
+        return True
+
+    def execute(self, context):
+        transfer.own_tree(volumes.volume_object(context))
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_own_transfer,)

@@ -1,0 +1,63 @@
+"""Window and level, by name or by number."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
+
+from ..bridge import transfer, volumes
+from .refusal import has_own_transfer
+
+# Customary settings of CT consoles, HU: level, window.
+CT_WINDOWS = {
+    "CT_BONE": ("CT Bone", 500.0, 2000.0),
+    "CT_SOFT_TISSUE": ("CT Soft Tissue", 50.0, 400.0),
+    "CT_BRAIN": ("CT Brain", 40.0, 80.0),
+    "CT_LUNG": ("CT Lung", -600.0, 1500.0),
+    "CT_ANGIOGRAPHY": ("CT Angiography", 300.0, 600.0),
+}
+ITEMS = [
+    ("CUSTOM", "Custom", "Level and window as given"),
+    ("DATA", "All Values", "From the smallest to the largest value of the volume"),
+] + [(name, label, f"Level {level:g} HU, window {width:g} HU") for name, (label, level, width) in CT_WINDOWS.items()]
+
+
+class RLE_SPLAT_OT_window_level(bpy.types.Operator):
+    """Set the values that the colours and the opacity curve cover"""
+
+    bl_idname = "rle_splat.window_level"
+    bl_label = "Window and Level"
+    bl_options = {"REGISTER", "UNDO"}
+
+    preset: EnumProperty(name="Preset", description="Customary window", items=ITEMS)
+    center: FloatProperty(name="Level", description="Value in the middle")
+    width: FloatProperty(name="Window", description="Span of values", default=1.0, min=1e-6)
+    keep_values: BoolProperty(
+        name="Keep Look", description="Redraw the curves so that every value keeps its colour and opacity, and only "
+        "the range that is shown changes", default=False)
+
+    @classmethod
+    def poll(cls, context):
+        return has_own_transfer(cls, context)
+
+    def invoke(self, context, _event):
+        properties = volumes.volume_object(context).rle_splat
+        if not self.properties.is_property_set("center"):
+            self.center, self.width = properties.window_center, properties.window_width
+        return self.execute(context)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
+        if self.preset == "DATA":
+            low, high = properties.value_low, properties.value_high
+            self.center, self.width = 0.5 * (low + high), max(high - low, 1e-6)
+        elif self.preset != "CUSTOM":
+            if properties.value_unit != "HU":
+                self.report({"WARNING"}, "The volume is not in HU, so a CT window may show nothing of it.")
+            _, self.center, self.width = CT_WINDOWS[self.preset]
+        remark = transfer.move_window(owner, self.center, self.width, self.keep_values)
+        if remark:
+            self.report({"WARNING"}, remark)
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_window_level,)
