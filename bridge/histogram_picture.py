@@ -1,0 +1,49 @@
+"""The histogram under the opacity curve, as a small picture: what the values are, beside what is made of them."""
+
+import numpy as np
+
+WIDTH, HEIGHT = 256, 128  # pixels
+GROUND = np.array((0.10, 0.10, 0.11))
+BAR = np.array((0.36, 0.36, 0.38))
+CURVE = np.array((1.0, 1.0, 1.0))
+RAMP_ROWS = 10  # pixels at the bottom that show the colours alone
+
+
+def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
+    """(HEIGHT, WIDTH, 4) float32 display RGBA, row 0 at the BOTTOM as Blender keeps pixels.
+
+    ``stored``: StoredHistogram or None.  Columns are the values from ``low`` to ``high``, the window; bars are
+    logarithmic and take on the colour of the transfer function where it is opaque.
+    """
+    values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
+    table = transfer_function.table(values)
+    colors, alphas = _display(np.clip(table[:, :3], 0.0, 1.0)), table[:, 3]
+    picture = np.empty((HEIGHT, WIDTH, 4), dtype=np.float32)
+    picture[..., :3] = GROUND
+    picture[..., 3] = 1.0
+    rows = (np.arange(HEIGHT) + 0.5 - RAMP_ROWS) / (HEIGHT - RAMP_ROWS)
+    bars = rows[:, None] < _bar_heights(stored, low, high)[None, :]
+    weight = np.sqrt(alphas)[:, None]  # a faint opacity still tints its bar
+    tinted = BAR * (1.0 - weight) + colors * weight
+    picture[..., :3] = np.where(bars[..., None], tinted[None], picture[..., :3])
+    line = (alphas * (HEIGHT - RAMP_ROWS - 1)).round().astype(int) + RAMP_ROWS
+    before = np.concatenate((line[:1], line[:-1]))
+    indices = np.arange(HEIGHT)[:, None]
+    picture[(indices >= np.minimum(line, before)) & (indices <= np.maximum(line, before)), :3] = CURVE
+    picture[:RAMP_ROWS, :, :3] = colors[None]
+    return picture
+
+
+def _bar_heights(stored, low: float, high: float) -> np.ndarray:
+    """(WIDTH,) float64 in [0, 1]: log counts of the values each column covers, the fullest column reaching 0.95."""
+    if stored is None or not stored.counts.any():
+        return np.zeros(WIDTH)
+    edges = np.linspace(stored.low, stored.high, stored.counts.size + 1)
+    running = np.concatenate(((0,), np.cumsum(stored.counts)))
+    at = np.interp(np.linspace(low, high, WIDTH + 1), edges, running)
+    heights = np.log1p(np.diff(at))
+    return 0.95 * heights / heights.max() if heights.max() > 0.0 else heights
+
+
+def _display(linear: np.ndarray) -> np.ndarray:
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)

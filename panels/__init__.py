@@ -1,0 +1,19 @@
+"""What a user sees: one file a panel.  Drawing reads properties only: no file, no voxel."""
+
+import bpy
+
+from . import picture, quality, report, shading, transfer, volume
+
+MODULES = (volume, transfer, shading, quality, picture, report)
+
+
+def register():
+    for module in MODULES:
+        for cls in module.CLASSES:
+            bpy.utils.register_class(cls)
+
+
+def unregister():
+    for module in reversed(MODULES):
+        for cls in reversed(module.CLASSES):
+            bpy.utils.unregister_class(cls)

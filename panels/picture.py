@@ -1,0 +1,49 @@
+"""The buttons that make pictures."""
+
+import bpy
+
+from .places import RenderTab, Sidebar, paragraph
+from .quality import RLE_SPLAT_PT_render_quality
+
+
+class PicturePanel:
+    """Drawn in both places."""
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.rle_splat
+        column = layout.column()
+        column.scale_y = 1.2
+        column.operator("rle_splat.render_image", icon="RENDER_STILL")
+        row = column.row(align=True)
+        row.operator("rle_splat.set_backdrop", icon="CAMERA_DATA")
+        row.operator("rle_splat.remove_backdrop", text="", icon="X")
+        row = column.row(align=True)
+        row.operator("rle_splat.composite", icon="NODE_COMPOSITING")
+        row.operator("rle_splat.remove_composite", text="", icon="X")
+        row = layout.row()
+        row.prop(settings, "backdrop_depth", expand=True)
+        layout.prop(settings, "backdrop_follows")
+        if settings.use_composite:
+            target = settings.composite_object
+            paragraph(context, layout, f"{target.name if target else 'A deleted volume'} is laid over every render; "
+                                       "Lock Interface is on while rendering.", icon="CHECKMARK")
+        if settings.message:
+            alert = layout.column()
+            alert.alert = True
+            paragraph(context, alert, settings.message, icon="ERROR")
+
+
+class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):
+    bl_label = "Picture"
+    bl_idname = "RLE_SPLAT_PT_picture"
+    bl_order = 3
+
+
+class RLE_SPLAT_PT_render(PicturePanel, RenderTab, bpy.types.Panel):
+    bl_label = "RLE Splat"
+    bl_idname = "RLE_SPLAT_PT_render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+CLASSES = (RLE_SPLAT_PT_picture, RLE_SPLAT_PT_render, RLE_SPLAT_PT_render_quality)  # a parent before its child

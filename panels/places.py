@@ -1,0 +1,34 @@
+"""Where panels stand, and text that fits its panel."""
+
+import textwrap
+
+PIXELS_A_LETTER = 7.0  # of the interface's font at scale 1, rounded up
+MARGIN = 60  # pixels taken by the panel's borders and an icon
+
+
+class Sidebar:
+    """The tab of the 3D view's sidebar."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "RLE Splat"
+
+
+class RenderTab:
+    """Properties > Render, where render settings are looked for."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+
+def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
+    """A text of any length in labels as wide as the region; Blender's labels do not wrap."""
+    scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
+    width = context.region.width if context.region is not None else 300
+    letters = max(16, int((width - MARGIN * scale) / (PIXELS_A_LETTER * scale)))
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for line in textwrap.wrap(text, letters):
+        column.label(text=line, icon=icon)
+        icon = "BLANK1" if icon != "NONE" else "NONE"

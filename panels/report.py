@@ -1,0 +1,32 @@
+"""What the last picture took."""
+
+import bpy
+
+from .places import RenderTab, Sidebar, paragraph
+
+
+class ReportPanel:
+    """Drawn in both places."""
+
+    bl_label = "Last Report"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        text = context.scene.rle_splat.last_report
+        if not text:
+            self.layout.label(text="No picture has been made yet")
+        for line in filter(None, text.split("\n")):
+            paragraph(context, self.layout, line)
+
+
+class RLE_SPLAT_PT_report(ReportPanel, Sidebar, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_report"
+    bl_order = 4
+
+
+class RLE_SPLAT_PT_render_report(ReportPanel, RenderTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_render_report"
+    bl_parent_id = "RLE_SPLAT_PT_render"
+
+
+CLASSES = (RLE_SPLAT_PT_report, RLE_SPLAT_PT_render_report)

@@ -1,0 +1,33 @@
+"""How the volume is lit."""
+
+import bpy
+
+from ..bridge import volumes
+from .places import Sidebar
+
+
+class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
+    bl_label = "Shading"
+    bl_idname = "RLE_SPLAT_PT_shading"
+    bl_parent_id = "RLE_SPLAT_PT_transfer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return volumes.volume_object(context) is not None
+
+    def draw_header(self, context):
+        self.layout.prop(volumes.volume_object(context).rle_splat, "use_shading", text="")
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        properties = volumes.volume_object(context).rle_splat
+        layout.prop(context.scene.rle_splat, "lighting")
+        column = layout.column(align=True)
+        column.active = properties.use_shading
+        for name in ("ambient", "diffuse", "specular", "shininess"):
+            column.prop(properties, name)
+
+
+CLASSES = (RLE_SPLAT_PT_shading,)

@@ -1,0 +1,39 @@
+"""Facts of the volume: file, grid, values, memory, and what is odd about it."""
+
+import bpy
+
+from ..bridge import volumes
+from ..operators.refusal import WHICH_VOLUME
+from .places import Sidebar, paragraph
+
+
+class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
+    bl_label = "Volume"
+    bl_idname = "RLE_SPLAT_PT_volume"
+    bl_order = 0
+
+    def draw(self, context):
+        layout = self.layout
+        owner = volumes.volume_object(context)
+        if owner is None:
+            if volumes.volume_objects(context.scene):
+                paragraph(context, layout, WHICH_VOLUME, icon="INFO")
+            layout.operator("rle_splat.import_volume", icon="IMPORT")
+            return
+        properties = owner.rle_splat
+        layout.label(text=owner.name, icon="OUTLINER_OB_VOLUME")
+        column = layout.column(align=True)
+        for line in properties.facts.split("\n"):
+            name, _, value = line.partition(": ")
+            row = column.split(factor=0.32, align=True)
+            row.label(text=name)
+            row.label(text=value)
+        for sentence in filter(None, properties.remarks.split("\n")):
+            paragraph(context, layout, sentence, icon="INFO")
+        row = layout.row(align=True)
+        row.prop(properties, "filepath", text="")
+        row.operator("rle_splat.relocate", text="Relocate", icon="FILE_FOLDER")
+        layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+
+
+CLASSES = (RLE_SPLAT_PT_volume,)
