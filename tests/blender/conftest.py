@@ -1,0 +1,143 @@
+"""Tests in real Blender (the module bpy), of the extension as it is installed from its zip.
+
+The zip comes from RLE_SPLAT_EXTENSION_ZIP, which ``dev.py test`` sets.  Without it one is packed from the tree,
+without wheels, by Blender's own tool: quick, but kernels then need numba in this Python, else numpy does the work.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from importlib import import_module, util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+ZIP_VARIABLE = "RLE_SPLAT_EXTENSION_ZIP"
+MODULE = "bl_ext.user_default.rle_splat"
+HAS_BPY = util.find_spec("bpy") is not None
+
+if HAS_BPY:
+    # Before bpy is imported: nothing may touch the user's own Blender settings.
+    os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="rle_splat_user_"))
+    import bpy
+else:
+    collect_ignore_glob = ["test_*.py"]
+
+_status = [0]
+
+
+def pytest_report_header():
+    if HAS_BPY:
+        return f"Blender {bpy.app.version_string}, extension {os.environ.get(ZIP_VARIABLE) or 'packed from the tree'}"
+    return "tests/blender goes UNTESTED: this Python has no bpy; run python3 dev.py test"
+
+
+def pytest_sessionfinish(exitstatus):
+    _status[0] = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure():
+    if HAS_BPY:  # bpy 4.5 deadlocks in a destructor when the interpreter ends with handlers or classes registered
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_status[0])
+
+
+def _pack(folder: Path) -> Path:
+    """A zip of the tree without wheels, made by the packaging tool of this bpy."""
+    from devtools.build import MANIFEST, shipped
+
+    source = folder / "source"
+    for path in shipped():
+        (source / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / path, source / path)
+    shutil.copyfile(MANIFEST, source / MANIFEST.name)
+    tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
+    subprocess.run(
+        [sys.executable, str(tool), "build", "--source-dir", str(source), "--output-dir", str(folder)],
+        check=True, capture_output=True, timeout=120)
+    return next(folder.glob("*.zip"))
+
+
+@pytest.fixture(scope="session")
+def extension_zip(tmp_path_factory) -> Path:
+    given = os.environ.get(ZIP_VARIABLE)
+    return Path(given) if given else _pack(tmp_path_factory.mktemp("zip"))
+
+
+@pytest.fixture(scope="session")
+def installed(extension_zip) -> str:
+    """The name of the add-on's module, after the zip has really been installed."""
+    done = bpy.ops.extensions.package_install_files(
+        repo="user_default", filepath=str(extension_zip), enable_on_install=True, overwrite=True)
+    assert done == {"FINISHED"}
+    assert MODULE in bpy.context.preferences.addons
+    return MODULE
+
+
+@pytest.fixture(autouse=True)
+def addon(installed):
+    """The enabled add-on's module, in an empty file; factory settings disable it, so each test registers anew."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    assert MODULE in bpy.context.preferences.addons
+    return import_module(MODULE)
+
+
+@pytest.fixture
+def bridge(addon):
+    """``bridge("volumes")`` is the installed add-on's module bridge.volumes."""
+    return lambda name: import_module(f"{MODULE}.bridge.{name}")
+
+
+@pytest.fixture
+def core(addon):
+    """``core("scene")`` is the module rle_splat.scene inside the installed add-on."""
+    return lambda name: import_module(f"{MODULE}.rle_splat.{name}")
+
+
+@pytest.fixture
+def phantom(tmp_path):
+    """A raw file of 7 x 6 x 5 voxels, no two alike, with a name that says nothing: (path, voxels (5, 6, 7) uint8)."""
+    voxels = np.arange(5 * 6 * 7, dtype=np.uint8).reshape(5, 6, 7)
+    path = tmp_path / "phantom.raw"
+    path.write_bytes(voxels.tobytes())
+    return path, voxels
+
+
+@pytest.fixture
+def volume_object(phantom):
+    """The phantom imported with spacing 1, 2 and 3 mm and its values' own range as the preset's."""
+    bpy.ops.rle_splat.import_volume(
+        filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray")
+    return bpy.context.view_layer.objects.active
+
+
+def contents() -> dict:
+    """How many datablocks of each kind there are, and what is active: what a failed operator must leave alone."""
+    kinds = ("objects", "meshes", "collections", "node_groups", "images", "cameras", "actions")
+    counts = {kind: len(getattr(bpy.data, kind)) for kind in kinds}
+    return {**counts, "active": bpy.context.view_layer.objects.active}
+
+
+@pytest.fixture
+def refused():
+    """``refused(operator, words, **options)``: the operator fails with one sentence holding the words and changes
+    nothing."""
+
+    def check(operator, words, **options):
+        before = contents()
+        with pytest.raises(RuntimeError) as caught:
+            operator(**options)
+        message = str(caught.value)
+        assert words.lower() in message.lower(), message
+        assert "Traceback" not in message
+        assert len(message.strip().removeprefix("Error: ").strip().splitlines()) == 1, message
+        assert contents() == before
+
+    return check

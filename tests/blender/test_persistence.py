@@ -1,0 +1,104 @@
+"""Undo, save, reload, append, copies: what is in the .blend stays, and voxels are read again."""
+
+import os
+
+import bpy
+import numpy as np
+import pytest
+
+
+def the_volume():
+    found = [o for o in bpy.data.objects if o.rle_splat.is_volume]
+    assert len(found) == 1
+    return found[0]
+
+
+def save(path, **options):
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), **options)
+
+
+def test_save_and_reload(volume_object, phantom, bridge, tmp_path):
+    transfer, volumes = bridge("transfer"), bridge("volumes")
+    bpy.ops.rle_splat.apply_preset(preset="mr-head")
+    volume_object.location = (1.0, 2.0, 3.0)
+    before = transfer.read_transfer(volume_object)
+    save(tmp_path / "scene.blend")
+    assert (tmp_path / "scene.blend").stat().st_size < 2_000_000
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    owner = the_volume()
+    assert transfer.read_transfer(owner) == before
+    assert owner.rle_splat.filepath == "//phantom.raw"
+    warnings = []
+    np.testing.assert_array_equal(volumes.load_volume(owner, warnings.append).voxels, phantom[1])
+    assert not warnings
+    assert len(owner.instance_collection.objects) == 1
+
+
+def test_paths_follow_the_blend(volume_object, phantom, bridge, tmp_path):
+    volumes = bridge("volumes")
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    save(tmp_path / "first.blend")
+    assert volume_object.rle_splat.filepath == "//phantom.raw"
+    save(tmp_path / "a" / "b" / "copy.blend", copy=True)
+    assert volume_object.rle_splat.filepath == "//phantom.raw"  # the open file is still the first
+    save(tmp_path / "a" / "second.blend")
+    assert volume_object.rle_splat.filepath.replace("\\", "/") == "//../phantom.raw"
+    for name in ("a/second.blend", "a/b/copy.blend"):
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / name))
+        assert os.path.samefile(volumes.resolved_path(the_volume()), phantom[0])
+
+
+def test_import_into_a_saved_file_is_relative(phantom, tmp_path):
+    save(tmp_path / "scene.blend")
+    bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8")
+    assert the_volume().rle_splat.filepath == "//phantom.raw"
+
+
+def test_undo_and_redo(volume_object, bridge):
+    transfer = bridge("transfer")
+    start = transfer.read_transfer(volume_object)
+    name = volume_object.name
+    bpy.ops.ed.undo_push(message="start")
+    bpy.ops.rle_splat.apply_preset(preset="mr-head")
+    bpy.ops.ed.undo_push(message="preset")
+    changed = transfer.read_transfer(bpy.data.objects[name])
+    assert changed != start
+    bpy.ops.ed.undo()
+    assert transfer.read_transfer(bpy.data.objects[name]) == start
+    bpy.ops.ed.redo()
+    assert transfer.read_transfer(bpy.data.objects[name]) == changed
+
+
+def test_undo_of_an_import_takes_everything_away(phantom):
+    bpy.ops.ed.undo_push(message="empty")
+    bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8")
+    bpy.ops.ed.undo_push(message="imported")
+    assert the_volume()
+    bpy.ops.ed.undo()
+    assert not [o for o in bpy.data.objects if o.rle_splat.is_volume]
+    assert not [t for t in bpy.data.node_groups if "RLE Splat" in t.name]
+    bpy.ops.ed.redo()
+    assert the_volume().rle_splat.transfer is not None
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_append_and_link(volume_object, phantom, bridge, tmp_path, link):
+    transfer, volumes = bridge("transfer"), bridge("volumes")
+    before = transfer.read_transfer(volume_object)
+    (tmp_path / "library").mkdir()
+    save(tmp_path / "library" / "scene.blend")
+    bpy.ops.wm.read_homefile(use_empty=True)
+    save(tmp_path / "other.blend")
+    with bpy.data.libraries.load(str(tmp_path / "library" / "scene.blend"), link=link) as (source, target):
+        target.objects = [name for name in source.objects if "Box" not in name]
+    owner = the_volume()
+    bpy.context.scene.collection.objects.link(owner)
+    assert transfer.read_transfer(owner) == before
+    if link:  # an appended relative path is the user's to relocate; a linked one is known from its library
+        np.testing.assert_array_equal(volumes.load_volume(owner).voxels, phantom[1])
+
+
+def test_deleting_the_object_and_purging_leaves_nothing(volume_object, tmp_path):
+    bpy.data.objects.remove(volume_object)
+    bpy.ops.outliner.orphans_purge(do_recursive=True)
+    assert not bpy.data.node_groups and not bpy.data.meshes and not bpy.data.collections
