@@ -75,7 +75,7 @@ def _scale_of(x, y, z):
 
 @kernel(inline="always")
 def _power(base, whole, rest):
-    """``base`` (0 or more) to the power ``whole + rest``: squarings for the whole part, which is all there mostly is."""
+    """``base`` (0 or more) to the power ``whole + rest``; the whole part, mostly all there is, by squarings."""
     result = 1.0 if rest == 0.0 else base**rest
     while whole > 0:
         if whole & 1:
@@ -158,11 +158,11 @@ def _shade_numpy(n_y, row_start, column, color, normals, matrix, material, light
         matt = np.full((len(points), 3), ambient)
         gloss = np.zeros((len(points), 3))
         for light in lights:
-            l, falloff = _towards_numpy(light, points)
+            towards, falloff = _towards_numpy(light, points)
             strength = falloff[:, None] * light[RGB:NEAREST]
-            matt += diffuse * np.abs((n * l).sum(axis=1))[:, None] * strength
+            matt += diffuse * np.abs((n * towards).sum(axis=1))[:, None] * strength
             if specular > 0.0:
-                half = _unit_numpy(l + view)
+                half = _unit_numpy(towards + view)
                 gloss += specular * np.abs((n * half).sum(axis=1))[:, None] ** shininess * strength
         lit = color[part] * matt + gloss
         shaded[part] = np.where(n.any(axis=1)[:, None], lit, color[part])
@@ -179,11 +179,11 @@ def _towards_numpy(light, points):
         return np.broadcast_to(-light[AXIS:RGB], points.shape), np.ones(len(points))
     way = light[POSITION:AXIS] - points
     falloff = 1.0 / np.maximum((way**2).sum(axis=1), light[NEAREST])
-    l = _unit_numpy(way)
-    off_axis = -(l @ light[AXIS:RGB])
+    towards = _unit_numpy(way)
+    off_axis = -(towards @ light[AXIS:RGB])
     if light[KIND] == AREA:
         falloff *= np.maximum(off_axis, 0.0)
     elif light[KIND] == SPOT:
         t = np.clip((off_axis - light[CONE]) / light[EDGE], 0.0, 1.0)
         falloff *= t * t * (3.0 - 2.0 * t)
-    return l, falloff
+    return towards, falloff

@@ -13,7 +13,11 @@ from ..jit import compiled, parallel_call, read_only
 from ..scene import MODELS, RleSplatError
 from . import encode_kernels as passes
 from .tables import (
-    RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type, scanline_pointers_from_counts,
+    RunLengthVolume,
+    data_pointers_from_scanlines,
+    pointers_from_counts,
+    run_type,
+    scanline_pointers_from_counts,
 )
 
 
@@ -85,7 +89,7 @@ def _encode_across(classified, density, colors, threads):
 
 def _encode_numpy(classified, density, colors, axis):
     """Twin of all the passes: sort the voxels by scanline, then find where runs begin."""
-    nx, ny, nz = classified.shape_xyz
+    _, ny, nz = classified.shape_xyz
     row = np.repeat(np.arange(nz * ny, dtype=np.int64), np.diff(classified.row_start))
     x, y, z = classified.column.astype(np.int64), row % ny, row // ny
     along, across, principal = (np.array((x, y, z))[list(AXES[axis])])

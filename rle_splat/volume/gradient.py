@@ -118,7 +118,7 @@ def _central(voxels, row_start, column, covector, floor, normals):
 
 def _normals_numpy(voxels, row_start, column, covector, floor, is_integer, normals):
     """Twin of both kernels, in chunks of voxels."""
-    n_z, n_y, n_x = voxels.shape
+    n_y = voxels.shape[1]
     for first in range(0, len(column), CHUNK):
         part = slice(first, min(first + CHUNK, len(column)))
         row = np.searchsorted(row_start, np.arange(part.start, part.stop), side="right") - 1

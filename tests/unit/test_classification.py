@@ -1,6 +1,7 @@
-"""Classification against a voxel-by-voxel reading of the points in plain Python (catalogue V1, V3, V4, V6-V9, S2, S6)."""
+"""Classification against a reading of the points voxel by voxel in plain Python (catalogue V1, V3, V4, V6-V9, S4-S6)."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def read_points(points, value):
     """Heights at ``value`` by walking the points: steps from the right, ends held."""
     if value < points[0][0]:
         return points[0][1:]
-    for (x0, *y0), (x1, *y1) in zip(points, points[1:]):
+    for (x0, *y0), (x1, *y1) in pairwise(points):
         if x0 <= value < x1:
             return tuple(a + (b - a) * (value - x0) / (x1 - x0) for a, b in zip(y0, y1))
     return points[-1][1:]
@@ -143,7 +144,8 @@ def test_v7_v9_infinities_take_the_end_values(slope, backend):
     tf = TransferFunction(opacity=((-5, 0.3), (0, 0.0), (5, 0.7)), color=((-5, 1, 0, 0), (5, 0, 1, 0)))
     stored = np.array([-np.inf, np.inf, 1e308, -1e308, 5.0, -5.0, 0.0, 2.0]).reshape(2, 2, 2)
     one, two = (
-        classify(Volume(v, np.eye(4), slope=slope), tf, np.eye(4), backend=backend) for v in (stored, np.clip(stored, -5, 5))
+        classify(Volume(v, np.eye(4), slope=slope), tf, np.eye(4), backend=backend)
+        for v in (stored, np.clip(stored, -5, 5))
     )
     assert one.visible_voxels == 7 and one.nan_voxels == 0
     for name in LISTS:

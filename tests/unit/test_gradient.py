@@ -24,7 +24,7 @@ def everywhere(volume):
     return np.arange(nz * ny + 1, dtype=np.int64) * nx, np.tile(np.arange(nx, dtype=np.uint16), nz * ny)
 
 
-def all_normals(voxels, affine=np.eye(4), backend="numba", slope=1.0):
+def all_normals(voxels, affine=AFFINES["plain"], backend="numba", slope=1.0):
     volume = Volume(voxels, np.eye(4), slope=slope)
     return unit_normals(volume, *everywhere(volume), affine, backend=backend).reshape(*voxels.shape, 3)
 
@@ -84,7 +84,8 @@ def test_v13_below_the_noise_floor_there_is_no_normal(backend):
     wobble = 1000.0 * (1.0 + 2.0**-23 * np.random.default_rng(1).integers(-2, 3, (5, 5, 5)))
     assert not all_normals(wobble.astype(np.float32), backend=backend).any()
     clear = (1000.0 + 0.1 * x).astype(np.float32)
-    np.testing.assert_allclose(all_normals(clear, backend=backend), np.broadcast_to((1, 0, 0), (5, 5, 40, 3)), atol=1e-6)
+    along_x = np.broadcast_to((1, 0, 0), (5, 5, 40, 3))
+    np.testing.assert_allclose(all_normals(clear, backend=backend), along_x, atol=1e-6)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -93,7 +94,8 @@ def test_the_normal_does_not_know_the_scale_of_world_or_values(backend):
     truth = all_normals(voxels, AFFINES["sheared"], backend)
     for scale in (1e-12, 1e12, 1e-130, 1e130):
         np.testing.assert_allclose(all_normals(voxels, AFFINES["sheared"] * scale, backend), truth, atol=1e-6)
-    np.testing.assert_allclose(all_normals(voxels * np.float32(2.0**-60), AFFINES["sheared"], backend), truth, atol=1e-6)
+    faint = voxels * np.float32(2.0**-60)
+    np.testing.assert_allclose(all_normals(faint, AFFINES["sheared"], backend), truth, atol=1e-6)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

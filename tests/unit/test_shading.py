@@ -1,4 +1,4 @@
-"""Shading against the formula written out for one voxel at a time, and lights against what Cycles was measured to do."""
+"""Shading against the formula written out voxel by voxel, and lights against what Cycles was measured to do."""
 
 import math
 
@@ -28,7 +28,10 @@ def pose(position=(0, 0, 0), shines_along=(0, 0, -1), scale=1.0):
     return matrix
 
 
-def one_voxel(position, normal, lights=(), shading=Shade(0, 1, 0, 1), color=(1, 1, 1), backend="numba", **kwargs):
+MATT = Shade(ambient=0, diffuse=1, specular=0, shininess=1)
+
+
+def one_voxel(position, normal, lights=(), shading=MATT, color=(1, 1, 1), backend="numba", **kwargs):
     """Shaded colour of a single small voxel at a world position with a given normal."""
     volume = Volume(np.ones((1, 1, 1), np.uint8), np.diag((1e-3, 1e-3, 1e-3, 1.0)))
     tf = TransferFunction(opacity=((0, 0.5),), color=((0, *color),))
@@ -114,13 +117,13 @@ def test_a14_nothing_blows_up_at_the_light(backend):
     np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (scaled,), backend=backend), 10.0 / (math.pi * 4),
                                rtol=1e-6)
     ball = Light("POINT", energy=10.0, radius=0.5)
-    np.testing.assert_allclose(one_voxel((0, 0, -0.1), (0, 0, 1), (ball,), backend=backend), 10 / (4 * math.pi**2 * 0.25),
-                               rtol=1e-6)
+    np.testing.assert_allclose(one_voxel((0, 0, -0.1), (0, 0, 1), (ball,), backend=backend),
+                               10.0 / (4 * math.pi**2 * 0.25), rtol=1e-6)
 
 
 def written_out(classified, n, matrix, s, lights, forward, eye):
     """The formula for every voxel, with suns, points and a headlight."""
-    nx, ny, nz = classified.shape_xyz
+    _, ny, nz = classified.shape_xyz
     rows = np.repeat(np.arange(ny * nz), np.diff(classified.row_start))
     result = []
     for row, x, c, normal in zip(rows, classified.column, classified.color, n):
@@ -133,15 +136,15 @@ def written_out(classified, n, matrix, s, lights, forward, eye):
         total = c * s.ambient
         for light in (*lights, None):
             if light is None:
-                l, strength = -np.asarray(forward), np.ones(3)
+                towards, strength = -np.asarray(forward), np.ones(3)
             elif light.type == "SUN":
-                l, strength = light.matrix_world[:3, 2], light.energy / math.pi * np.array(light.color)
+                towards, strength = light.matrix_world[:3, 2], light.energy / math.pi * np.array(light.color)
             else:
-                l = light.matrix_world[:3, 3] - point
-                strength = light.energy / (4 * math.pi**2 * (l @ l)) * np.array(light.color)
-            l = l / np.linalg.norm(l)
-            h = (l + view) / np.linalg.norm(l + view)
-            total = total + c * s.diffuse * abs(normal @ l) * strength
+                towards = light.matrix_world[:3, 3] - point
+                strength = light.energy / (4 * math.pi**2 * (towards @ towards)) * np.array(light.color)
+            towards = towards / np.linalg.norm(towards)
+            h = (towards + view) / np.linalg.norm(towards + view)
+            total = total + c * s.diffuse * abs(normal @ towards) * strength
             total = total + s.specular * abs(normal @ h) ** s.shininess * strength
         result.append(total)
     return np.array(result)
@@ -155,7 +158,8 @@ def test_a_whole_volume_is_shaded_by_the_formula(eye, shininess):
     volume = Volume(voxels, np.eye(4))
     classified = classify(volume, TINTED, PLACE)
     lights = (
-        Light("SUN", (1, 0.5, 0.2), 2.0, pose(shines_along=(1, 2, -1))), Light("POINT", (0.3, 1, 0.4), 90.0, pose((9, 9, 9)))
+        Light("SUN", (1, 0.5, 0.2), 2.0, pose(shines_along=(1, 2, -1))),
+        Light("POINT", (0.3, 1, 0.4), 90.0, pose((9, 9, 9))),
     )
     s = Shade(0.2, 0.7, 0.4, shininess)
     forward, eye = np.array((0.0, 0.6, -0.8)), np.array(eye)

@@ -87,21 +87,21 @@ def test_a_foreign_missing_or_cut_file_is_refused(tmp_path):
 
 def test_a_flipped_byte_is_found_or_does_no_harm(tmp_path):
     path = tmp_path / "v.rle"
-    save(path, stored((2,)))
+    save(path, stored((2,), shape=(2, 3, 4)))
     whole = path.read_bytes()
     truth = load(path)
     found = 0
     for at in range(len(whole)):
-        for flip in (0x01, 0x80, 0xFF):
-            path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
-            try:
-                same = load(path)
-            except RleSplatError:
-                found += 1
-                continue
-            for table in TABLES:  # a byte nobody reads, such as a date
-                np.testing.assert_array_equal(getattr(same.axes[2], table), getattr(truth.axes[2], table))
-    assert found > 2 * len(whole)
+        flip = (0x01, 0x80, 0xFF)[at % 3]
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
+        try:
+            same = load(path)
+        except RleSplatError:
+            found += 1
+            continue
+        for table in TABLES:  # a byte nobody reads, such as a date
+            np.testing.assert_array_equal(getattr(same.axes[2], table), getattr(truth.axes[2], table))
+    assert found > 0.7 * len(whole)
 
 
 def rewritten(path, **changes):
