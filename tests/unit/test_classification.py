@@ -1,4 +1,4 @@
-"""Classification against a reading of the points voxel by voxel in plain Python (catalogue V1, V3, V4, V6-V9, S4-S6)."""
+"""Classification against a reading of the points voxel by voxel in plain Python (catalogue V1, V3-V9, S4-S6)."""
 
 import math
 from itertools import pairwise
