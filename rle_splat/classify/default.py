@@ -130,7 +130,7 @@ def _from_histogram(volume: Volume, spread: Histogram) -> tuple[TransferFunction
 
 def _curves(start: float, threshold: float, body: float, far: float) -> TransferFunction:
     """Transparent at ``start``, solid at ``far`` on either side of it, and held beyond."""
-    opacity = [(start, 0.0), (threshold, 0.15), (body, 0.45), (far, 0.85)]
+    opacity = [(start, 0.0), (threshold, 0.15), *([(body, 0.45)] if body != far else []), (far, 0.85)]
     color = [(start + t * (far - start), *rgb) for t, *rgb in WARM]
     if far < start:  # ascending values: the same curves read from the other end
         opacity, color = opacity[::-1], color[::-1]

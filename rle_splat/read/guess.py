@@ -15,6 +15,7 @@ from .layout import (
     CHUNK_BYTES,
     DEFAULT_COUNT_LIMIT,
     SMALL_HEADER,
+    TYPE_OF_EACH_SIZE,
     UNREADABLE,
     RawLayout,
     is_gzip,
@@ -44,9 +45,9 @@ ORDER_WORDS = {
 _WORD = re.compile(
     r"(?<![a-z0-9])(" + "|".join(sorted(TYPE_WORDS, key=len, reverse=True)) + r")(le|be|lsb|msb)?(?![a-z0-9])"
 )
-_SHAPE = re.compile(r"(?<![\d.])(\d{1,5})[x×](\d{1,5})[x×](\d{1,5})(?![\d.]\d|\d)")
-_SHAPE_SPACED = re.compile(r"(?<![\d.])(\d{2,5})[_-](\d{2,5})[_-](\d{2,5})(?![\d])")
-_CUBE = re.compile(r"(?<![\d.])(\d{2,4})(?:\^3|cubed|cube)(?![a-z0-9])")
+_SHAPE = re.compile(r"(?<!\d)(?<!\d\.)(\d{1,5})[x×](\d{1,5})[x×](\d{1,5})(?![\d.]\d|\d)")
+_SHAPE_SPACED = re.compile(r"(?<!\d)(?<!\d\.)(\d{2,5})[_-](\d{2,5})[_-](\d{2,5})(?![\d])")
+_CUBE = re.compile(r"(?<!\d)(?<!\d\.)(\d{2,4})(?:\^3|cubed|cube)(?![a-z0-9])")
 _LENGTH = r"(\d*\.\d+|\d+)"
 _SPACING = re.compile(rf"(?<![\d.]){_LENGTH}[x×]{_LENGTH}[x×]{_LENGTH}(?=mm)|"
                       rf"(?<![\d.])(\d*\.\d+)[x×](\d*\.\d+)[x×](\d*\.\d+)(?!\d)")
@@ -172,7 +173,7 @@ def _name_clues(name: str) -> dict:
 
 def _candidates(size: int, known: dict) -> tuple:
     """Layouts of exactly ``size`` bytes that agree with what is known, the likeliest first."""
-    dtypes = [known["dtype"]] if known["dtype"] else ["uint8", "uint16", "float32", "float64"]
+    dtypes = [known["dtype"]] if known["dtype"] else list(TYPE_OF_EACH_SIZE)
     order = known["byte_order"] or "little"
     found = []
     for dtype in dtypes:
@@ -186,6 +187,8 @@ def _candidates(size: int, known: dict) -> tuple:
         if rest == 0 and voxels > 0:
             for shape, oddity in _shapes_of(voxels):
                 found.append((oddity, RawLayout(shape, dtype, order, known["header_bytes"] or 0)))
+    if known["shape"] is not None and any(not layout.header_bytes for _, layout in found):
+        found = [pair for pair in found if not pair[1].header_bytes]  # an exact fit needs no header to explain it
     found.sort(key=lambda pair: pair[0])  # stable: among equals the smaller type stays first
     return tuple(layout for _, layout in found)
 

@@ -16,8 +16,9 @@ from ..volume.volume import STORED_TYPES
 
 BYTE_ORDERS = ("little", "big")
 CHUNK_BYTES = 1 << 20
-DEFAULT_COUNT_LIMIT = 1 << 34  # 16 GiB: counting stops here, lest a small file that unpacks for ever hold us up
+DEFAULT_COUNT_LIMIT = 1 << 32  # 4 GiB: counting stops here, lest a small file that unpacks for ever hold us up
 SMALL_HEADER = 1 << 16  # bytes; a surplus up to this may be a header
+TYPE_OF_EACH_SIZE = ("uint8", "uint16", "float32", "float64")  # to name a size of voxel by its commonest type
 EDGE_LIMIT = 65536  # voxels along an edge
 
 
@@ -147,13 +148,13 @@ def content_bytes(path, limit: int = DEFAULT_COUNT_LIMIT) -> int | None:
         raise unreadable(path, problem) from None
 
 
-def fitting(path, layout: RawLayout, actual: int) -> tuple:
+def fitting(layout: RawLayout, actual: int) -> tuple:
     """Layouts near ``layout`` that take exactly ``actual`` bytes, the least changed first."""
     (nx, ny, nz), size = layout.shape, layout.file_dtype.itemsize
     payload = actual - layout.header_bytes
     found = []
     if payload > 0:
-        for dtype in dict.fromkeys((layout.dtype, *STORED_TYPES)):
+        for dtype in dict.fromkeys((layout.dtype, *TYPE_OF_EACH_SIZE)):
             itemsize = np.dtype(dtype).itemsize
             if itemsize * nx * ny * nz == payload:
                 found.append(RawLayout(layout.shape, dtype, layout.byte_order, layout.header_bytes))

@@ -25,21 +25,28 @@ from .layout import (
     unreadable,
 )  # fmt: skip
 
+COUNT_AT_LEAST = 1 << 28  # bytes; a file that unpacks to more than this and than four times the need is not counted
 DEFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
 
 
-def _wrong_size(path, layout: RawLayout, actual: int | None) -> RleSplatError:
+def _wrong_size(path, layout: RawLayout, actual: int | None, limit: int = 0) -> RleSplatError:
+    """The refusal that names both sizes and what would fit; ``actual`` None means more than ``limit`` bytes."""
     name, unpacked = Path(path).name, " unpacked" if is_gzip(path) else ""
     needs = f"{layout} need {layout.total_bytes} bytes"
     if actual is None:
-        return RleSplatError(f"{name} holds more than {DEFAULT_COUNT_LIMIT} bytes{unpacked}, but {needs}.")
-    fits = list(fitting(path, layout, actual))[:3]
+        return RleSplatError(f"{name} holds more than {limit} bytes{unpacked}, but {needs}; check shape and type.")
+    fits = list(fitting(layout, actual))[:3]
     fits += [other for other in guess_raw(path).candidates if other not in fits][: 4 - len(fits)]
     text = "; or ".join(str(other) for other in fits)
     return RleSplatError(
         f"{name} holds {actual} bytes{unpacked}, but {needs}; "
         + (f"what would fit: {text}." if text else "check the shape, the type and the header's length.")
     )
+
+
+def _wrong_gzip_size(path, layout: RawLayout) -> RleSplatError:
+    limit = max(COUNT_AT_LEAST, 4 * min(layout.total_bytes, DEFAULT_COUNT_LIMIT))
+    return _wrong_size(path, layout, content_bytes(path, limit), limit)
 
 
 def read_raw(
@@ -95,7 +102,7 @@ def _read_plain(path, layout: RawLayout) -> np.ndarray:
 
 def _read_gzip(path, layout: RawLayout) -> np.ndarray:
     if layout.total_bytes > os.path.getsize(path) * DEFLATE_LIMIT:  # impossible: learn the true size, allocate nothing
-        raise _wrong_size(path, layout, content_bytes(path))
+        raise _wrong_gzip_size(path, layout)
     voxels = np.empty(layout.shape[::-1], dtype=layout.file_dtype)
     target = memoryview(voxels.reshape(-1).view(np.uint8))
     with gzip.open(path, "rb") as stream:
@@ -112,7 +119,7 @@ def _read_gzip(path, layout: RawLayout) -> np.ndarray:
                 raise _wrong_size(path, layout, skipped + filled)
             filled += count
         if stream.read(1):
-            raise _wrong_size(path, layout, content_bytes(path))
+            raise _wrong_gzip_size(path, layout)
     return _native(voxels)
 
 

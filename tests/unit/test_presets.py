@@ -1,0 +1,194 @@
+"""Built-in transfer functions and the default one: they load, fit, keep noise transparent, and never show nothing."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.default import default_transfer_function, otsu_threshold
+from rle_splat.classify.presets import FOLDER, PRESETS, fit_preset, preset
+from rle_splat.read.formats import read_volume
+from rle_splat.scene import RleSplatError
+from rle_splat.volume.histogram import histogram
+from rle_splat.volume.volume import Volume
+
+DATA = Path(os.environ.get("RLE_SPLAT_DATA") or Path(__file__).resolve().parents[2] / "../shared/data")
+REQUIRED = (
+    "ct-bone", "ct-soft-tissue", "ct-lung", "ct-angiography", "mr-head", "mr-angiography", "x-ray", "smoke"
+)  # fmt: skip
+
+
+def volume_of(voxels, **more):
+    return Volume(np.asarray(voxels), np.eye(4), **more)
+
+
+def scan(name, **options):
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"needs the scan {name} in ../shared/data or $RLE_SPLAT_DATA")
+    return read_volume(path, spacing=(1.0, 1.0, 1.0), **options)
+
+
+def kept_share(volume, function):
+    """Share of the voxels that are not transparent; for integer volumes that start at 0."""
+    counts = np.bincount(volume.voxels.ravel())
+    return counts[function.alpha_at(volume.physical(np.arange(counts.size))) > 0.0].sum() / volume.voxels.size
+
+
+def test_the_table_and_the_files_are_one():
+    assert set(REQUIRED) <= set(PRESETS)
+    assert {path.stem for path in FOLDER.glob("*.json")} == set(PRESETS)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_is_sound(name):
+    function = preset(name)
+    assert function.unit == ("HU" if function.span == (-1000.0, 2000.0) else None)
+    assert function.span in ((-1000.0, 2000.0), (0.0, 1.0))  # one span each, so that fitting means the same for all
+    assert function.alpha_at(function.span[0]) == 0.0  # air
+    assert max(alpha for _, alpha in function.opacity) > 0.0
+    assert all(0.0 <= channel <= 1.0 for _, *rgb in function.color for channel in rgb)
+
+
+def test_an_unknown_preset_lists_those_there_are():
+    with pytest.raises(RleSplatError, match=r"ct-bones.*ct-bone.*smoke"):
+        preset("ct-bones")
+
+
+def test_a_preset_in_the_volumes_unit_is_taken_as_it_is():
+    volume = volume_of(np.arange(1000, dtype=np.int16).reshape(10, 10, 10), value_unit="HU")
+    function, remark = fit_preset("ct-bone", volume)
+    assert function == preset("ct-bone")
+    assert remark is None
+
+
+def test_other_values_get_the_points_on_their_percentiles():
+    volume = volume_of(np.arange(1001, dtype=np.int16).reshape(7, 11, 13))
+    function, remark = fit_preset("ct-bone", volume)
+    assert function.span == (10.0, 999.0)  # 1 % of 0..1000 do not exceed 10, 99.9 % do not exceed 999
+    assert "10 to 999" in remark and "ct-bone" in remark
+
+
+def test_fitting_survives_values_that_are_nearly_all_alike():
+    voxels = np.zeros((20, 20, 20), np.float32)
+    voxels[10, 10, 10] = 5.0
+    assert fit_preset("mr-head", volume_of(voxels))[0].span == (0.0, 5.0)
+    assert fit_preset("mr-head", volume_of(np.full((2, 2, 2), 1e9, np.float32)))[0].span[1] == 1e9
+
+
+@pytest.mark.parametrize(
+    "name, options, choice, low, high",
+    [
+        ("cthead_256x256x113_uint16be.raw.gz", {}, "ct-bone", 0.05, 0.12),
+        ("cthead_256x256x113_uint16be.raw.gz", dict(intercept=-1024, value_unit="HU"), "ct-bone", 0.04, 0.12),
+        ("cthead_256x256x113_uint16be.raw.gz", {}, "ct-soft-tissue", 0.15, 0.3),
+        ("engine_256x256x110_uint8.raw.gz", {}, "ct-industrial", 0.1, 0.25),
+        ("bonsai_256x256x256_uint8.raw.gz", {}, "ct-plant", 0.05, 0.15),
+        ("foot_256x256x256_uint8_fromjpeg.raw.gz", {}, "xa-limb", 0.1, 0.3),
+        ("lobster_301x324x56_uint8.raw.gz", {}, "ct-specimen", 0.04, 0.1),
+        ("mrbrain_256x256x99_uint8.raw.gz", {}, "mr-head", 0.15, 0.3),
+    ],
+)
+def test_presets_keep_a_plausible_share_of_real_scans(name, options, choice, low, high):
+    volume = scan(name, **options)
+    assert low < kept_share(volume, fit_preset(choice, volume)[0]) < high
+
+
+@pytest.mark.parametrize("choice", ["xa-limb", "ct-bone", "x-ray", "ct-skin"])
+def test_the_noise_of_the_foot_is_transparent(choice):
+    volume = scan("foot_256x256x256_uint8_fromjpeg.raw.gz")
+    assert fit_preset(choice, volume)[0].alpha_at(np.arange(11)).max() == 0.0
+
+
+# --- the default --------------------------------------------------------------------------------------------------
+
+
+def shows(volume, at):
+    """Alpha of the default transfer function at the voxel ``at`` (x, y, z)."""
+    function, reason = default_transfer_function(volume)
+    assert reason.endswith(".")
+    return float(function.alpha_at(volume.physical(volume.voxels[at[::-1]])))
+
+
+@pytest.mark.parametrize("value", [0, 1, 255])
+def test_a_constant_volume_is_shown(value):
+    assert shows(volume_of(np.full((4, 4, 4), value, np.uint8)), (1, 1, 1)) > 0.3
+
+
+@pytest.mark.parametrize("dtype, value", [("uint8", 1), ("uint8", 255), ("float32", 1e-6), ("float32", 1e20)])
+def test_a_single_voxel_is_shown_and_the_rest_is_not(dtype, value):
+    voxels = np.zeros((16, 16, 16), dtype)
+    voxels[8, 7, 6] = value
+    assert shows(volume_of(voxels), (6, 7, 8)) > 0.5
+    assert shows(volume_of(voxels), (0, 0, 0)) == 0.0
+
+
+def test_values_from_zero_to_one_are_shown():
+    z, y, x = np.mgrid[-1:1:24j, -1:1:24j, -1:1:24j]
+    ball = np.clip(1.2 - np.sqrt(x * x + y * y + z * z), 0.0, 1.0).astype(np.float32)
+    assert shows(volume_of(ball), (12, 12, 12)) > 0.5
+    assert shows(volume_of(ball), (0, 0, 0)) == 0.0
+
+
+def test_a_dark_object_in_bright_surroundings_is_what_is_shown():
+    voxels = np.full((20, 20, 20), 200, np.uint8)
+    voxels[8:12, 8:12, 8:12] = 10
+    assert shows(volume_of(voxels), (10, 10, 10)) > 0.5
+    assert shows(volume_of(voxels), (1, 1, 1)) == 0.0
+
+
+def test_one_absurd_value_does_not_hide_the_object():
+    rng = np.random.default_rng(1)
+    voxels = rng.normal(0.0, 0.02, (24, 24, 24)).astype(np.float32)
+    voxels[8:16, 8:16, 8:16] += 1.0
+    voxels[0, 0, 0] = 1e30
+    assert shows(volume_of(voxels), (12, 12, 12)) > 0.2
+    assert shows(volume_of(voxels), (2, 2, 2)) == 0.0
+
+
+def test_hounsfield_units_choose_bone_or_soft_tissue():
+    voxels = np.full((20, 20, 20), -1000, np.int16)
+    voxels[5:15, 5:15, 5:15] = 50
+    function, reason = default_transfer_function(volume_of(voxels, value_unit="HU"))
+    assert function == preset("ct-soft-tissue") and "Hounsfield" in reason
+    voxels[8:12, 8:12, 8:12] = 1200
+    assert default_transfer_function(volume_of(voxels, value_unit="HU"))[0] == preset("ct-bone")
+
+
+def test_a_level_set_shows_its_inside():
+    z, y, x = np.mgrid[-8:9, -8:9, -8:9]
+    distance = np.clip(np.sqrt(x * x + y * y + z * z) - 5.0, -3.0, 3.0).astype(np.float32)
+    volume = volume_of(distance, value_unit="signed distance")
+    assert shows(volume, (8, 8, 8)) == 0.9
+    assert shows(volume, (0, 0, 0)) == 0.0
+
+
+def test_nothing_finite_says_so():
+    reason = default_transfer_function(volume_of(np.full((2, 2, 2), np.nan, np.float32)))[1]
+    assert "no finite value" in reason
+
+
+def test_a_volume_that_a_preset_would_leave_blank_gets_the_histogram():
+    voxels = np.full((10, 10, 10), -1000, np.int16)
+    voxels[4:6, 4:6, 4:6] = -700  # a sponge: neither tissue nor bone
+    assert shows(volume_of(voxels, value_unit="HU"), (4, 4, 4)) > 0.5
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "bonsai_256x256x256_uint8.raw.gz", "cthead_256x256x113_uint16be.raw.gz", "engine_256x256x110_uint8.raw.gz",
+        "foot_256x256x256_uint8_fromjpeg.raw.gz", "lobster_301x324x56_uint8.raw.gz",
+        "lobster_120x120x34_uint16le.raw.gz", "mrbrain_256x256x99_uint8.raw.gz",
+        "cthead_128x128x113_uint8_derived.raw.gz",
+    ],
+)  # fmt: skip
+def test_no_real_scan_is_blank_or_a_block(name):
+    volume = scan(name)
+    assert 0.04 < kept_share(volume, default_transfer_function(volume)[0]) < 0.4
+
+
+def test_otsu_lies_in_the_gap_between_two_heaps():
+    voxels = np.array([10] * 60 + [110] * 40, np.uint8).reshape(4, 5, 5)
+    assert otsu_threshold(histogram(volume_of(voxels))) == pytest.approx(60.0, abs=1.0)
