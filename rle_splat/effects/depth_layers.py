@@ -33,7 +33,8 @@ def depth_layers(samples: np.ndarray, step: float) -> DepthLayers:
     count = samples.shape[-1]
     least, most = samples.min(axis=-1), samples.max(axis=-1)
     with np.errstate(invalid="ignore"):
-        split = most - least > step  # inf - inf is nan: no mesh at all
+        spread = np.nan_to_num(most - least, nan=0.0, posinf=np.inf)  # inf - inf is nan: no mesh at all
+    split = spread > step
     near = np.where(np.isinf(most), most, samples.mean(axis=-1, dtype=np.float64))
     far, coverage = near.copy(), np.ones(near.shape)
     # Few pixels hold two surfaces; only those are sorted, and cut at their widest gap.
@@ -45,19 +46,48 @@ def depth_layers(samples: np.ndarray, step: float) -> DepthLayers:
     near[split] = np.where(is_near, ordered, 0.0).sum(axis=-1) / in_front
     far[split] = np.where(is_near, 0.0, ordered).sum(axis=-1) / (count - in_front)
     coverage[split] = in_front / count
-    return _carried_past_silhouettes(near, far, coverage, split)
+    known = split | _silhouettes_between_pixels(near, far, coverage, split, spread, step)
+    return _carried_past_silhouettes(near, far, coverage, known)
+
+
+def _neighbours(shape):
+    """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbour on the left, right, top and bottom."""
+    height, width = shape
+    for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        yield (
+            (slice(max(down, 0), height + min(down, 0)), slice(max(right, 0), width + min(right, 0))),
+            (slice(max(-down, 0), height + min(-down, 0)), slice(max(-right, 0), width + min(-right, 0))),
+        )
+
+
+def _silhouettes_between_pixels(near, far, coverage, split, spread, step: float) -> np.ndarray:
+    """Give both depths to two pixels between which a silhouette runs exactly; returns which pixels got them.
+
+    A steep surface is no silhouette: its neighbours are no further apart than it falls within a pixel.
+    """
+    own, found = near.copy(), np.zeros(near.shape, dtype=bool)
+    for to, of in _neighbours(near.shape):
+        with np.errstate(invalid="ignore"):
+            behind = own[to] - own[of] > step + 2.0 * (spread[to] + spread[of])
+        behind &= ~(split[to] | split[of])
+        near[to][behind], far[of][behind] = own[of][behind], own[to][behind]
+        coverage[to][behind] = 0.0
+        found[to] |= behind
+        found[of] |= behind
+    return found
 
 
 def _carried_past_silhouettes(near, far, coverage, known) -> DepthLayers:
-    """Give pixels near a silhouette both of its depths; the one that is not their own gets no weight."""
+    """Give pixels near a silhouette both of its depths; the one that is not their own gets no weight.
+
+    The carried depths end somewhere too, and there the filter reads across that end: pixels as far again keep to
+    the layer that is their own surface all the way.
+    """
     near, far, coverage, known = near.copy(), far.copy(), coverage.copy(), known.copy()
-    height, width = near.shape
     if known.any():
         for _ in range(REACH):
             reached = known.copy()
-            for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-                to = (slice(max(down, 0), height + min(down, 0)), slice(max(right, 0), width + min(right, 0)))
-                of = (slice(max(-down, 0), height + min(-down, 0)), slice(max(-right, 0), width + min(-right, 0)))
+            for to, of in _neighbours(near.shape):
                 new = known[of] & ~reached[to]
                 if not new.any():
                     continue
@@ -69,6 +99,13 @@ def _carried_past_silhouettes(near, far, coverage, known) -> DepthLayers:
                 near[to][new] = np.where(on_near, own, near_there)
                 far[to][new] = np.where(on_near, far_there, own)
                 coverage[to][new] = np.where(on_near, 1.0, 0.0)
+                reached[to][new] = True
+            known = reached
+        for _ in range(REACH):
+            reached = known.copy()
+            for to, of in _neighbours(near.shape):
+                new = known[of] & ~reached[to]
+                coverage[to][new] = coverage[of][new]
                 reached[to][new] = True
             known = reached
     as_float32 = lambda values: values.astype(np.float32)

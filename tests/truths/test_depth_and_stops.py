@@ -8,7 +8,7 @@ import pytest
 from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.accuracy.rays import camera_rays
-from rle_splat.scene import NO_DEPTH, Camera, Scene
+from rle_splat.scene import Camera, Scene
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 
@@ -33,19 +33,20 @@ def middle_depth(scene):
 
 
 @PROJECTIONS
-@pytest.mark.parametrize("depth_rule, bound", (("slice", 0.8), ("simpson", 0.5)))
+@pytest.mark.parametrize("depth_rule, bound", (("slice", 0.6), ("simpson", 0.5)))
 def test_depth_of_half_transmittance(stage, perspective, depth_rule, bound):
-    """Within a fraction of a slice of the truth wherever half transmittance is clearly passed, else none."""
+    """Within a fraction of a slice of the truth wherever half transmittance is clearly passed, else none; but where
+    the truth jumps from one surface to another, a pixel of the rendering may see either."""
     scene = stage.on_turntable(FIELDS["smooth"](32), perspective=perspective, size=(64, 64))
     true, true_depth = stage.truth(scene)
     depth = stage.render(scene, depth_rule=depth_rule).depth
     assert depth.shape == (64, 64) and depth.dtype == np.float32
     passed, missed = true[..., 3] > 0.55, true[..., 3] < 0.45
     assert passed.sum() > 300 and missed.sum() > 300
-    # Beside an edge in depth two neighbouring surfaces may be mixed, so a few pixels may lie between them.
     error = np.abs(depth - true_depth)[passed]
-    assert np.quantile(error, 0.95) < bound and np.median(error) < 0.5 * bound
-    assert (depth[missed] == np.float32(NO_DEPTH)).all()
+    assert np.quantile(error, 0.95) < bound and np.median(error) < 0.1 * bound
+    assert (error > 2.0).mean() < 0.01
+    assert (depth[missed] < 1e9).mean() < 0.002
 
 
 @PROJECTIONS
@@ -65,7 +66,7 @@ def test_tilted_plane_inside_the_volume(stage, perspective, azimuth, elevation):
     found = stage.error(stopped, true)
     assert found.rmse < 0.6 and found.largest < 5.0 and abs(found.bias) < 0.1
     depth = stage.render(stopped).depth
-    assert (depth[true[..., 3] < 0.45] == np.float32(NO_DEPTH)).all()
+    assert (depth[true[..., 3] < 0.45] < 1e9).mean() < 0.002
 
 
 @PROJECTIONS
@@ -80,9 +81,24 @@ def test_mesh_before_and_behind(stage, perspective):
 
     assert np.abs(stage.render(changed(scene, triangles=wall(27.0))).rgba - free).max() < 1e-6
     assert not stage.render(changed(scene, triangles=wall(-3.0))).rgba.any()
-    half = stage.render(changed(scene, triangles=wall(-3.0, left=11.5))).rgba
-    assert not half[:, 27:].any() and np.abs(half[:, :21] - free[:, :21]).max() < 1e-6
-    assert free[:, 27:].max() > 0.3 and free[:, :21].max() > 0.3
+
+
+@PROJECTIONS
+@pytest.mark.parametrize("part", (0.0, 0.01, 0.3, 0.5, 0.95))
+def test_silhouette_of_a_mesh_before_the_volume(stage, perspective, part):
+    """A wall over the right half whose edge leaves ``part`` of pixel column 24 free: every pixel holds exactly its
+    uncovered share of the unstopped picture, also when the edge runs between two pixels."""
+    scene = stage.on_turntable(FIELDS["thin"](24), 0.0, 0.0, perspective, size=(48, 48))
+    edge = camera_rays(scene.camera, 48, 48, 24.0 + part, 24.0)
+    left = edge.at_depth(edge.depth_to_plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)))[0, 0]
+    a, b, c, d = ((left, -3.0, -500.0), (500.0, -3.0, -500.0), (500.0, -3.0, 500.0), (left, -3.0, 500.0))
+    free = stage.render(scene).rgba
+    half = stage.render(changed(scene, triangles=np.array(((a, b, c), (a, c, d))))).rgba
+    share = np.clip(24.0 + part - np.arange(48), 0.0, 1.0)[None, :, None]
+    assert free[:, 25:].max() > 0.3 and free[:, :23].max() > 0.3
+    # Coverage is counted in sixteenths of a pixel.
+    assert np.abs(half - share * free).max() < 1.1 / 32.0
+    assert np.abs((half - share * free)[:, np.arange(48) != 24]).max() < 0.1 * LEVEL
 
 
 @PROJECTIONS
