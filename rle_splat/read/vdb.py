@@ -42,7 +42,7 @@ def load_openvdb():
 
 
 def grid_names(path) -> tuple:
-    """((name, value type), ...) of every grid in the file, in its order."""
+    """((name, value type), ...) of every grid in the file, in OpenVDB's order, which is by name."""
     return tuple((_label(grid, i), grid.valueTypeName) for i, grid in enumerate(_metadata(load_openvdb(), path)))
 
 

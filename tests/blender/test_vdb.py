@@ -1,0 +1,190 @@
+"""OpenVDB files through Blender's own module: grids, transforms, backgrounds, round trips, and damaged files."""
+
+import os
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+bpy.utils.expose_bundled_modules()
+import openvdb  # noqa: E402  (within reach only after the line above)
+
+DATA = Path(os.environ.get("RLE_SPLAT_DATA") or Path(__file__).resolve().parents[2] / "../shared/data")
+ROTATED = np.array([[0.0, -2.0, 0.0, 5.0], [1.0, 0.0, 0.0, -6.0], [0.0, 0.0, 3.0, 7.0], [0.0, 0.0, 0.0, 1.0]])
+MIRRORED = np.diag((-0.5, 1.0, 1.0, 1.0))
+SHEARED = np.array([[1.0, 0.2, 0.0, 0.0], [0.0, 1.1, 0.3, 1.0], [0.0, 0.0, 0.9, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+@pytest.fixture
+def formats(core):
+    return core("read.formats")
+
+
+@pytest.fixture
+def refusal(core):
+    return core("scene").RleSplatError
+
+
+def points_grid(kind, points, name="density", matrix=None, background=None):
+    """A grid with the given {(i, j, k): value} and nothing else."""
+    grid = kind() if background is None else kind(background)
+    grid.name = name
+    access = grid.getAccessor()
+    for place, value in points.items():
+        access.setValueOn(place, value)
+    if matrix is not None:
+        grid.transform = openvdb.createLinearTransform(matrix.T.tolist())  # row vectors
+    return grid
+
+
+def write(path, *grids):
+    openvdb.write(str(path), grids=list(grids))
+    return path
+
+
+@pytest.mark.parametrize(
+    "matrix", [np.eye(4), ROTATED, MIRRORED, SHEARED], ids=["plain", "rotated", "mirrored", "sheared"]
+)
+def test_the_active_box_and_one_voxel_more_at_its_place(formats, tmp_path, matrix):
+    points = {(-3, 5, 10): 1.0, (1, 6, 12): 4.0}
+    volume = formats.read_volume(write(tmp_path / "a.vdb", points_grid(openvdb.FloatGrid, points, matrix=matrix)))
+    assert volume.shape_xyz == (5 + 2, 2 + 2, 3 + 2)
+    assert volume.voxels.dtype == np.float32 and volume.voxels.flags.c_contiguous
+    for (i, j, k), value in points.items():
+        x, y, z = i + 4, j - 4, k - 9
+        assert volume.voxels[z, y, x] == value
+        np.testing.assert_allclose(volume.affine @ (x, y, z, 1), matrix @ (i, j, k, 1), atol=1e-12)
+    assert np.count_nonzero(volume.voxels) == 2
+    assert volume.unit == "world"
+
+
+def test_the_background_fills_the_border(formats, tmp_path):
+    grid = points_grid(openvdb.FloatGrid, {(0, 0, 0): 1.0}, background=-7.5)
+    volume = formats.read_volume(write(tmp_path / "a.vdb", grid))
+    assert volume.background == -7.5
+    assert (volume.voxels == -7.5).sum() == 26
+
+
+@pytest.mark.parametrize(
+    "kind, value, dtype",
+    [("FloatGrid", 0.1, "float32"), ("DoubleGrid", 0.1, "float64"), ("Int32Grid", -70000, "int32"),
+     ("Int64Grid", -70000, "int32"), ("Int64Grid", 1 << 40, "float64"), ("BoolGrid", True, "uint8")],
+)  # fmt: skip
+def test_every_kind_of_number(formats, tmp_path, kind, value, dtype):
+    volume = formats.read_volume(write(tmp_path / "a.vdb", points_grid(getattr(openvdb, kind), {(0, 0, 0): value})))
+    assert volume.voxels.dtype == np.dtype(dtype)
+    assert volume.voxels[1, 1, 1] == np.dtype(dtype).type(value)
+
+
+def test_the_choice_among_several_grids(formats, refusal, tmp_path):
+    grids = [
+        points_grid(openvdb.Vec3SGrid, {(0, 0, 0): (1.0, 2.0, 3.0)}, "velocity"),
+        points_grid(openvdb.FloatGrid, {(0, 0, 0): 2.0}, "heat"),
+        points_grid(openvdb.FloatGrid, {(0, 0, 0): 3.0}, "density"),
+    ]
+    path = write(tmp_path / "a.vdb", *grids)
+    volume = formats.read_volume(path)
+    assert (volume.name, volume.voxels.max()) == ("density", 3.0)
+    assert any("density, heat, velocity" in remark and "density was read" in remark for remark in volume.remarks)
+    assert formats.read_volume(path, grid="heat").voxels.max() == 2.0
+    with pytest.raises(refusal, match=r"no grid 'flame'.*heat \(float\)"):
+        formats.read_volume(path, grid="flame")
+    with pytest.raises(refusal, match="vec3s"):
+        formats.read_volume(path, grid="velocity")
+    assert formats.read_volume(write(tmp_path / "b.vdb", *grids[:2])).name == "heat"
+
+
+def test_a_grid_without_a_name_is_read(formats, tmp_path):
+    path = write(tmp_path / "a.vdb", points_grid(openvdb.FloatGrid, {(0, 0, 0): 2.0}, ""))
+    assert formats.read_volume(path).voxels.max() == 2.0
+
+
+def test_files_without_anything_to_show(formats, refusal, tmp_path):
+    vectors = points_grid(openvdb.Vec3SGrid, {(0, 0, 0): (1.0, 2.0, 3.0)}, "velocity")
+    with pytest.raises(refusal, match=r"no grid of numbers.*velocity"):
+        formats.read_volume(write(tmp_path / "vectors.vdb", vectors))
+    if hasattr(openvdb, "PointDataGrid"):
+        with pytest.raises(refusal, match="no grid of numbers"):
+            formats.read_volume(write(tmp_path / "points.vdb", openvdb.PointDataGrid()))
+    with pytest.raises(refusal, match="no active voxel"):
+        formats.read_volume(write(tmp_path / "empty.vdb", points_grid(openvdb.FloatGrid, {})))
+    with pytest.raises(refusal, match=r"no grid of numbers.*none at all"):
+        formats.read_volume(write(tmp_path / "nothing.vdb"))
+
+
+def test_stray_voxels_far_apart_are_refused_before_memory_is_spent(formats, refusal, tmp_path):
+    far = points_grid(openvdb.FloatGrid, {(0, 0, 0): 1.0, (100000, 100000, 100000): 1.0})
+    with pytest.raises(refusal, match="GiB"):
+        formats.read_volume(write(tmp_path / "far.vdb", far))
+
+
+@pytest.mark.parametrize("damage", ["empty", "other", "half", "end", "middle"])
+def test_damaged_files(formats, refusal, tmp_path, damage):
+    noise = np.random.default_rng(4).random((40, 40, 40), dtype=np.float32)
+    grid = openvdb.FloatGrid()
+    grid.name = "density"
+    grid.copyFromArray(noise)
+    whole = write(tmp_path / "whole.vdb", grid).read_bytes()
+    middle = len(whole) // 2
+    content = {
+        "empty": b"", "other": b"something else entirely", "half": whole[:middle], "end": whole[:-200],
+        "middle": whole[:middle] + b"\xff" * 3000 + whole[middle + 3000 :],
+    }[damage]  # fmt: skip
+    path = tmp_path / "bad.vdb"
+    path.write_bytes(content)
+    with pytest.raises(refusal, match=r"not an OpenVDB file|damaged"):
+        formats.read_volume(path)
+
+
+def test_a_tapered_frustum_is_refused(formats, refusal, tmp_path):
+    grid = points_grid(openvdb.FloatGrid, {(0, 0, 0): 1.0, (5, 5, 5): 1.0})
+    grid.transform = openvdb.createFrustumTransform((0, 0, 0), (10, 10, 10), 0.3, 5.0)
+    with pytest.raises(refusal, match="frustum"):
+        formats.read_volume(write(tmp_path / "a.vdb", grid))
+
+
+def test_a_level_set_says_that_it_is_one(formats, core, tmp_path):
+    grid = openvdb.createLevelSetSphere(radius=5.0)
+    grid.name = "surface"
+    volume = formats.read_volume(write(tmp_path / "a.vdb", grid))
+    assert volume.value_unit == "signed distance"
+    assert any("level set" in remark for remark in volume.remarks)
+    assert volume.value_range[0] < 0.0 < volume.value_range[1]
+    function, _ = core("classify.default").default_transfer_function(volume)
+    middle = volume.voxels.shape[0] // 2
+    alpha = function.alpha_at(volume.physical(volume.voxels[middle]))
+    assert alpha[0, 0] == 0.0 and alpha[middle, middle] > 0.5
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"])
+def test_written_volumes_come_back_at_their_place(formats, core, tmp_path, dtype):
+    """Voxels that are not background keep value and place, whatever the type; the border is trimmed and regrown."""
+    rng = np.random.default_rng(9)
+    voxels = rng.integers(1, 100, (9, 5, 4)).astype(dtype)
+    voxels[0] = 0
+    volume = core("volume.volume").Volume(
+        voxels, ROTATED, slope=2.0, intercept=-1000.0, value_unit="HU", modality="CT", unit="mm")
+    options = formats.write_volume(volume, tmp_path / "out.vdb")
+    again = formats.read_volume(tmp_path / "out.vdb", **options)
+    assert (again.value_unit, again.unit, again.modality) == ("HU", "mm", "CT")
+    assert again.background == -1000.0
+    assert again.shape_xyz == (6, 7, 10)
+    np.testing.assert_array_equal(again.voxels[1:-1, 1:-1, 1:-1], volume.physical(voxels[1:]))
+    np.testing.assert_allclose(again.affine @ (1, 1, 1, 1), ROTATED @ (0, 0, 1, 1), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "name, shape, spacing, remarks",
+    [("smoke_fog.vdb", (113, 224, 114), (0.47619, 0.47619, 0.47619), 0),
+     ("density_and_heat.vdb", (25, 25, 44), (0.7034, 0.7034, 0.7165), 1)],
+)  # fmt: skip
+def test_real_files(formats, core, name, shape, spacing, remarks):
+    if not (DATA / name).exists():
+        pytest.skip(f"needs {name} in ../shared/data or $RLE_SPLAT_DATA")
+    volume = formats.read_volume(DATA / name)
+    assert (volume.shape_xyz, volume.modality, len(volume.remarks)) == (shape, "SMOKE", remarks)
+    np.testing.assert_allclose(volume.spacing, spacing, atol=1e-4)
+    function, reason = core("classify.default").default_transfer_function(volume)
+    assert "smoke" in reason
+    assert 0.05 < (function.alpha_at(volume.voxels) > 0.0).mean() < 0.3
