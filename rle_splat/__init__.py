@@ -4,42 +4,61 @@ The names below are all a script needs.  They are looked up when first used, so 
 header never waits for the renderer's compiled kernels to load.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 
-# One table: public name -> the module that holds it.
+# One table: public name -> (the module that holds it, its name there).
 _HOME = {
-    "Camera": "scene",
-    "Cancelled": "scene",
-    "Light": "scene",
-    "Quality": "scene",
-    "Rendering": "scene",
-    "RleSplatError": "scene",
-    "Scene": "scene",
-    "Volume": "volume.volume",
-    "TransferFunction": "classify.transfer_function",
-    "default_transfer_function": "classify.default",
-    "preset": "classify.presets",
-    "fit_preset": "classify.presets",
-    "read_volume": "read.formats",
-    "classify": "classify.classification",
-    "shade": "classify.shading",
-    "encode": "encode.encode",
-    "decode": "encode.decode",
-    "render": "render",
-    "render_steps": "render",
-    "turntable": "view.turntable",
+    "Camera": ("scene", "Camera"),
+    "Cancelled": ("scene", "Cancelled"),
+    "Light": ("scene", "Light"),
+    "Quality": ("scene", "Quality"),
+    "Rendering": ("scene", "Rendering"),
+    "RleSplatError": ("scene", "RleSplatError"),
+    "Scene": ("scene", "Scene"),
+    "Volume": ("volume.volume", "Volume"),
+    "TransferFunction": ("classify.transfer_function", "TransferFunction"),
+    "default_transfer_function": ("classify.default", "default_transfer_function"),
+    "fit_preset": ("classify.presets", "fit_preset"),
+    "preset": ("classify.presets", "preset"),
+    "read_volume": ("read.formats", "read_volume"),
+    "write_volume": ("read.formats", "write_volume"),
+    "encode": ("encode_scene", "encode_scene"),
+    "encode_steps": ("encode_scene", "encode_scene_steps"),
+    "load_encoded": ("encode.store", "load"),
+    "save_encoded": ("encode.store", "save"),
+    "render": ("render", "render"),
+    "render_steps": ("render", "render_steps"),
+    "turntable": ("view.turntable", "turntable"),
 }
 
-__all__ = sorted(_HOME)
+__all__ = list(_HOME)
 
 
 def __getattr__(name):
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    module, attribute = _HOME[name]
+    value = getattr(import_module(f".{module}", __name__), attribute)
     globals()[name] = value
     return value
 
 
 def __dir__():
     return sorted({*globals(), *__all__})
+
+
+class _Facade(ModuleType):
+    """This package, whose verbs ``render`` and ``encode`` are named as the rooms that they come from.
+
+    Python sets a room as an attribute of its package when it is imported, which would hide the verb or not,
+    depending on who imported what first; here the verb is always what the name means.
+    """
+
+    def __setattr__(self, name, value):
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Facade

@@ -106,7 +106,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
         held: dict[int, RunLengthVolume] = dict(scene.volume.axes)
     else:
         yield Progress(0.02, "Classifying")
-        classified, shaded, color_key = _classify_and_shade(scene, quality, kept, clock)
+        classified, shaded, color_key = classify_and_shade(scene, quality, kept, clock)
         held = {}
         medium = _fresh_medium(classified, shaded, color_key, quality, kept, held)
         yield Progress(0.15, "Encoding")
@@ -156,7 +156,7 @@ def _array_key(*arrays) -> tuple:
     return tuple(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
-def _classify_and_shade(scene: Scene, quality: Quality, kept: Kept, clock: Clock):
+def classify_and_shade(scene: Scene, quality: Quality, kept: Kept, clock: Clock):
     """Classified voxels, their shaded colours, and a key that names both."""
     volume, tf, matrix = scene.volume, scene.transfer_function, scene.index_to_world
     arguments = dict(backend=quality.backend, threads=quality.threads)

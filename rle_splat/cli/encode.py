@@ -5,21 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from time import perf_counter
 
-import numpy as np
-
 from ..axes import AXIS_NAMES
 from ..scene import RleSplatError
 from .appearance import check_values, choose_transfer_function, read_transfer_function
-from .lighting import describe_lighting
 from .options import (
-    add_light_options, add_machine_options, add_model_option, add_placement_options, add_report_options,
-    add_transfer_function_options, add_turntable_options, add_volume_argument, add_volume_options, encoding_quality,
+    add_light_options,
+    add_machine_options,
+    add_model_option,
+    add_placement_options,
+    add_report_options,
+    add_transfer_function_options,
+    add_turntable_options,
+    add_volume_argument,
+    add_volume_options,
+    encoding_quality,
     volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import bytes_text, write_report
-from .viewing import check_light_options, check_placement, place, read_lights, read_placement
+from .viewing import check_light_options, check_placement, make_scene, place, read_lights, read_placement
 
 SUFFIX = ".rle"
 
@@ -51,30 +56,38 @@ def run(args) -> None:
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
+    from ..encode.store import save
+    from ..encode_scene import encode_scene_steps
     from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
+        began = perf_counter()
         volume = read_volume(args.volume, **volume_options(args))
-        read_ms = 1e3 * (perf_counter() - start)
+        read_ms = 1e3 * (perf_counter() - began)
         check_values(volume)
         function, reason = choose_transfer_function(args, volume, given_function)
-        camera, matrix = place(args, volume, *placement)
-        lighting = describe_lighting(function, lights, headlight, camera)
-        stored, report = encode_axes(args, volume, function, lights, lighting, camera, matrix, quality, axes, line)
-        line.show(0.95, "writing")
-        from ..encode.store import save
-
+        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        with line.compiling():
+            steps = encode_scene_steps(scene, quality, axes, Path(args.volume).name)
+            stored, report = line.follow(steps, start=0.1)
+        line.show(1.0, "writing")
         with whole_files(outputs) as parts:
             began = perf_counter()
             save(parts[0], stored)
-            stages = {"read": read_ms, **report["stages_ms"], "write": 1e3 * (perf_counter() - began)}
-            report["command"] = "encode"
-            report["input"] = {"path": str(args.volume), "remarks": list(volume.remarks)}
-            report["output"] = {"path": str(args.output), "bytes": parts[0].stat().st_size}
-            report["transfer_function"] = {"name": function.name, "reason": reason}
-            report["lighting"] = lighting
-            report["stages_ms"] = {**stages, "total": 1e3 * (perf_counter() - start)}
+            write_ms = 1e3 * (perf_counter() - began)
+            report = {
+                "command": "encode",
+                "input": {"path": str(args.volume)},
+                "output": {"path": str(args.output), "bytes": parts[0].stat().st_size},
+                **report,
+                "stages_ms": {
+                    "read": read_ms, **report["stages_ms"], "write": write_ms, "total": 1e3 * (perf_counter() - start)
+                },
+                "transfer_function": {"name": function.name, "reason": reason},
+                "lighting": stored.lighting,
+                "remarks": list(volume.remarks),
+            }
             if args.json:
                 write_report(parts[1], report)
     _say(report)
@@ -87,67 +100,9 @@ def _axes(names: str) -> list[int]:
     return sorted(AXIS_NAMES.index(name) for name in names)
 
 
-def encode_axes(args, volume, function, lights, lighting, camera, matrix, quality, axes, line):
-    """(StoredVolume, report): classify and shade once, encode once for each principal axis."""
-    from ..classify.classification import classify
-    from ..classify.shading import is_shaded, normals, shade
-    from ..encode.encode import encode
-    from ..encode.store import StoredVolume
-
-    machine = {"backend": quality.backend, "threads": quality.threads}
-    scale = np.diag((args.scene_scale, args.scene_scale, args.scene_scale, 1.0))
-    index_to_world = matrix @ scale @ volume.affine
-    headlight = lighting["headlight_direction"]
-    times, began = {}, perf_counter()
-
-    def lap(stage):
-        nonlocal began
-        now = perf_counter()
-        times[stage], began = 1e3 * (now - began), now
-
-    line.show(0.2, "classifying")
-    classified = classify(volume, function, index_to_world, **machine)
-    lap("classify")
-    line.show(0.4, "shading")
-    found = None
-    if is_shaded(function.shade, lights, headlight):
-        found = normals(classified, volume, index_to_world, **machine)
-    colors = shade(
-        classified, found, index_to_world, function.shade, lights,
-        headlight_direction=headlight, eye=lighting["eye"], **machine,
-    )
-    lap("shade")
-    encoded = {}
-    for done, axis in enumerate(axes):
-        line.show(0.6 + 0.3 * done / len(axes), f"encoding along {AXIS_NAMES[axis]}")
-        encoded[axis] = encode(classified, colors, axis, quality.model, **machine)
-    lap("encode")
-    stored = StoredVolume(
-        encoded, volume.affine, volume.unit, classified.unit_length, function.to_json(), lighting,
-        Path(args.volume).name, tuple(volume.remarks),
-    )
-    report = {
-        "stages_ms": times,
-        "volume": {
-            "shape_xyz": volume.shape_xyz,
-            "visible_voxels": classified.visible_voxels,
-            "visible_fraction": classified.visible_fraction,
-        },
-        "model": quality.model,
-        "axes": {
-            AXIS_NAMES[axis]: {
-                "runs": len(tables.runs),
-                "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},
-            }
-            for axis, tables in encoded.items()
-        },
-    }
-    return stored, report
-
-
 def _say(report: dict) -> None:
     """The sizes of the four tables of each principal axis, on stdout."""
-    for remark in report["input"]["remarks"]:
+    for remark in report["remarks"]:
         print(remark)
     function, volume = report["transfer_function"], report["volume"]
     print(f"Transfer function {function['name']}: {function['reason']}")

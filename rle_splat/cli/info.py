@@ -9,7 +9,11 @@ import numpy as np
 from ..volume.histogram import histogram, percentiles
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
-    add_report_options, add_transfer_function_options, add_volume_argument, add_volume_options, volume_options,
+    add_report_options,
+    add_transfer_function_options,
+    add_volume_argument,
+    add_volume_options,
+    volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
@@ -61,7 +65,7 @@ def describe(volume, choice) -> dict:
     visible = counted.counts[function.alpha_at(counted.centers) > 0.0].sum() / max(1, counted.total)
     low, high = volume.value_range
     voxels = volume.voxels.size
-    kept = int(round(voxels * visible))
+    kept = round(voxels * float(visible))
     return {
         "name": volume.name,
         "shape_xyz": volume.shape_xyz,

@@ -5,10 +5,18 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from ..scene import (
-    BACKENDS, CLASSIFICATIONS, DEPTH_RULES, FOOTPRINTS, MODELS, QUALITY_PRESETS, WARP_FILTERS, Quality, RleSplatError,
-)
 from ..read.layout import BYTE_ORDERS
+from ..scene import (
+    BACKENDS,
+    CLASSIFICATIONS,
+    DEPTH_RULES,
+    FOOTPRINTS,
+    MODELS,
+    QUALITY_PRESETS,
+    WARP_FILTERS,
+    Quality,
+    RleSplatError,
+)
 from ..volume.volume import STORED_TYPES
 
 # One table of knobs: option -> (field of Quality, how to read it, how the help names its values).

@@ -11,16 +11,23 @@ import numpy as np
 from ..scene import Quality, RleSplatError, Scene
 from .appearance import check_values, choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
-from .lighting import check_lighting
 from .options import (
-    add_background_option, add_light_options, add_placement_options, add_quality_options, add_report_options,
-    add_transfer_function_options, add_turntable_options, add_volume_argument, add_volume_options, quality_from,
+    add_background_option,
+    add_light_options,
+    add_placement_options,
+    add_quality_options,
+    add_report_options,
+    add_transfer_function_options,
+    add_turntable_options,
+    add_volume_argument,
+    add_volume_options,
+    quality_from,
     volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import write_report
-from .viewing import check_light_options, check_placement, place, read_lights, read_placement
+from .viewing import check_light_options, check_placement, make_scene, place, read_lights, read_placement
 
 ENCODED_SUFFIX = ".rle"
 
@@ -100,7 +107,7 @@ def _prepare_voxels(args, quality) -> Prepared:
     check_values(volume)
     function, reason = choose_transfer_function(args, volume, given_function)
     camera, matrix = place(args, volume, camera, matrix)
-    scene = _scene(args, volume, function, camera, matrix, lights, headlight)
+    scene = make_scene(args, volume, function, camera, matrix, lights, headlight)
     return Prepared(scene, quality, read_ms, {"name": function.name, "reason": reason})
 
 
@@ -108,6 +115,7 @@ def _prepare_tables(args, quality) -> Prepared:
     """Load a .rle file: its transfer function, its lights and its model are what they are."""
     from ..classify.transfer_function import TransferFunction
     from ..encode.store import load
+    from .lighting import check_lighting
 
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -118,6 +126,8 @@ def _prepare_tables(args, quality) -> Prepared:
     began = perf_counter()
     stored = load(args.volume)
     read_ms = 1e3 * (perf_counter() - began)
+    if stored.transfer_function is None or not isinstance(stored.lighting, dict):
+        raise RleSplatError(f"{args.volume} does not say how it was classified and lit; encode the volume again.")
     function = TransferFunction.from_json(stored.transfer_function)
     if args.preset is not None or (given_function is not None and given_function.key != function.key):
         raise RleSplatError(
@@ -128,17 +138,9 @@ def _prepare_tables(args, quality) -> Prepared:
     check_lighting(args, stored.lighting, lights, camera)
     if args.model is None and not args.paper:
         quality = replace(quality, model=stored.model)
-    scene = _scene(args, stored, function, camera, matrix, (), False)
-    remark = "Lit as it was encoded." if stored.lighting["shaded"] else "Unshaded, as it was encoded."
+    scene = make_scene(args, stored, function, camera, matrix, (), False)
+    remark = "Lit as it was encoded." if stored.lighting.get("shaded") else "Unshaded, as it was encoded."
     return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "baked into the .rle file"}, (remark,))
-
-
-def _scene(args, volume, function, camera, matrix, lights, headlight) -> Scene:
-    width, height = args.size
-    return Scene(
-        volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
-        scene_scale=args.scene_scale, lights=lights, headlight=headlight, background=args.background,
-    )
 
 
 def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) -> dict:

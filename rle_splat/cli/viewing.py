@@ -1,4 +1,4 @@
-"""Camera, placement and lights from the options."""
+"""Camera, placement and lights from the options, and the scene they make."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Camera, Light, RleSplatError, as_matrix, read_json
+from ..scene import Camera, Light, RleSplatError, Scene, as_matrix, read_json
 from ..view.turntable import turntable
 
 LARGEST_SIDE = 65536  # pixels, as Scene has it
@@ -68,3 +68,12 @@ def read_lights(args) -> tuple[tuple, bool]:
     if args.headlight is not None:
         return lights, args.headlight
     return lights, args.lights is None and args.camera is None
+
+
+def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Scene:
+    """The Scene of the placement options and of what has been read."""
+    width, height = args.size
+    return Scene(
+        volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
+        scene_scale=args.scene_scale, lights=lights, headlight=headlight,
+    )

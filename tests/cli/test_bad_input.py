@@ -124,7 +124,9 @@ def test_preset_and_file_contradict(render_refused, write_json):
     render_refused("--preset", "ct-bone", "--transfer-function", write_json(TRANSFER_FUNCTION))
 
 
-@pytest.mark.parametrize("lights", [{}, [{"type": "LASER"}], [{"color": [1, 1]}], [{"energy": -1}], [{"watts": 3}], [4]])
+@pytest.mark.parametrize(
+    "lights", [{}, [{"type": "LASER"}], [{"color": [1, 1]}], [{"energy": -1}], [{"watts": 3}], [4]]
+)
 def test_impossible_lights(render_refused, write_json, lights):
     render_refused("--lights", write_json(lights))
 

@@ -1,0 +1,95 @@
+"""The first half of the road, kept: a scene's volume classified, shaded and encoded, ready for a `.rle` file."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from .axes import AXES, AXIS_NAMES
+from .encode.encode import encode
+from .encode.store import StoredVolume
+from .kept import Kept
+from .render import Clock, Progress, classify_and_shade
+from .scene import Quality, Scene
+
+
+def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
+    """The tables of ``scene`` for the principal ``axes`` (0, 1, 2 for x, y, z); can be saved, and rendered as a volume.
+
+    Of ``quality`` only the model and what does the work matter.  ``source``: see ``encode_scene_steps``.
+    """
+    steps = encode_scene_steps(scene, quality or Quality.preset("standard"), axes, source)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as finished:
+            return finished.value[0]
+
+
+def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
+    """Generator form: yields Progress, returns (StoredVolume, report).  Colours are those a rendering has.
+
+    ``source``: name of the file the volume was read from, for whoever opens the result.
+    """
+    clock = Clock()
+    yield Progress(0.0, "Classifying")
+    classified, colors, _ = classify_and_shade(scene, quality, Kept(0), clock)
+    encoded = {}
+    for done, axis in enumerate(axes):
+        yield Progress(0.4 + 0.6 * done / len(axes), f"Encoding along {AXIS_NAMES[axis]}")
+        with clock.stage("encode"):
+            encoded[axis] = encode(
+                classified, colors, axis, quality.model, backend=quality.backend, threads=quality.threads
+            )
+    volume = scene.volume
+    stored = StoredVolume(
+        encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),
+        describe_lighting(scene), source, tuple(volume.remarks),
+    )
+    stages = {name: clock.stages[name] for name in ("classify", "shade", "encode")}
+    report = {
+        "stages_ms": {**stages, "total": clock.report()["total"]},
+        "volume": {
+            "shape_xyz": list(volume.shape_xyz),
+            "visible_voxels": classified.visible_voxels,
+            "visible_fraction": classified.visible_fraction,
+            "nan_voxels": classified.nan_voxels,
+        },
+        "model": quality.model,
+        "axes": {
+            AXIS_NAMES[axis]: {
+                "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},
+            }
+            for axis, tables in encoded.items()
+        },
+    }
+    return stored, report
+
+
+def looking_direction(camera) -> np.ndarray:
+    """(3,) float64 unit world vector along which a camera looks."""
+    backwards = camera.matrix_world[:3, 2]
+    return -backwards / np.linalg.norm(backwards)
+
+
+def describe_lighting(scene: Scene) -> dict:
+    """What the shaded colours of a scene depend on besides volume and transfer function, JSON-ready.
+
+    ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position
+    of the eye, which highlights depend on.
+    """
+    camera, looking = scene.camera, looking_direction(scene.camera)
+    parallel = camera.type == "ORTHO"
+    return {
+        "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights)),
+        "lights": [describe_light(light) for light in scene.lights],
+        "headlight_direction": looking.tolist() if scene.headlight else None,
+        "eye": [*(-looking).tolist(), 0.0] if parallel else [*camera.matrix_world[:3, 3].tolist(), 1.0],
+    }
+
+
+def describe_light(light) -> dict:
+    """A light as the lights file has it."""
+    described = {entry.name: getattr(light, entry.name) for entry in fields(light)}
+    return {**described, "color": list(light.color), "matrix_world": light.matrix_world.tolist()}

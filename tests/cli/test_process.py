@@ -1,0 +1,112 @@
+"""The command line as its own process: module entry, signals, pipes, speed of start-up, real scans."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = (sys.executable, "-m", "rle_splat")
+
+
+def start(*words):
+    return subprocess.Popen(
+        [*COMMAND, *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def run(*words):
+    process = start(*words)
+    out, err = process.communicate(timeout=300)
+    return process.returncode, out.decode(), err.decode()  # not as text: that would turn returns into new lines
+
+
+def test_render_and_help(tmp_path, raw, raw_options):
+    code, out, err = run("render", raw, *raw_options, "--size", "16", "-o", tmp_path / "p.npy")
+    assert (code, err) == (0, "") and "Wrote" in out
+    assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
+    for words in (("--help",), ("render", "--help"), ("info", "-h"), ("encode", "--help"), ("convert", "--help")):
+        code, out, err = run(*words)
+        assert code == 0 and "usage: rle-splat" in out and err == ""
+
+
+def test_a_mistake_is_one_sentence(tmp_path):
+    code, out, err = run("render", tmp_path / "no.raw", "-o", tmp_path / "p.png")
+    assert code == 2 and out == "" and err.count("\n") == 1 and "no.raw" in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_only_when_asked(tmp_path, raw, raw_options):
+    code, _, err = run("render", raw, *raw_options, "--size", "16", "-o", tmp_path / "p.npy", "--progress")
+    assert code == 0 and "\r" in err and "%" in err and "Splatting" in err and err.count("\n") == 0
+
+
+def test_information_does_not_load_numba(raw, raw_options):
+    """What only looks at a file starts without the compiler; a script's ``import rle_splat`` too."""
+    program = (
+        "import sys; from rle_splat.cli.main import main; code = main(sys.argv[1:]); "
+        "sys.exit(code or 5 * ('numba' in sys.modules or 'PIL' in sys.modules))"
+    )
+    words = [sys.executable, "-c", program, "info", str(raw), *raw_options]
+    assert subprocess.run(words, cwd=ROOT, capture_output=True, timeout=120).returncode == 0
+
+
+def test_a_reader_that_goes_away_is_no_error(raw, raw_options):
+    process = start("info", raw, *raw_options)
+    process.stdout.close()
+    err = process.stderr.read()
+    assert process.wait(timeout=120) == 0 and err == b""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to one process")
+def test_ctrl_c_leaves_nothing_half_made(tmp_path):
+    """Stopped in the middle of a long picture: exit code 130, one sentence, the old file still there."""
+    volume, output = tmp_path / "v.raw", tmp_path / "p.npy"
+    np.random.default_rng(1).integers(0, 256, 96**3, dtype=np.uint8).tofile(volume)
+    output.write_bytes(b"old")
+    before = sorted(tmp_path.iterdir())
+    words = ("--shape", 96, 96, 96, "--dtype", "uint8", "--backend", "numpy", "--size", 1500, "--preset", "x-ray")
+    process = start("render", volume, *words, "-o", output, "--progress")
+    seen = b""
+    while b"Splatting" not in seen and process.poll() is None:
+        seen += process.stderr.read(1)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    rest = process.stderr.read().decode()
+    assert process.wait(timeout=120) == 130
+    assert rest.endswith("Stopped; nothing was written.\n") and "Traceback" not in rest
+    assert sorted(tmp_path.iterdir()) == before and output.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize(
+    "name, options",
+    [
+        ("bonsai_256x256x256_uint8.raw.gz", ("--shape", 256, 256, 256, "--dtype", "uint8", "--preset", "ct-plant")),
+        ("cthead_256x256x113_uint16be.raw.gz", ("--spacing", 1, 1, 2)),
+        ("lobster_120x120x34_uint16le.raw.gz", ()),
+    ],
+)
+def test_real_scans(data, tmp_path, name, options):
+    output = tmp_path / "p.npy"
+    code, _, err = run("render", data / name, *options, "--size", 96, "--azimuth", 30, "-o", output)
+    assert (code, err) == (0, ""), err
+    alpha = np.load(output)[..., 3]
+    assert alpha.max() > 0.5 and 0.01 < (alpha > 0.1).mean() < 0.9
+
+
+def test_the_facade_means_the_verbs_whoever_came_first():
+    program = (
+        "import rle_splat.render, rle_splat.encode.store, rle_splat\n"
+        "from rle_splat import encode, render, read_volume\n"
+        "assert callable(rle_splat.render) and callable(rle_splat.encode) and rle_splat.render is render\n"
+        "assert all(hasattr(rle_splat, name) for name in rle_splat.__all__)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
