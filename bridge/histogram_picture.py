@@ -2,11 +2,13 @@
 
 import numpy as np
 
-WIDTH, HEIGHT = 256, 128  # pixels
+TILES = 3  # squares side by side: Blender draws an icon in a square, a histogram is wide
+TILE, GAP = 96, 5  # pixels: a tile with the border that Blender leaves round an icon, and that border
+WIDTH, HEIGHT = TILES * TILE, TILE - 2 * GAP
 GROUND = np.array((0.10, 0.10, 0.11))
 BAR = np.array((0.36, 0.36, 0.38))
 CURVE = np.array((1.0, 1.0, 1.0))
-RAMP_ROWS = 10  # pixels at the bottom that show the colours alone
+RAMP_ROWS = 8  # pixels at the bottom that show the colours alone
 
 
 def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
@@ -32,6 +34,14 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     picture[(indices >= np.minimum(line, before)) & (indices <= np.maximum(line, before)), :3] = CURVE
     picture[:RAMP_ROWS, :, :3] = colors[None]
     return picture
+
+
+def tiles_of(picture: np.ndarray) -> list[np.ndarray]:
+    """The squares of a picture that Blender shows side by side; what would lie under their borders is left out, so
+    that values stand where they stand in the curve below."""
+    return [
+        np.ascontiguousarray(picture[:, i * TILE + GAP : (i + 1) * TILE - GAP]) for i in range(TILES)
+    ]
 
 
 def _bar_heights(stored, low: float, high: float) -> np.ndarray:

@@ -2,7 +2,6 @@
 they show has changed."""
 
 import bpy.utils.previews
-import numpy as np
 
 from ..rle_splat.scene import RleSplatError
 from . import facts, histogram_picture
@@ -21,29 +20,32 @@ def unregister():
     _drawn.clear()
 
 
-def histogram_icon(volume_object) -> int:
-    """The icon id of the object's histogram with its transfer function over it; 0 when there is nothing to show.
+def histogram_icons(volume_object) -> list[int]:
+    """Icon ids of the tiles, left to right, of the object's histogram with its transfer function over it.
 
-    Reads only what is kept on the object, so a panel may call it on every redraw.
+    Empty when there is nothing to show.  Reads only what is kept on the object, so a panel may call it on every
+    redraw.
     """
     if not _collections:
-        return 0
+        return []
     properties = volume_object.rle_splat
     try:
         transfer_function = read_transfer(volume_object)
     except RleSplatError:
-        return 0
+        return []
     name = str(volume_object.session_uid)
     window = window_of(properties)
     shown = (transfer_function.classification_key, window, hash(properties.histogram))
     collection = _collections[-1]
-    if name not in collection:
-        collection.new(name)
-        _drawn.pop(name, None)
-    preview = collection[name]
+    tiles = [f"{name} {i}" for i in range(histogram_picture.TILES)]
+    for tile in tiles:
+        if tile not in collection:
+            collection.new(tile)
+            _drawn.pop(name, None)
     if _drawn.get(name) != shown:
         picture = histogram_picture.draw(facts.stored_histogram(properties), transfer_function, *window)
-        preview.image_size = (histogram_picture.WIDTH, histogram_picture.HEIGHT)
-        preview.image_pixels_float.foreach_set(np.ascontiguousarray(picture).ravel())
+        for tile, part in zip(tiles, histogram_picture.tiles_of(picture)):
+            collection[tile].image_size = part.shape[1::-1]
+            collection[tile].image_pixels_float.foreach_set(part.ravel())
         _drawn[name] = shown
-    return preview.icon_id
+    return [collection[tile].icon_id for tile in tiles]

@@ -102,14 +102,13 @@ def fill_from_guess(target, guess) -> None:
         target.spacing = guess.spacing
 
 
-def clear(target) -> None:
-    """Back to what the file says."""
-    for name in NAMES:
-        target.property_unset(name)
-
-
 def copy(source, target) -> None:
     """Everything from one bearer of these options to another; arrays become tuples."""
     for name in NAMES:
         value = getattr(source, name)
         setattr(target, name, tuple(value) if name in ("shape", "spacing") else value)
+
+
+def clear(target) -> None:
+    """Back to what the file says."""
+    copy(PlainOptions(), target)

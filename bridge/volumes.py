@@ -80,12 +80,6 @@ def keep_volume(owner, volume) -> None:
     _kept[_source_key(path, os.stat(path), read_options(owner.rle_splat))] = (volume, owner.rle_splat.data_key)
 
 
-def is_loaded(owner) -> bool:
-    """Whether voxels of the object's file are in memory; does not touch the disk."""
-    path = resolved_path(owner)
-    return any(key[0] == path for key in _kept)
-
-
 def forget_all() -> None:
     """Let go of all voxels."""
     _kept.clear()

@@ -1,6 +1,7 @@
 """File > Import > Volume (RLE Splat), and files dropped into the window."""
 
 import os
+import textwrap
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
@@ -16,6 +17,7 @@ from .refusal import refuse
 # Blender looks only at a name's last suffix, so .raw.gz is offered as .gz and judged again when it is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
 RAW = FORMATS[0]
+LETTERS = 46  # in a line of the dialog: labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to learn a size while a dialog waits; about a second
 
 
@@ -104,8 +106,9 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         if self.guess_text:
             box = layout.box().column(align=True)
             box.scale_y = 0.8
-            for line in self.guess_text.split("\n"):
-                box.label(text=line)
+            for sentence in self.guess_text.split("\n"):
+                for line in textwrap.wrap(sentence, LETTERS):
+                    box.label(text=line)
 
     def execute(self, context):
         paths = self.paths()

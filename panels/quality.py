@@ -24,7 +24,7 @@ class QualityPanel:
         if NUMBA_PROBLEM:
             box = layout.box()
             box.alert = True
-            box.label(text="SLOW FALLBACK: numba cannot load", icon="ERROR")
+            box.label(text="SLOW FALLBACK, no numba", icon="ERROR")
             paragraph(context, box, f"Pictures take many times as long. {NUMBA_PROBLEM}")
         layout.prop(settings, "quality")
         if settings.quality == "custom":

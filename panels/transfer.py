@@ -7,7 +7,8 @@ from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar
 
-HISTOGRAM_SCALE = 9.0  # of the histogram's picture, in heights of a button
+BUTTON = 20.0  # pixels, the height of a button at interface scale 1 and the unit of an icon's size
+BORDERS = 44.0  # pixels at interface scale 1 that a panel's width loses to its borders and the tabs
 
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
@@ -57,21 +58,32 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
             return
         if tree.users > 1:
             row.operator("rle_splat.own_transfer", text=str(tree.users), icon="DUPLICATE")
-        icon = previews.histogram_icon(owner)
-        if icon:
-            layout.template_icon(icon_value=icon, scale=HISTOGRAM_SCALE)
+        icons = previews.histogram_icons(owner)
+        if all(icons):
+            tiles = layout.row(align=True)
+            tiles.alignment = "CENTER"
+            for icon in icons:
+                tiles.template_icon(icon_value=icon, scale=_tile_scale(context, len(icons)))
         curves = layout.column()
         curves.enabled = tree.is_editable
         curves.template_curve_mapping(tree.nodes[transfer_nodes.OPACITY_NODE], "mapping")
         curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         unit = f" ({properties.transfer_unit})" if properties.transfer_unit else ""
         row = layout.row(align=True)
-        row.prop(properties, "window_center", text=f"Level{unit}")
-        row.prop(properties, "window_width", text="Window")
+        column = row.column(align=True)
+        column.prop(properties, "window_center", text=f"Level{unit}")
+        column.prop(properties, "window_width", text=f"Window{unit}")
         row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
         column = layout.column(align=True)
         column.prop(properties, "opacity_scale", slider=True)
         column.prop(properties, "opacity_unit_distance", text=f"Per Distance ({properties.length_unit})")
+
+
+def _tile_scale(context, count: int) -> float:
+    """The size of each of ``count`` square icons that together are as wide as the panel."""
+    scale = context.preferences.system.ui_scale or 1.0
+    width = context.region.width / scale if context.region is not None else 0.0
+    return max(1.0, (width - BORDERS) / (BUTTON * count))
 
 
 CLASSES = (RLE_SPLAT_MT_presets, RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer)

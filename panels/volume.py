@@ -32,7 +32,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             paragraph(context, layout, sentence, icon="INFO")
         row = layout.row(align=True)
         row.prop(properties, "filepath", text="")
-        row.operator("rle_splat.relocate", text="Relocate", icon="FILE_FOLDER")
+        row.operator("rle_splat.relocate", text="Relocate")
         layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
 
 

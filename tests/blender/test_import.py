@@ -3,6 +3,8 @@ cannot be read changes nothing."""
 
 import gzip
 import json
+from importlib import import_module
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -202,3 +204,21 @@ def test_dropped_files_reach_the_importer(addon):
     handler = bpy.types.FileHandler.bl_rna_get_subclass_py("RLE_SPLAT_FH_volume")
     assert handler.bl_import_operator == "rle_splat.import_volume"
     assert {".raw", ".gz", ".vdb"} <= set(handler.bl_file_extensions.split(";"))
+
+
+def test_dialog_fills_in_a_guess_for_each_file_picked(tmp_path, addon):
+    """``check`` is what Blender calls whenever another file is picked or a value is edited in the dialog."""
+    operators = import_module(f"{addon.__name__}.operators.import_volume")
+    dialog = SimpleNamespace(directory="", files=(), filepath="", guessed_for="", guess_text="")
+    dialog.paths = lambda: operators.RLE_SPLAT_OT_import_volume.paths(dialog)
+    import_module(f"{addon.__name__}.bridge.source_options").clear(dialog)
+    (tmp_path / "one_4x4x4_uint8.raw").write_bytes(bytes(range(64)))
+    (tmp_path / "two_5x4x3_int16_be_0.5x0.5x2.0.raw").write_bytes(np.arange(60, dtype=">i2").tobytes())
+    check = operators.RLE_SPLAT_OT_import_volume.check
+    dialog.filepath = str(tmp_path / "one_4x4x4_uint8.raw")
+    assert check(dialog, None) and dialog.shape == (4, 4, 4) and dialog.dtype == "uint8" and dialog.guess_text
+    dialog.shape = (2, 4, 8)
+    assert not check(dialog, None) and dialog.shape == (2, 4, 8)  # an edit by hand stays
+    dialog.filepath = str(tmp_path / "two_5x4x3_int16_be_0.5x0.5x2.0.raw")
+    assert check(dialog, None) and dialog.shape == (5, 4, 3)
+    assert (dialog.dtype, dialog.byte_order, dialog.spacing) == ("int16", "big", (0.5, 0.5, 2.0))

@@ -152,11 +152,11 @@ def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, 
     calls = []
     draw = previews.histogram_picture.draw
     monkeypatch.setattr(previews.histogram_picture, "draw", lambda *args: calls.append(1) or draw(*args))
-    previews.histogram_icon(volume_object)
-    previews.histogram_icon(volume_object)
+    previews.histogram_icons(volume_object)
+    previews.histogram_icons(volume_object)
     assert len(calls) == 1
     volume_object.rle_splat.window_center += 10.0
-    previews.histogram_icon(volume_object)
+    previews.histogram_icons(volume_object)
     assert len(calls) == 2
 
 
@@ -168,7 +168,7 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
     drawn = picture.draw(stored, function, 0.0, 4.0)
     middle = drawn[picture.HEIGHT // 2, :, :3]
     filled = np.abs(middle - picture.GROUND).max(axis=1) > 1e-3
-    quarter = picture.WIDTH // 4
+    quarter = picture.WIDTH // 4  # a bin each
     np.testing.assert_array_equal(filled, np.repeat((False, False, True, False), quarter))
     np.testing.assert_allclose(drawn[0, 0, :3], (1.0, 0.0, 0.0), atol=0.05)
     np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.05)
