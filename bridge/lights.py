@@ -62,7 +62,7 @@ def _emitting_area(data, matrix_world: np.ndarray) -> float:
         height = (data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size) * scale[1]
         area = width * height * (math.pi / 4.0 if data.shape in ("DISK", "ELLIPSE") else 1.0)
     elif data.type == "SUN":
-        area = math.pi * math.tan(data.angle / 2.0) ** 2
+        area = math.pi * math.sin(data.angle / 2.0) ** 2
     else:
-        area = math.pi * data.shadow_soft_size**2
+        area = 4.0 * math.pi * data.shadow_soft_size**2
     return area if area > 0.0 else 1.0

@@ -1,0 +1,158 @@
+"""Each mistake gets one sentence in Blender's own report that says what to do, and the scene stays as it was."""
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+PICTURE_OPERATORS = ("render_image", "set_backdrop", "composite")
+
+
+@pytest.fixture
+def volume(bridge, core, tmp_path):
+    owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+    scenes.use_cycles((32, 32))
+    return owner
+
+
+def refusal(operator, **arguments):
+    """What ``bpy.ops.rle_splat.<operator>`` says when it refuses, having changed nothing."""
+    before = state()
+    with pytest.raises(RuntimeError) as caught:
+        getattr(bpy.ops.rle_splat, operator)(**arguments)
+    assert state() == before
+    text = str(caught.value)
+    assert "Traceback" not in text
+    return text
+
+
+def state():
+    """What a refusal must leave alone."""
+    scene = bpy.context.scene
+    return (
+        sorted(o.name for o in bpy.data.objects), sorted(i.name for i in bpy.data.images),
+        sorted(t.name for t in bpy.data.node_groups), [len(c.background_images) for c in bpy.data.cameras],
+        scene.rle_splat.use_composite, scene.render.use_lock_interface, scene.rle_splat.image,
+    )
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_no_volume(operator):
+    scenes.add_camera()
+    assert "Import a volume" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_no_camera(volume, operator):
+    assert "no active camera" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+@pytest.mark.parametrize("kind", ["PANO", "CUSTOM"])
+def test_a_panoramic_camera(volume, operator, kind):
+    scenes.add_camera(type=kind)
+    assert "Perspective or Orthographic" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_an_object_that_is_no_camera(volume, operator):
+    bpy.context.scene.camera = volume
+    assert "not a camera" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", ["render_image", "set_backdrop"])
+def test_a_camera_that_sees_nothing(volume, operator):
+    scenes.add_camera((500.0, 0.0, 10.0))
+    assert "does not see the volume" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", ["render_image", "set_backdrop"])
+def test_a_volume_scaled_to_nothing(volume, operator):
+    scenes.add_camera()
+    volume.scale = (1.0, 0.0, 1.0)
+    assert "singular" in refusal(operator).lower() or "scale" in refusal(operator).lower()
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_a_camera_scaled_to_nothing(volume, operator):
+    scenes.add_camera((4.0, 4.0, 30.0)).scale = (0.0, 0.0, 0.0)
+    assert "singular" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_a_file_that_is_gone(volume, bridge, operator, tmp_path):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bridge("volumes").forget_all()
+    (tmp_path / "cube.raw").unlink()
+    assert "Relocate" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_no_transfer_function(volume, operator):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    volume.rle_splat.transfer = None
+    assert "transfer function" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_several_volumes_and_none_chosen(volume, operator, tmp_path):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    scenes.import_raw(tmp_path, np.full((3, 3, 3), 1, np.uint8), name="second")
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = None
+    assert "Select one" in refusal(operator)
+
+
+@pytest.mark.parametrize("operator", PICTURE_OPERATORS)
+def test_stereoscopy(volume, operator):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bpy.context.scene.render.use_multiview = True
+    assert "Stereoscopy" in refusal(operator)
+
+
+def test_a_blank_transfer_function_warns(volume, bridge, core):
+    """Blank is allowed, and said: the picture is made and the report explains it."""
+    scenes.add_camera((4.0, 4.0, 30.0))
+    volume.rle_splat.opacity_scale = 0.0
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    assert scenes.image_pixels(bpy.context.scene.rle_splat.image)[..., 3].max() == 0.0
+    assert "transparent" in bpy.context.scene.rle_splat.last_report_json
+
+
+def test_a_deleted_volume_blanks_the_composite_and_is_told(volume, tmp_path):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bpy.ops.rle_splat.composite()
+    assert scenes.rendered(tmp_path / "seen.exr")[16, 16, 3] > 0.3
+    bpy.data.objects.remove(volume)
+    assert np.abs(scenes.rendered(tmp_path / "gone.exr")).max() == 0.0
+    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+
+
+def test_a_deleted_picture_is_told(volume, tmp_path):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bpy.ops.rle_splat.composite()
+    bpy.data.images.remove(bpy.context.scene.rle_splat.composite_image)
+    scenes.rendered(tmp_path / "gone.exr")
+    assert "press Composite into Render again" in bpy.context.scene.rle_splat.message
+
+
+def test_numba_asked_for_and_missing(volume, core, monkeypatch):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    monkeypatch.setattr(core("jit"), "numba", None)
+    bpy.context.scene.rle_splat.backend = "numba"
+    assert "numba cannot be loaded" in refusal("render_image")
+
+
+def test_registering_again_leaves_no_trace(addon):
+    handlers = {name: list(getattr(bpy.app.handlers, name)) for name in dir(bpy.app.handlers)
+                if isinstance(getattr(bpy.app.handlers, name), list)}
+    addon.unregister()
+    mine = [h for hooks in (getattr(bpy.app.handlers, name) for name in handlers) for h in hooks
+            if h.__module__.startswith(addon.__name__)]
+    assert not mine and not hasattr(bpy.types.Scene, "rle_splat")
+    addon.register()
+    assert {name: list(getattr(bpy.app.handlers, name)) for name in handlers} == handlers

@@ -1,0 +1,157 @@
+"""Pictures as image datablocks: exact float values, the right colour space, the right way up, through save and load."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+COLOR = (0.9, 0.5, 0.2)
+
+
+@pytest.fixture
+def volume(bridge, core, tmp_path):
+    """Opaque on a slab of half the height, so that up is up."""
+    voxels = np.zeros((9, 9, 9), np.uint8)
+    voxels[:, 5:, :] = 200
+    owner = scenes.import_raw(tmp_path, voxels, name="slab")
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (255.0, 0.5)), COLOR)
+    scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=12.0)
+    bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 40
+    return owner
+
+
+def random_picture(height=5, width=7):
+    rng = np.random.default_rng(3)
+    rgba = rng.random((height, width, 4)).astype(np.float32)
+    rgba[..., :3] *= rgba[..., 3:]
+    rgba[0, 0] = (12.5, 1e-3, 0.3, 0.5)  # brighter than white survives
+    return rgba
+
+
+def test_values_survive_packing_saving_and_loading(bridge, tmp_path):
+    images = bridge("images")
+    rgba = random_picture()
+    depth = np.full((5, 7), 1e10, np.float32)
+    depth[1, 2] = 3.14159
+    color_image = images.ensure_image(None, "color", 7, 5)
+    depth_image = images.ensure_image(None, "depth", 7, 5, depth=True)
+    for image in (color_image, depth_image):
+        image.use_fake_user = True
+    images.write_color(color_image, rgba)
+    images.write_depth(depth_image, depth)
+    images.pack(color_image)
+    images.pack(depth_image)
+    assert color_image.alpha_mode == "PREMUL" and color_image.colorspace_settings.name == "Linear Rec.709"
+    assert depth_image.colorspace_settings.name == "Non-Color" and color_image.is_float
+
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    again, depth_again = bpy.data.images["color"], bpy.data.images["depth"]
+    np.testing.assert_array_equal(scenes.image_pixels(again), rgba)
+    np.testing.assert_array_equal(scenes.image_pixels(depth_again)[..., 0], depth)
+    assert again.alpha_mode == "PREMUL" and again.is_float
+
+
+def test_an_image_is_reused_and_resized(bridge):
+    images = bridge("images")
+    image = images.ensure_image(None, "picture", 7, 5)
+    images.write_color(image, random_picture())
+    images.pack(image)
+    larger = random_picture(9, 4)
+    assert images.ensure_image(image, "picture", 4, 9) == image
+    images.write_color(image, larger)
+    np.testing.assert_array_equal(scenes.image_pixels(image), larger)
+    images.pack(image)
+    np.testing.assert_array_equal(scenes.image_pixels(image), larger)
+
+
+def test_pixels_written_without_packing_are_packed_on_save(bridge, tmp_path):
+    images = bridge("images")
+    image = images.ensure_image(None, "picture", 7, 5)
+    image.use_fake_user = True
+    images.pack(image)
+    rgba = random_picture()
+    images.write_color(image, rgba)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    np.testing.assert_array_equal(scenes.image_pixels(bpy.data.images["picture"]), rgba)
+
+
+def test_render_image(volume, bridge):
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    settings = bpy.context.scene.rle_splat
+    picture, depth = scenes.image_pixels(settings.image), scenes.image_pixels(settings.depth_image)[..., 0]
+    assert settings.image.name.startswith("slab") and settings.depth_image.name.startswith("slab")
+    assert tuple(settings.image.size) == (40, 40)
+    assert picture[10, 20, 3] > 0.9 and picture[30, 20, 3] == 0.0  # +Y, the filled half, is on top
+    np.testing.assert_allclose(picture[10, 20, :3], np.array(COLOR) * picture[10, 20, 3], rtol=1e-4)
+    # Half the light is left after log(1/2) / log(1 - alpha) units, of which the ramp [8, 9] above the slab counts half.
+    units = np.log(0.5) / np.log(1.0 - 0.5 * 200 / 255)
+    assert depth[10, 20] == pytest.approx(30.0 - (8.0 - (units - 0.5)), abs=0.01)
+    assert depth[30, 20] == np.float32(1e10)
+    report = json.loads(settings.last_report_json)
+    assert report["image"] == {"width": 40, "height": 40} and "splat" in settings.last_report
+
+
+def test_rendering_again_reuses_the_images(volume):
+    bpy.ops.rle_splat.render_image()
+    settings = bpy.context.scene.rle_splat
+    first, count = settings.image, len(bpy.data.images)
+    before = scenes.image_pixels(first)
+    bpy.context.scene.render.resolution_percentage = 50
+    bpy.ops.rle_splat.render_image()
+    assert settings.image == first and len(bpy.data.images) == count
+    assert tuple(first.size) == (20, 20)
+    np.testing.assert_allclose(scenes.image_pixels(first)[5, 10], before[10, 20], atol=2e-3)
+
+
+def test_an_image_of_the_users_is_not_overwritten(volume):
+    own = bpy.data.images.new("slab Splat", 2, 2)
+    bpy.ops.rle_splat.render_image()
+    assert tuple(own.size) == (2, 2) and bpy.context.scene.rle_splat.image != own
+
+
+def test_the_picture_survives_save_and_reload_and_can_be_made_again(volume, tmp_path):
+    bpy.ops.rle_splat.render_image()
+    before = scenes.image_pixels(bpy.context.scene.rle_splat.image)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    settings = bpy.context.scene.rle_splat
+    np.testing.assert_array_equal(scenes.image_pixels(settings.image), before)
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    np.testing.assert_allclose(scenes.image_pixels(settings.image), before, atol=1e-6)
+
+
+def test_moving_the_volume_moves_the_picture(volume):
+    bpy.ops.rle_splat.render_image()
+    settings = bpy.context.scene.rle_splat
+    before = scenes.centroid(scenes.image_pixels(settings.image)[..., 3])
+    volume.location.x += 0.75
+    bpy.ops.rle_splat.render_image()
+    after = scenes.centroid(scenes.image_pixels(settings.image)[..., 3])
+    np.testing.assert_allclose(after - before, (0.75 / 12.0 * 40, 0.0), atol=0.05)
+
+
+def test_meshes_occlude_only_when_asked(volume):
+    scenes.add_mesh([(-5, -5, 20), (15, -5, 20), (15, 15, 20), (-5, 15, 20)], [(0, 1, 2, 3)])
+    bpy.ops.rle_splat.render_image()
+    settings = bpy.context.scene.rle_splat
+    assert scenes.image_pixels(settings.image)[..., 3].max() > 0.9
+    bpy.ops.rle_splat.render_image(use_meshes=True)
+    assert scenes.image_pixels(settings.image)[..., 3].max() == 0.0
+
+
+def test_the_picture_is_the_renderers_own(volume, bridge, core):
+    """Nothing happens to the picture between the renderer and the image."""
+    bpy.ops.rle_splat.render_image()
+    plain, quality = bridge("render_scene").read_scene(
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    rendering = core("render").render(plain, quality)
+    settings = bpy.context.scene.rle_splat
+    np.testing.assert_array_equal(scenes.image_pixels(settings.image), rendering.rgba)
+    np.testing.assert_array_equal(scenes.image_pixels(settings.depth_image)[..., 0], rendering.depth)
