@@ -65,9 +65,11 @@ def _lost(volume, options: dict) -> list[str]:
         lost.append("A raw file holds voxels only: shape, type, spacing and scaling have to be given again.")
         if not np.allclose(volume.affine, np.diag((*volume.spacing, 1.0))):
             lost.append("The affine's rotation, mirroring or offset is lost; only its spacing can be given again.")
-    elif volume.slope != 1.0 or volume.intercept != 0.0:
+        return lost
+    lost.append("Voxels at the background's value are not stored, so what is read back may span a smaller box.")
+    if volume.slope != 1.0 or volume.intercept != 0.0:
         lost.append("Physical values were written; the stored ones, with their slope and intercept, are lost.")
-    if "shape" not in options and volume.voxels.dtype.kind != "f":
+    if volume.voxels.dtype.kind != "f":
         lost.append(f"The type {volume.voxels.dtype.name} is lost: a grid of floating-point numbers was written.")
     return lost
 

@@ -9,6 +9,7 @@ from ..axes import AXIS_NAMES
 from ..scene import RleSplatError
 from .appearance import check_values, choose_transfer_function, read_transfer_function
 from .options import (
+    DEFAULT_SIZE,
     add_light_options,
     add_machine_options,
     add_model_option,
@@ -41,6 +42,7 @@ def add_arguments(parser) -> None:
     add_placement_options(parser)
     add_model_option(parser)
     add_machine_options(parser)
+    parser.set_defaults(size=DEFAULT_SIZE)  # a view has a size, though its colours do not depend on it
 
 
 def run(args) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+from ..read.formats import suffixes
 from ..read.layout import BYTE_ORDERS
 from ..scene import (
     BACKENDS,
@@ -30,6 +31,7 @@ KNOBS = {
     "--model": ("model", str, "|".join(MODELS)),
 }
 DEFAULT_QUALITY = "standard"
+DEFAULT_SIZE = (512, 512)  # pixels, width and height
 CUSTOM_QUALITY = "custom"  # the name of a quality put together from knobs, as reports show it
 
 # The options of read_volume, each by its name in the parsed arguments.
@@ -39,8 +41,9 @@ READ_OPTIONS = (
 )
 
 
-def add_volume_argument(parser) -> None:
-    parser.add_argument("volume", metavar="VOLUME", help="the file to read: .raw, .raw.gz, .vdb")
+def add_volume_argument(parser, also=()) -> None:
+    """The file to read; ``also`` are suffixes that only this command reads."""
+    parser.add_argument("volume", metavar="VOLUME", help=f"the file to read: {', '.join((*suffixes(), *also))}")
 
 
 def add_volume_options(parser) -> None:
@@ -104,10 +107,10 @@ def add_placement_options(parser) -> None:
     group.add_argument("--camera", metavar="FILE.json", help="a camera as Blender has it, instead of the turntable")
     group.add_argument("--volume-matrix", metavar="FILE.json", help="4x4, the volume's own space to the world")
     group.add_argument("--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (1)")
-    group.add_argument("--size", type=image_size, default=(512, 512), metavar="W [H]", help="pixels (512)")
 
 
-def add_background_option(parser) -> None:
+def add_image_options(parser) -> None:
+    parser.add_argument("--size", type=image_size, default=DEFAULT_SIZE, metavar="W [H]", help="pixels (512)")
     parser.add_argument(
         "--background", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear, under the picture of a .png; left out, a .png has straight alpha",

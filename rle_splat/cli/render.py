@@ -12,7 +12,7 @@ from ..scene import Quality, RleSplatError, Scene
 from .appearance import check_values, choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .options import (
-    add_background_option,
+    add_image_options,
     add_light_options,
     add_placement_options,
     add_quality_options,
@@ -33,12 +33,12 @@ ENCODED_SUFFIX = ".rle"
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser)
+    add_volume_argument(parser, also=(ENCODED_SUFFIX,))
     parser.add_argument(
         "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in WRITERS)}}}",
         help="where the picture goes; may be given several times",
     )
-    add_background_option(parser)
+    add_image_options(parser)
     add_report_options(parser)
     add_volume_options(parser)
     add_transfer_function_options(parser)
