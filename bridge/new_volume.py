@@ -17,7 +17,7 @@ def add_volume(context, path: str, volume, options, transfer_function, at_cursor
     ``options``: anything with the SourceOptions with which the file was read.  ``at_cursor``: move the middle of
     the box to the 3D cursor instead of keeping the file's own coordinates.
     """
-    name = volume.name or os.path.basename(path).split(".")[0] or "Volume"
+    name = os.path.basename(path).split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
     source_options.copy(options, properties)
