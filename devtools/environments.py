@@ -46,8 +46,8 @@ BPY = {
 
 def _version_in_place(environment: Environment) -> str | None:
     """The version of the environment's Python if it still works and is one that will do."""
-    if not environment.python.exists():
-        return None
+    if not environment.python.exists() or not next(environment.folder.glob("[lL]ib*/**/site-packages/pip"), None):
+        return None  # absent, or left half made
     return next((version for version in environment.pythons if works_as(environment.python, version)), None)
 
 

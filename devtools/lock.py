@@ -41,6 +41,7 @@ class Lock:
 
 LOCKS = {
     "core": Lock(("numpy==2.4.6", *NUMBA, "pillow==13.0.0", "OpenEXR==3.5.3")),
+    "pytest": Lock(PYTEST),  # nothing but pure Python: it is lent to whatever Python a real Blender runs on
     "test": Lock((*PYTEST, "hypothesis==6.170.15", "ruff==0.17.5")),
     "sample": Lock(("numpy==2.4.6", "nibabel==5.4.2")),
     "sample-data": Lock(("nilearn==0.14.1",), alone=True),
