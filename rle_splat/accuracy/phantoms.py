@@ -39,4 +39,19 @@ def binary_shell(size: int = 48) -> np.ndarray:
     return _opacity(np.where(np.abs(r - 0.33 * size) <= 1.5, 0.7, 0.0))
 
 
+def blobs(shape_xyz, seed: int, count: int = 6, width=(2.0, 4.0)) -> np.ndarray:
+    """Gaussian blobs at random places in the middle of the grid, ``width`` voxels wide, cut to zero far out: smooth,
+    lopsided, and without symmetry that could hide a mirrored axis.  (nz, ny, nx) float32 opacities."""
+    random = np.random.default_rng(seed)
+    z, y, x = np.ogrid[: shape_xyz[2], : shape_xyz[1], : shape_xyz[0]]
+    extinction = np.zeros(tuple(shape_xyz)[::-1])
+    for _ in range(count):
+        cx, cy, cz = (0.2 + 0.6 * random.random(3)) * shape_xyz
+        s = random.uniform(*width)
+        extinction += random.uniform(0.1, 0.5) * np.exp(
+            -0.5 * ((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) / s**2
+        )
+    return _opacity(np.where(extinction > 1e-3, extinction, 0.0))
+
+
 FIELDS = {"smooth": smooth_shell, "thin": thin_shell, "binary": binary_shell}

@@ -18,6 +18,9 @@ CELL_NODES = {
 # The cell that the eye lies in is integrated from the eye on, and no sheet may lie in the eye itself.
 _INSET = 0.5 / np.sqrt(3.0)
 FIRST_CELL_NODES = ((0.5 - _INSET, 0.5), (0.5 + _INSET, 0.5))
+# A slice closer to the eye than this, in voxels, joins the next cell: its own would be a sheet in the eye, or one
+# that the slice map magnifies beyond number.
+NEAREST_SLICE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,7 @@ def place_sheets(n_slices: int, sign: int, rule: str, eye_position: float | None
         cells = np.empty(0)
     elif eye > first:
         start = eye
-        whole = np.floor(eye) + 1.0
+        whole = np.floor(eye + NEAREST_SLICE) + 1.0
         for at, weight in FIRST_CELL_NODES:
             position.append(eye + at * (whole - eye))
             thickness.append(weight * (whole - eye))

