@@ -51,7 +51,11 @@ def _blender(known, rest) -> int:
     from .real_blender import set_up
 
     set_up()
-    return 0
+    if not known.test:
+        return 0
+    from .testing import test_real_blender
+
+    return test_real_blender()
 
 
 def _lock(known, rest) -> int:
@@ -79,7 +83,8 @@ def _parser() -> argparse.ArgumentParser:
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
-    add("blender", _blender, "set up a real Blender executable for the tests (Debian, as root)")
+    blender = add("blender", _blender, "set up a real Blender executable for the tests (Debian, as root)")
+    blender.add_argument("--test", action="store_true", help="and run the whole of tests/blender inside it")
     add("lock", _lock, "resolve the requirements anew (maintainers); arguments name the sets", open_ended=True)
     return parser
 

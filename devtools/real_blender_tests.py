@@ -1,0 +1,82 @@
+"""The tests in a real Blender executable: the short script of every run, and the whole of tests/blender on demand."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from pathlib import Path
+
+from .build import build
+from .environments import CORE, ensure, pip
+from .places import BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
+from .real_blender import Blender, environ_for, find_blender
+from .stages import Stage, broken, counted, judged, skipped
+from .wheels import this_platform
+
+SHORT = "real_blender.py"
+WHOLE = "whole_suite.py"
+TESTS = ROOT / "tests" / "blender"
+PYTEST_PINS = REQUIREMENTS / "pytest.txt"
+
+# Longer means that it hangs; the whole suite takes some minutes on two cores.
+SECONDS = {SHORT: 300, WHOLE: 1200}
+
+
+def _lent_pytest() -> Path:
+    """A folder with pytest and nothing else, of pure Python, for a Blender whose own Python has none."""
+    folder = BUILD / "pytest"
+    wanted = hashlib.sha256(PYTEST_PINS.read_bytes()).hexdigest()
+    stamp = folder / "ready.sha256"
+    if not stamp.is_file() or stamp.read_text() != wanted:
+        shutil.rmtree(folder, ignore_errors=True)
+        arguments = ["install", "--quiet", "--require-hashes", "--only-binary=:all:", "--target", folder]
+        pip(ensure(CORE), [*arguments, "-r", PYTEST_PINS], "pip could not fetch pytest.")
+        stamp.write_text(wanted)
+    return folder
+
+
+def _workplace(blender: Blender, zip_path: Path, with_pytest: bool) -> Path:
+    """A folder that the Blender can see, with the tests and the zip that fits its Python."""
+    if blender.python not in PYTHONS:  # Debian's Blender runs on the system's Python
+        zip_path = build((this_platform(),), (blender.python,), BUILD / f"zip-{blender.python}")[this_platform()]
+    folder = (blender.root or BUILD) / "rle_splat_test"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(TESTS, folder / "tests/blender", ignore=shutil.ignore_patterns("__pycache__"))
+    if with_pytest:
+        shutil.copytree(_lent_pytest(), folder / "pytest")
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    shutil.copy(TESTS.parent / "conftest.py", folder / "tests")
+    shutil.copy(zip_path, folder / "extension.zip")
+    (folder / "user").mkdir()
+    return folder
+
+
+def real_blender_stage(zip_path: Path, script_name: str = SHORT) -> Stage:
+    """A script of tests/blender in a real executable, with the extension's zip."""
+    try:
+        blender = find_blender()
+    except Failure as problem:
+        return skipped("real blender", str(problem))
+    name = f"real blender {blender.version[0]}.{blender.version[1]}"
+    try:
+        folder = _workplace(blender, zip_path, script_name == WHOLE)
+    except Failure as problem:
+        return broken(name, str(problem))
+    environ = environ_for(
+        blender,
+        RLE_SPLAT_EXTENSION_ZIP=blender.inside(folder / "extension.zip"),
+        RLE_SPLAT_PYTEST=blender.inside(folder / "pytest"),
+        RLE_SPLAT_JUNIT=blender.inside(folder / "report.xml"),
+        BLENDER_USER_RESOURCES=blender.inside(folder / "user"),
+        LIBGL_ALWAYS_SOFTWARE="1",
+    )
+    script = blender.inside(folder / "tests/blender" / script_name)
+    command = [*blender.command, "--background", "--factory-startup", "--python-exit-code", "1", "--python", script]
+    say(f"\n=== {name} ({blender.label}, Python {blender.python})")
+    if script_name == SHORT:
+        stage = counted(name, command, SECONDS[script_name], environ)
+    else:
+        stage = judged(name, command, SECONDS[script_name], environ, folder / "report.xml")
+    stage.remarks.insert(0, f"{blender.label}, Python {blender.python}")
+    shutil.rmtree(folder, ignore_errors=True)
+    return stage
