@@ -142,3 +142,12 @@ def test_thin_volumes(stage, shape):
         scene = stage.on_turntable(field, 35.0, 25.0, perspective, size=(64, 64))
         found = stage.error(scene, sheet_density=2.0)
         assert found.rmse < 1.6 and found.largest < 11.0
+
+
+@pytest.mark.parametrize("eye", ((11.7, 9.2, 12.4), (11.5, 11.5, 11.5), (11.0, 11.0, 11.0), (8.0, 13.5, 10.0)))
+def test_eye_inside_the_medium(stage, eye):
+    """120 degrees wide from among, between and exactly at the voxels: the cell round the eye counts in part."""
+    field = blobs((24, 24, 24), 3, count=10, width=(2.0, 3.0))
+    camera = stage.looking(eye, (20.0, 17.0, 13.0), lens=18.0 / np.tan(np.radians(60.0)), clip_start=1e-4)
+    found = stage.error(stage.before(stage.volume(field), camera, (64, 64)), sheet_density=3.0)
+    assert found.rmse < 0.12 and found.largest < 1.2
