@@ -13,16 +13,24 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..rle_splat.scene import RleSplatError
-from . import images, pictures, render_scene, volumes
+from . import compositor, images, pictures, render_scene, volumes
 
-# Scenes whose volume is splatted for the frame being rendered.  Further view layers, and the subframes that motion
-# blur visits after the frame itself, use the same picture.
-_splatted: set[str] = set()
+# Scenes whose volume is splatted for the frame being rendered; None while nothing is rendered (exporters change
+# frames with a render's depsgraph too).  Further view layers, and the subframes that motion blur visits after the
+# frame itself, use the same picture.
+_splatted: set[str] | None = None
 
 
 @persistent
-def _on_render_pre(_scene, _depsgraph=None):
-    _splatted.clear()
+def _on_render_pre(*_arguments):
+    global _splatted
+    _splatted = set()
+
+
+@persistent
+def _on_render_end(*_arguments):
+    global _splatted
+    _splatted = None
 
 
 @persistent
@@ -30,7 +38,7 @@ def _on_frame_change_post(scene, depsgraph=None):
     if depsgraph is None:
         return
     if depsgraph.mode == "RENDER":
-        if scene.rle_splat.use_composite and scene.name not in _splatted:
+        if _splatted is not None and scene.rle_splat.use_composite and scene.name not in _splatted:
             _splatted.add(scene.name)
             splat_over_render(scene, depsgraph)
     elif scene.rle_splat.backdrop_follows and scene.rle_splat.backdrop_object is not None:
@@ -44,13 +52,14 @@ def _on_save_pre(*_arguments):
 
 @persistent
 def _on_load_pre(*_arguments):
-    _splatted.clear()
     render_scene.forget_stages()
     volumes.forget_all()
 
 
 HANDLERS = (
     ("render_pre", _on_render_pre),
+    ("render_post", _on_render_end),
+    ("render_cancel", _on_render_end),
     ("frame_change_post", _on_frame_change_post),
     ("save_pre", _on_save_pre),
     ("load_pre", _on_load_pre),
@@ -63,6 +72,9 @@ def splat_over_render(scene, depsgraph) -> None:
     image = settings.composite_image
     if image is None:
         _complain(settings, "The picture to lay over the render was deleted; press Composite into Render again.")
+        return
+    if not compositor.is_inserted(scene):
+        _complain(settings, "The volume's nodes were taken out of the compositor; press Composite into Render again.")
         return
     _update(scene, depsgraph, settings.composite_object, image, with_meshes=settings.meshes_occlude, crop=True)
 
@@ -112,5 +124,4 @@ def register():
 def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
-    _splatted.clear()
     render_scene.forget_stages()

@@ -1,5 +1,7 @@
 """Every rendered frame is splatted anew: animated camera, volume, transfer function and meshes."""
 
+import ctypes
+
 import bpy
 import numpy as np
 import pytest
@@ -52,6 +54,28 @@ def test_a_moving_camera_and_a_moving_volume(volume, tmp_path):
                                atol=0.05)
 
 
+def test_the_compositor_on_the_graphics_card_reads_the_new_picture(volume, tmp_path):
+    """Nothing of an earlier frame's texture is used again.  (Without libEGL Blender would abort.)"""
+    try:
+        ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        pytest.skip("libEGL.so.1 is not installed, so Blender cannot composite on the graphics card")
+    bpy.ops.rle_splat.composite()
+    bpy.context.scene.render.compositor_device = "GPU"
+    key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
+    middles = np.array([scenes.centroid(alpha) for alpha in animated(tmp_path)])
+    np.testing.assert_allclose(middles - middles[0], [(0, 0), (-1, 0), (-2, 0)], atol=0.05)
+
+
+def test_a_reloaded_file_goes_on_splatting(volume, tmp_path):
+    bpy.ops.rle_splat.composite()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
+    middles = np.array([scenes.centroid(alpha) for alpha in animated(tmp_path)])
+    np.testing.assert_allclose(middles - middles[0], [(0, 0), (-1, 0), (-2, 0)], atol=0.05)
+
+
 def test_an_animated_transfer_function(volume, tmp_path):
     bpy.ops.rle_splat.composite()
     key_linear(volume.rle_splat, "opacity_scale", (1.0, 0.5, 0.0))
@@ -67,7 +91,10 @@ def test_a_mesh_that_rises_through_the_volume(volume, tmp_path):
     bpy.ops.rle_splat.composite()
     image = bpy.context.scene.rle_splat.composite_image
     seen = []
-    note = lambda *_: seen.append(float(scenes.image_pixels(image)[16, 16, 3]))
+
+    def note(*_):
+        seen.append(float(scenes.image_pixels(image)[16, 16, 3]))
+
     bpy.app.handlers.render_post.append(note)
     try:
         animated(tmp_path)
@@ -93,7 +120,7 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
     scene = bpy.context.scene
     scene.view_layers.new("second")
     scene.render.use_motion_blur = True
-    scenes.add_mesh([(20, 0, 0), (21, 0, 0), (20, 1, 0)], [(0, 1, 2)], (1.0, 1.0, 1.0))
+    scenes.add_mesh([(60, 0, 0), (61, 0, 0), (60, 1, 0)], [(0, 1, 2)], (1.0, 1.0, 1.0))
     key_linear(scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     bpy.ops.rle_splat.composite()
     handlers, calls = bridge("handlers"), []

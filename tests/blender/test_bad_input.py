@@ -140,6 +140,26 @@ def test_a_deleted_picture_is_told(volume, tmp_path):
     assert "press Composite into Render again" in bpy.context.scene.rle_splat.message
 
 
+def test_nodes_deleted_by_hand_are_told(volume, bridge, tmp_path):
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bpy.ops.rle_splat.composite()
+    tree = bridge("versions").compositor_tree(bpy.context.scene)
+    for node in [node for node in tree.nodes if node.bl_idname == "CompositorNodeAlphaOver"]:
+        tree.nodes.remove(node)
+    scenes.rendered(tmp_path / "gone.exr")
+    assert "taken out of the compositor" in bpy.context.scene.rle_splat.message
+
+
+def test_a_compositor_that_would_abort_blender(volume, bridge, monkeypatch):
+    def no_library(name):
+        raise OSError(name)
+
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bpy.context.scene.render.compositor_device = "GPU"
+    monkeypatch.setattr(bridge("versions").ctypes, "CDLL", no_library)
+    assert "libegl1" in refusal("composite")
+
+
 def test_numba_asked_for_and_missing(volume, core, monkeypatch):
     scenes.add_camera((4.0, 4.0, 30.0))
     monkeypatch.setattr(core("jit"), "numba", None)
