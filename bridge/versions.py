@@ -60,8 +60,7 @@ def unshare_compositor(scene) -> bool:
     if not GROUP_COMPOSITOR:
         return False
     tree = scene.compositing_node_group
-    if tree is None or not any(s is not scene and s != scene and s.compositing_node_group == tree
-                               for s in bpy.data.scenes):
+    if tree is None or not any(s != scene and s.compositing_node_group == tree for s in bpy.data.scenes):
         return False
     scene.compositing_node_group = tree.copy()
     return True
