@@ -34,25 +34,37 @@ if numba is not None:
         return lanes
 
     @intrinsic
-    def mix4(typing, source, at, fraction, target, to):
-        """target[to:to+4] = (1 - fraction) * source[at:at+4] + fraction * source[at+4:at+8]; no bounds checks."""
+    def mix2x2(typing, source, at, pitch, across, down, target, to):
+        """target[to:to+4] = bilinear mix of the voxels at ``at``, ``at + 4`` and, ``pitch`` floats on, the next line's.
+
+        ``across`` and ``down``: float32 fractions towards the second of each.  No bounds checks.
+        """
 
         def generate(context, builder, signature, arguments):
-            source, at, fraction, target, to = arguments
-            source_type, target_type = signature.args[0], signature.args[3]
-            near = _load(builder, _pointer(context, builder, source_type, source, at))
-            beyond = builder.add(at, ir.Constant(at.type, 4))
-            far = _load(builder, _pointer(context, builder, source_type, source, beyond))
-            rest = builder.fsub(ir.Constant(ir.FloatType(), 1.0), fraction)
-            mixed = builder.fadd(
-                builder.fmul(_spread(builder, rest), near, flags=["contract"]),
-                builder.fmul(_spread(builder, fraction), far, flags=["contract"]),
-                flags=["contract"],
-            )
-            _store(builder, mixed, _pointer(context, builder, target_type, target, to))
+            source, at, pitch, across, down, target, to = arguments
+            source_type, target_type = signature.args[0], signature.args[5]
+
+            def voxel(place):
+                return _load(builder, _pointer(context, builder, source_type, source, place))
+
+            def mix(first, second, fraction):
+                rest = builder.fsub(ir.Constant(ir.FloatType(), 1.0), fraction)
+                return builder.fadd(
+                    builder.fmul(_spread(builder, rest), first, flags=["contract"]),
+                    builder.fmul(_spread(builder, fraction), second, flags=["contract"]),
+                    flags=["contract"],
+                )
+
+            four = ir.Constant(at.type, 4)
+            below = builder.add(at, pitch)
+            near = mix(voxel(at), voxel(below), down)
+            far = mix(voxel(builder.add(at, four)), voxel(builder.add(below, four)), down)
+            _store(builder, mix(near, far, across), _pointer(context, builder, target_type, target, to))
             return context.get_dummy_value()
 
-        return types.void(source, types.intp, types.float32, target, types.intp), generate
+        return types.void(
+            source, types.intp, types.intp, types.float32, types.float32, target, types.intp
+        ), generate
 
     @intrinsic
     def add4(typing, source, at, weight, target, to):
@@ -100,7 +112,7 @@ if numba is not None:
 
 else:  # never called: callers take the numpy twin
 
-    def mix4(source, at, fraction, target, to): ...
+    def mix2x2(source, at, pitch, across, down, target, to): ...
 
     def add4(source, at, weight, target, to): ...
 

@@ -129,7 +129,7 @@ class Camera:
         put("pixel_aspect", tuple(_positive(a, "The camera's pixel_aspect") for a in aspect))
 
     @classmethod
-    def from_json(cls, path) -> "Camera":
+    def from_json(cls, path) -> Camera:
         return from_mapping(cls, read_json(path, "the camera file"), "The camera file")
 
 
@@ -235,13 +235,13 @@ class Quality:
             raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
 
     @classmethod
-    def preset(cls, name: str, **overrides) -> "Quality":
+    def preset(cls, name: str, **overrides) -> Quality:
         if name not in QUALITY_PRESETS:
             raise RleSplatError(f"There is no quality {name!r}; choose {', '.join(QUALITY_PRESETS)}.")
         return replace(cls(name=name, **QUALITY_PRESETS[name]), **overrides)
 
     @classmethod
-    def paper(cls, **overrides) -> "Quality":
+    def paper(cls, **overrides) -> Quality:
         """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel."""
         return cls(
             depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", model="opacity",

@@ -109,8 +109,12 @@ def add_placement_options(parser) -> None:
     group.add_argument("--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (1)")
 
 
-def add_image_options(parser) -> None:
+def add_size_option(parser) -> None:
     parser.add_argument("--size", type=image_size, default=DEFAULT_SIZE, metavar="W [H]", help="pixels (512)")
+
+
+def add_image_options(parser) -> None:
+    add_size_option(parser)
     parser.add_argument(
         "--background", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear, under the picture of a .png; left out, a .png has straight alpha",

@@ -9,23 +9,24 @@ TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinc
 ALMOST_ONE = np.float32(1.0 - 2.0**-24)
 
 
-def _dense_slice(encoded, k: int) -> np.ndarray | None:
+def _dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines + 3, width + 3, 4) float32: slice ``k`` with a voxel of zeros before and two after; None if empty."""
-    n_scanlines = encoded.scanline_pointers.shape[1]
+    n_scanlines = tables.pointers.shape[1]
+    voxels = tables.voxels.reshape(-1, 4)
     dense = None
     for j in range(n_scanlines):
-        run = int(encoded.scanline_pointers[k, j])
+        run = int(tables.pointers[k, j])
         if run < 0:
             continue
         if dense is None:
-            dense = np.zeros((n_scanlines + 3, encoded.width + 3, 4), np.float32)
-        x, voxel = 0, int(encoded.scanline_data_pointers[k, j])
-        while x < encoded.width:
-            x += int(encoded.runs[run])
-            if x >= encoded.width:
+            dense = np.zeros((n_scanlines + 3, tables.width + 3, 4), np.float32)
+        x, voxel = 0, int(tables.data_starts[k, j])
+        while x < tables.width:
+            x += int(tables.runs[run])
+            if x >= tables.width:
                 break
-            count = int(encoded.runs[run + 1])
-            dense[j + 1, x + 1 : x + 1 + count] = encoded.voxel_data[voxel : voxel + count]
+            count = int(tables.runs[run + 1])
+            dense[j + 1, x + 1 : x + 1 + count] = voxels[voxel : voxel + count]
             x, voxel, run = x + count, voxel + count, run + 2
     return dense
 
@@ -51,19 +52,19 @@ def _opacity(samples, exponent):
     return opacity, ONE - opacity, np.maximum(added, TINY)
 
 
-def splat_sheets_numpy(encoded, arguments, least, additive_opacity, corrected, pixels, half):
+def splat_sheets_numpy(tables, sheets, rays, least, additive_opacity, corrected, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
-    n_slices, n_scanlines = encoded.scanline_pointers.shape
-    length = arguments.path_length if corrected else np.ones((height, width), np.float32)
-    limits = arguments.limits
+    n_slices, n_scanlines = tables.pointers.shape
+    length = rays.length if corrected else np.ones((height, width), np.float32)
+    limits = rays.limits
     pixels[..., :3], pixels[..., 3] = 0.0, 1.0
     slices: dict = {}
-    for sheet in range(len(arguments.lower)):
-        yield sheet / len(arguments.lower)
-        lower, fraction = int(arguments.lower[sheet]), float(arguments.fraction[sheet])
+    for sheet in range(len(sheets.lower)):
+        yield sheet / len(sheets.lower)
+        lower, fraction = int(sheets.lower[sheet]), float(sheets.fraction[sheet])
         slices = {
-            k: slices[k] if k in slices else _dense_slice(encoded, k)
+            k: slices[k] if k in slices else _dense_slice(tables, k)
             for k in (lower, lower + 1) if 0 <= k < n_slices
         }
         blend = None
@@ -73,16 +74,16 @@ def splat_sheets_numpy(encoded, arguments, least, additive_opacity, corrected, p
                 blend = part if blend is None else blend + part
         if blend is None:
             continue
-        (scale_u, scale_v), (offset_u, offset_v) = arguments.scale[sheet], arguments.offset[sheet]
-        cell, f = _taps(width, scale_u, offset_u, encoded.width)
+        (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
+        cell, f = _taps(width, scale_u, offset_u, tables.width)
         line, g = _taps(height, scale_v, offset_v, n_scanlines)
         across = (ONE - g)[:, None, None] * blend[line] + g[:, None, None] * blend[line + 1]
         samples = (ONE - f)[:, None] * across[:, cell] + f[:, None] * across[:, cell + 1]
-        depth = length * np.float32(arguments.thickness[sheet])
+        depth = length * np.float32(sheets.thickness[sheet])
         if limits.size:
-            slab = arguments.end[sheet] - arguments.begin[sheet]
-            ahead = np.maximum(limits[0] - arguments.begin[sheet], 0.0)
-            behind = np.maximum(arguments.end[sheet] - limits[1], 0.0)
+            slab = sheets.end[sheet] - sheets.begin[sheet]
+            ahead = np.maximum(limits[0] - sheets.begin[sheet], 0.0)
+            behind = np.maximum(sheets.end[sheet] - limits[1], 0.0)
             depth = depth * np.clip(1.0 - (ahead + behind) / slab, 0.0, 1.0).astype(np.float32)
         before = pixels[..., 3].copy()
         alive = before >= least
@@ -96,4 +97,4 @@ def splat_sheets_numpy(encoded, arguments, least, additive_opacity, corrected, p
             part = np.zeros_like(ahead)
             some = behind > 0.0
             part[some] = np.log(2.0 * ahead[some]) / np.log(ahead[some] / behind[some])
-            half[crossed] = arguments.begin[sheet] + part * (arguments.end[sheet] - arguments.begin[sheet])
+            half[crossed] = sheets.begin[sheet] + part * (sheets.end[sheet] - sheets.begin[sheet])

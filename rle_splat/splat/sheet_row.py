@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ..jit import kernel
-from ..lanes import mix4
+from ..lanes import mix2x2
 
 BLOCK = 32  # pixels handled together; a multiple of every SIMD width in use
 
@@ -28,21 +28,32 @@ _MOST = np.float32(126.0)  # exponent at which a sheet is opaque and 2**-n is st
 
 
 @kernel(inline="always")
-def gather_samples(samples, scanline, first, last, start, step, top):
-    """Horizontal tent footprint: samples[4 * i : 4 * i + 4] at scanline coordinate start + i * step.
+def place_taps(cells, fractions, start, step, top):
+    """Where the samples of one block lie on a scanline: float index of the left voxel, fraction to the right one.
 
-    ``samples`` and ``scanline``: flat float32, four channels a pixel or voxel; pixels ``first`` to ``last`` - 1.
-    The scanline is shifted by one voxel: its index 0 is voxel -1, and the outermost voxels are zero.
-    ``start``, ``step`` and ``top``, the last valid coordinate: float64, in shifted voxels.
+    ``start``, ``step`` and ``top``, the last valid coordinate: float64, in voxels, shifted by one: index 0 of a
+    scanline is voxel -1, and the outermost voxels are zero.
     """
-    for i in range(first, last):
+    for i in range(BLOCK):
         x = min(max(start + i * step, 0.0), top)
-        cell = int(x)
-        mix4(scanline, 4 * cell, np.float32(x - cell), samples, 4 * i)
+        cell = np.int32(x)
+        cells[i] = np.int32(4) * cell
+        fractions[i] = np.float32(x - cell)
 
 
 @kernel(inline="always")
-def composite_extinction(row, samples, depth, least):
+def gather_samples(samples, lines, line, pitch, down, cells, fractions):
+    """The tent footprint: one block of samples between two voxel scanlines.
+
+    ``samples`` and ``lines``: flat float32, four channels a pixel or voxel.  ``line``: index of the upper
+    scanline's first float, the lower one lies ``pitch`` floats on, ``down`` (float32) is the fraction towards it.
+    """
+    for i in range(BLOCK):
+        mix2x2(lines, line + np.intp(cells[i]), pitch, fractions[i], down, samples, 4 * i)
+
+
+@kernel(inline="always")
+def composite_extinction(row, samples, depth, thickness, before, least):
     """One block of one sheet of extinction over the row: the exact solution of a homogeneous slab.
 
     ``row``: flat float32, a block (RED, GREEN, BLUE, CLEAR).  ``samples``: associated colour and extinction.
@@ -52,12 +63,13 @@ def composite_extinction(row, samples, depth, least):
     """
     for i in range(BLOCK):
         sigma = samples[4 * i + 3]
-        tau2 = min(sigma * depth[i] * _LOG2E, _MOST)
+        tau2 = min(sigma * (depth[i] * thickness) * _LOG2E, _MOST)
         whole = np.int32(tau2 + _HALF)
         r = np.float32(whole) - tau2
         p = r * (_E1 + r * (_E2 + r * (_E3 + r * (_E4 + r * (_E5 + r * (_E6 + r * _E7))))))
         power = np.int32((np.int32(127) - whole) << np.int32(23)).view(np.float32)  # 2**-whole
         clear = row[CLEAR + i]
+        before[i] = clear
         alive = clear >= least
         absorbed = (_ONE - power) - power * p
         weight = (clear if alive else _ZERO) * absorbed / max(sigma, _TINY)
@@ -68,7 +80,7 @@ def composite_extinction(row, samples, depth, least):
 
 
 @kernel(inline="always")
-def composite_opacity(row, samples, exponent, least):
+def composite_opacity(row, samples, depth, thickness, before, least):
     """One block of one sheet of opacity over the row: the paper's model.
 
     ``samples``: opacity-weighted colour and opacity, added over the overlapping footprints.  The opacity is
@@ -78,11 +90,13 @@ def composite_opacity(row, samples, exponent, least):
     for i in range(BLOCK):
         added = samples[4 * i + 3]
         clear = row[CLEAR + i]
+        before[i] = clear
         if added <= _ZERO or clear < least:
             continue
         opacity = min(added, _ONE)
-        if exponent[i] != _ONE:
-            opacity = np.float32(-math.expm1(exponent[i] * math.log1p(-min(opacity, _ALMOST_ONE))))
+        exponent = depth[i] * thickness
+        if exponent != _ONE:
+            opacity = np.float32(-math.expm1(exponent * math.log1p(-min(opacity, _ALMOST_ONE))))
         weight = clear * opacity / added
         row[RED + i] += weight * samples[4 * i]
         row[GREEN + i] += weight * samples[4 * i + 1]
@@ -91,19 +105,25 @@ def composite_opacity(row, samples, exponent, least):
 
 
 @kernel(inline="always")
-def note_half_depth(row, before, slab_begin, slab_end, half, first, last):
+def note_half_depth(row, before, slab_begin, slab_end, half, count):
     """Where the transmittance has just fallen below one half, note the depth inside the slab at which it did.
 
-    ``before``: (BLOCK,) the transmittance ahead of this sheet.  ``half``: (BLOCK,) float32 depth along the
+    ``before``: (BLOCK,) the transmittance ahead of this sheet.  ``half``: (count,) float32 depth along the
     viewing direction of the axis.  Inside a homogeneous slab the transmittance is exponential in depth.
     """
-    crossings = 0
-    for i in range(BLOCK):
-        crossings += np.int32(before[i] >= _HALF) & np.int32(row[CLEAR + i] < _HALF)
-    if crossings == 0:
-        return
-    for i in range(first, last):
+    for i in range(count):
         ahead, behind = before[i], row[CLEAR + i]
         if ahead >= _HALF and behind < _HALF:
             part = math.log(2.0 * ahead) / math.log(ahead / behind) if behind > 0.0 else 0.0
             half[i] = slab_begin + part * (slab_end - slab_begin)
+
+
+@kernel(inline="always")
+def tally(row, least):
+    """How many pixels of a block are not yet opaque, and how many have more than half their light left."""
+    alive = 0
+    bright = 0
+    for i in range(BLOCK):
+        alive += np.int32(row[CLEAR + i] >= least)
+        bright += np.int32(row[CLEAR + i] >= _HALF)
+    return alive, bright

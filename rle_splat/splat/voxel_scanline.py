@@ -13,13 +13,13 @@ VOXEL_BLOCK = 8  # voxels of a scanline that share one "touched" mark
 
 
 @kernel
-def add_runs(scanline, touched, weight, runs, run, voxels, voxel, width, live, live_count):
-    """Add ``weight`` times the voxels of one scanline that lie in live spans.
+def add_runs(lines, line, touched, mark, reach, weight, runs, run, voxels, voxel, width, live, live_count):
+    """Add ``weight`` times the voxels of one scanline that lie in live spans to one line of the sheet.
 
-    ``scanline``: flat float32, four channels a voxel, index 0 is voxel -1.  ``touched``: uint8 mark per
-    VOXEL_BLOCK of shifted voxels.  ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to
-    ``width``.  ``voxels``: flat float32 records, the first of this scanline at ``voxel``.  ``live``: (n, 2)
-    int64 half-open voxel intervals, ascending.
+    ``lines[line:]``: flat float32, four channels a voxel, index 0 is voxel -1.  ``touched[mark:]``: uint8 mark per
+    VOXEL_BLOCK of shifted voxels.  ``reach``: (2,) first and last shifted voxel touched, widened.
+    ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``: flat float32
+    records, the first of this scanline is number ``voxel``.  ``live``: (n, 2) half-open voxel intervals, ascending.
     """
     x = 0
     span = 0
@@ -39,20 +39,23 @@ def add_runs(scanline, touched, weight, runs, run, voxels, voxel, width, live, l
             last = min(end, live[s, 1])
             source = 4 * (voxel + first - x)
             for i in range(first, last):
-                add4(voxels, source, weight, scanline, 4 * (i + 1))
+                add4(voxels, source, weight, lines, line + 4 * (i + 1))
                 source += 4
+            reach[0] = min(reach[0], first + 1)
+            reach[1] = max(reach[1], last)
             for block in range((first + 1) // VOXEL_BLOCK, last // VOXEL_BLOCK + 1):
-                touched[block] = 1
+                touched[mark + block] = 1
             s += 1
         voxel += end - x
         x = end
 
 
 @kernel
-def clear_touched(scanline, touched):
-    """Zero what ``add_runs`` wrote, and its marks."""
-    for block in range(touched.size):
-        if touched[block] != 0:
-            touched[block] = 0
-            for i in range(4 * VOXEL_BLOCK * block, 4 * VOXEL_BLOCK * (block + 1)):
-                scanline[i] = 0.0
+def clear_touched(lines, line, touched, mark, blocks):
+    """Zero what ``add_runs`` wrote to one line, and its marks."""
+    for block in range(blocks):
+        if touched[mark + block] != 0:
+            touched[mark + block] = 0
+            first = line + 4 * VOXEL_BLOCK * block
+            for i in range(first, first + 4 * VOXEL_BLOCK):
+                lines[i] = 0.0

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .depth_rules import Sheets, place_sheets
-from .eye import IndexView
-
 # Which volume axes run along a scanline, count the scanlines, and count the slices, per principal axis.  The
 # same table as the encoder's; test_view compares them.
 from ..axes import AXES
+from .depth_rules import Sheets, place_sheets
+from .eye import IndexView
 
 # Sheet pixels beyond what is seen, so that the warp's filter never misses a neighbour.
 MARGIN = 3

@@ -49,14 +49,14 @@ def _belongs(directions, column, row, axis, sign):
 @kernel(inline="always")
 def _half_depth(half, u, v):
     """Half depth at sheet position (u, v): linear on one surface, the nearest pixel's across an edge."""
-    u0, v0 = int(math.floor(u)), int(math.floor(v))
+    u0, v0 = math.floor(u), math.floor(v)
     a, b = half[v0, u0], half[v0, u0 + 1]
     c, d = half[v0 + 1, u0], half[v0 + 1, u0 + 1]
     least, most = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
     if most - least <= SAME_SURFACE:
         fu, fv = u - u0, v - v0
         return (1.0 - fv) * ((1.0 - fu) * a + fu * b) + fv * ((1.0 - fu) * c + fu * d)
-    return half[int(math.floor(v + 0.5)), int(math.floor(u + 0.5))]
+    return half[math.floor(v + 0.5), math.floor(u + 0.5)]
 
 
 @kernel(parallel=True)

@@ -1,0 +1,74 @@
+"""Milliseconds of every stage, per volume, quality and projection; medians over views around the volume."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+from rle_splat.kept import Kept
+from rle_splat.render import STAGES, render
+from rle_splat.scene import QUALITY_PRESETS, Quality, Scene
+from rle_splat.view.turntable import turntable
+
+from .scenes import scenes
+
+VIEWS = ((0, 0), (35, 25), (80, 10), (130, -20), (200, 50), (-60, 75))
+REPEATS = 3
+
+
+def measure(volume, tf, quality: Quality, perspective: bool, size: int) -> dict:
+    """Median milliseconds per stage over the views; a stage that only a new volume needs from its first run."""
+    kept = Kept()
+    first: dict = {}
+    runs = []
+    for azimuth, elevation in VIEWS:
+        camera, matrix = turntable(volume, azimuth, elevation, perspective=perspective, width=size, height=size)
+        scene = Scene(volume, tf, camera, size, size, matrix)
+        best = None
+        for _ in range(REPEATS):
+            report = render(scene, quality, kept=kept).report
+            for stage, spent in report["stages_ms"].items():
+                first[stage] = max(first.get(stage, 0.0), spent)
+            if best is None or report["stages_ms"]["splat"] < best["splat"]:
+                best = report["stages_ms"]
+        runs.append(best)
+    result = {stage: median(run[stage] for run in runs) for stage in (*STAGES, "total")}
+    for stage in ("classify", "encode"):
+        result[stage] = first[stage]
+    result["visible_fraction"] = report["volume"]["visible_fraction"]
+    return result
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench stages", description=__doc__)
+    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=list(QUALITY_PRESETS))
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    print(
+        "Milliseconds, best of", REPEATS, "runs per view, median of", len(VIEWS), "views; classify and encode: the "
+        "slowest run.\n'x' is splat + warp against the first quality of the volume in this run.\n"
+    )
+    print(f"{'volume':<11}{'p':>7}  {'projection':<12}{'quality':<10}", end="")
+    print("".join(f"{name:>10}" for name in ("classify", "shade", "encode", "splat", "warp", "frame", "x")))
+    table = []
+    for name, volume, tf in scenes():
+        for perspective in (False, True):
+            reference = None
+            for preset in options.quality:
+                quality = replace(Quality.preset(preset), threads=options.threads)
+                ms = measure(volume, tf, quality, perspective, options.size)
+                frame = ms["splat"] + ms["warp"]
+                reference = reference or frame
+                projection = "perspective" if perspective else "parallel"
+                table.append(dict(volume=name, projection=projection, quality=preset, **ms))
+                print(f"{name:<11}{100 * ms['visible_fraction']:6.1f}%  {projection:<12}{preset:<10}", end="")
+                cells = [ms[stage] for stage in ("classify", "shade", "encode", "splat", "warp")] + [frame]
+                print("".join(f"{cell:10.1f}" for cell in cells) + f"{frame / reference:10.2f}", flush=True)
+    if options.json:
+        options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    return 0
