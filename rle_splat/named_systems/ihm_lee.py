@@ -1,0 +1,127 @@
+"""Ihm and Lee's indexed splatting: the voxels of each slice sorted by density, so that a window is a range.
+
+I. Ihm and R. K. Lee, On enhancing the speed of splatting with indexing, Visualization 1995: the paper's [10].
+When the transfer function changes, the voxels that it shows are found by bisection; none of the others is looked
+at.  They go into our encoder and renderer.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..classify.classification import ClassifiedVolume, classify, row_offsets
+from ..classify.points import LARGEST, pieces, positive_intervals
+from ..encode.encode import encode
+from ..scene import Quality
+from ..volume.volume import Volume
+from . import ours
+from .medium import Medium
+from .system import Prepared
+
+ROW = 4096  # voxels classified as one row of a volume of shown voxels
+RECORD = 16  # bytes of a run-length voxel record, for the comparison of memory
+
+
+@dataclass(frozen=True, eq=False)
+class DensityIndex:
+    """``order``: (nz, ny * nx) uint16 or uint32, places ``y * nx + x`` in a slice by ascending stored value.
+    ``values``: (nz, ny * nx), the stored values in that order, NaN last.  ``numbers``: (nz,) int64, how many are
+    not NaN."""
+
+    order: np.ndarray
+    values: np.ndarray
+    numbers: np.ndarray
+
+    @property
+    def nbytes(self) -> int:
+        return self.order.nbytes + self.values.nbytes + self.numbers.nbytes
+
+
+def index_volume(volume: Volume) -> DensityIndex:
+    """Sort every slice of a volume by stored value, once for all transfer functions."""
+    slices = volume.voxels.reshape(volume.voxels.shape[0], -1)
+    order = np.empty(slices.shape, np.uint16 if slices.shape[1] <= 65536 else np.uint32)
+    values = np.empty_like(slices)
+    for k, stored in enumerate(slices):  # slice by slice: argsort's 8-byte places are never held for all
+        order[k] = np.argsort(stored, kind="stable")
+        values[k] = stored[order[k]]
+    missing = np.isnan(values).sum(axis=1) if values.dtype.kind == "f" else np.zeros(len(values), np.int64)
+    return DensityIndex(order, values, slices.shape[1] - missing)
+
+
+def _first(index: DensityIndex, volume: Volume, reached) -> np.ndarray:
+    """(nz,) int64: the first place in every sorted slice whose physical value is ``reached``; bisection of all
+    slices at once, for a predicate that is false and then true."""
+    low, high = np.zeros_like(index.numbers), index.numbers.copy()
+    slices = np.arange(len(low))
+    while (low < high).any():
+        middle = (low + high) // 2
+        open_ = low < high
+        stored = index.values[slices, np.minimum(middle, index.values.shape[1] - 1)]
+        there = reached(np.clip(volume.physical(stored), -LARGEST, LARGEST))
+        high = np.where(open_ & there, middle, high)
+        low = np.where(open_ & ~there, middle + 1, low)
+    return low
+
+
+def shown_places(index: DensityIndex, volume: Volume, transfer_function) -> list[np.ndarray]:
+    """Per slice the ascending places ``y * nx + x`` of the voxels in the value ranges that the function shows."""
+    ranges = []
+    for low, high in positive_intervals(pieces(transfer_function.opacity)):
+        ends = [_first(index, volume, (lambda v, e=end: v >= e) if volume.slope > 0.0 else (lambda v, e=end: v < e))
+                for end in (low, high)]
+        ranges.append(ends if volume.slope > 0.0 else ends[::-1])
+    shown = []
+    marks = np.zeros(index.order.shape[1], bool)
+    for k in range(len(index.order)):
+        for begin, end in ranges:
+            marks[index.order[k, begin[k] : end[k]]] = True
+        shown.append(np.flatnonzero(marks))
+        marks[shown[-1]] = False
+    return shown
+
+
+def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index_to_world, **how) -> ClassifiedVolume:
+    """What ``classify`` returns, found through the index; ``how``: its backend and threads."""
+    nx, ny, nz = volume.shape_xyz
+    shown = shown_places(index, volume, transfer_function)
+    counts = [len(places) for places in shown]
+    total = sum(counts)
+    # The shown voxels alone, as a volume of their own: rows of ROW voxels, the last one filled up.
+    stored = np.zeros(max(-(-total // ROW), 1) * ROW, volume.voxels.dtype)
+    slices = volume.voxels.reshape(nz, -1)
+    for begin, places, voxels in zip(row_offsets(np.array(counts)), shown, slices):
+        stored[begin : begin + len(places)] = voxels[places]
+    found = classify(replace(volume, voxels=stored.reshape(1, -1, ROW)), transfer_function, index_to_world, **how)
+    row = np.repeat(np.arange(len(found.row_start) - 1), np.diff(found.row_start))
+    seen = row * ROW + found.column
+    kept = slice(0, int(np.searchsorted(seen, total)))  # what fills up the last row comes after all others
+    place = np.concatenate([k * (ny * nx) + places for k, places in enumerate(shown)])[seen[kept]]
+    per_row = np.bincount(place // nx, minlength=nz * ny)
+    lists = (found.extinction[kept], found.opacity[kept], found.color[kept])
+    return ClassifiedVolume(
+        (nx, ny, nz), row_offsets(per_row), (place % nx).astype(np.uint16 if nx <= 65536 else np.int32), *lists,
+        int(nz * ny * nx - index.numbers.sum()), found.unit_length, found.opacity_distance,
+    )
+
+
+def prepare(medium: Medium, quality: Quality) -> Prepared:
+    """Index the volume, find the shown voxels through it, encode those and render them at ``quality``."""
+    scene = medium.scene
+    how = dict(backend=quality.backend, threads=quality.threads)
+    began = time.perf_counter()
+    index = index_volume(scene.volume)
+    indexed = time.perf_counter()
+    shown = classify_shown(index, scene.volume, scene.transfer_function, scene.index_to_world, **how)
+    found = time.perf_counter()
+    axes = {axis: encode(shown, medium.colors, axis, quality.model, **how) for axis in medium.principal_axes}
+    notes = {
+        "index_ms": 1e3 * (indexed - began), "window_ms": 1e3 * (found - indexed),
+        "classify_ms": medium.stages_ms["classify"], "index_bytes": index.nbytes,
+        "three_axes_of_records_bytes": 3 * RECORD * shown.visible_voxels,
+    }
+    prepared = ours.prepared_tables(medium, quality, axes, **notes)
+    return replace(prepared, memory_bytes={"index": index.nbytes, **prepared.memory_bytes})
