@@ -13,7 +13,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # A room (a folder or a module) -> its floor.  A room imports itself and lower floors, nothing else.  scene is the
 # ground; warp stands above splat because it takes the intermediate image; panels stand above the
-# operators whose buttons they draw; rle_splat/__init__.py exports the verb, so it stands above render.
+# operators whose buttons they draw; rle_splat/__init__.py exports the verb, so it stands above render; cli stands
+# above named_systems because its command compare shows them.
 FLOORS = {
     "rle_splat.scene": 0,
     "rle_splat.axes": 1,
@@ -34,8 +35,8 @@ FLOORS = {
     "rle_splat.encode_scene": 11,
     "rle_splat": 12,
     "rle_splat.named_systems": 13,
-    "rle_splat.cli": 13,
-    "rle_splat.__main__": 14,
+    "rle_splat.cli": 14,
+    "rle_splat.__main__": 15,
     "bridge": 14,
     "operators": 15,
     "panels": 16,

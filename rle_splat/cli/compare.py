@@ -1,0 +1,87 @@
+"""``rle-splat compare``: the systems that the paper names, side by side on one volume and view."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+
+from ..scene import RleSplatError
+from .appearance import check_values, choose_transfer_function, read_transfer_function
+from .options import (
+    add_light_options,
+    add_placement_options,
+    add_quality_options,
+    add_report_options,
+    add_size_option,
+    add_transfer_function_options,
+    add_turntable_options,
+    add_volume_argument,
+    add_volume_options,
+    quality_from,
+    volume_options,
+)
+from .output import check_outputs, whole_files
+from .progress import ProgressLine
+from .report import write_report
+from .viewing import check_light_options, check_placement, make_scene, place, read_lights, read_placement
+
+PROBES = 256
+REPEATS = 3
+
+
+def add_arguments(parser) -> None:
+    add_volume_argument(parser)
+    parser.add_argument(
+        "--system", action="append", metavar="NAME",
+        help="only this one; may be given several times, the first is what the others are measured against",
+    )
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels held against T1 ({PROBES})")
+    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed ({REPEATS})")
+    add_size_option(parser)
+    add_report_options(parser)
+    add_volume_options(parser)
+    add_transfer_function_options(parser)
+    add_light_options(parser)
+    add_turntable_options(parser)
+    add_placement_options(parser)
+    add_quality_options(parser)
+
+
+def run(args) -> None:
+    start = perf_counter()
+    outputs = [args.json] if args.json else []
+    check_outputs(outputs, inputs=(args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix))
+    check_light_options(args)
+    check_placement(args)
+    if args.probes < 1 or args.repeats < 1:
+        raise RleSplatError("--probes and --repeats take whole numbers above zero.")
+    quality = quality_from(args)
+    placement = read_placement(args)
+    given_function = read_transfer_function(args)
+    lights, headlight = read_lights(args)
+    from ..named_systems.compare import compare_steps, table_lines
+    from ..named_systems.table import system_of
+    from ..read.formats import read_volume
+
+    for name in args.system or ():
+        system_of(name)
+    with ProgressLine(args.progress) as line:
+        line.show(0.0, f"reading {Path(args.volume).name}")
+        volume = read_volume(args.volume, **volume_options(args))
+        check_values(volume)
+        function, reason = choose_transfer_function(args, volume, given_function)
+        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        with line.compiling():
+            report = line.follow(compare_steps(scene, quality, args.system, args.probes, args.repeats), start=0.05)
+        report = {
+            "command": "compare", "input": {"path": str(args.volume)}, **report,
+            "transfer_function": {"name": function.name, "reason": reason}, "remarks": list(volume.remarks),
+            "total_ms": 1e3 * (perf_counter() - start),
+        }
+        with whole_files(outputs) as parts:
+            if parts:
+                write_report(parts[0], report)
+    for remark in report["remarks"]:
+        print(remark)
+    print(f"Transfer function {function.name}: {reason}")
+    print("\n".join(table_lines(report)))

@@ -1,0 +1,89 @@
+"""The one table of named systems: name -> how to prepare and draw, and what to know of it."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+
+from ..scene import Quality, Rendering, RleSplatError, Scene
+from . import ihm_lee, lacroute, laur_hanrahan, levoy, ours, totsuka_levoy, unaccelerated, westover
+from .medium import scene_medium
+from .system import System
+
+SYSTEMS = {
+    system.name: system
+    for system in (
+        System(
+            "rle", "Run-length-encoded sheet-buffer splatting (ours)", "Zhang, Sun and Sun 2003, the paper",
+            "The quality asked for.", ours.prepare,
+        ),
+        System(
+            "paper", "The same, the paper to the letter", "Zhang, Sun and Sun 2003, the paper",
+            "Opacities added in slice-plane sheets without correction for the length of the ray, one sheet pixel per "
+            "voxel, bilinear warp.", ours.prepare_paper,
+        ),
+        System(
+            "unaccelerated", "Sheet-buffer splatting of every voxel", "the paper's Table 2",
+            unaccelerated.DIFFERS, unaccelerated.prepare,
+        ),
+        System(
+            "levoy", levoy.TITLE, "Levoy 1990, [3]",
+            "Samples one voxel apart, trilinear, early termination, empty blocks leaped over; the medium is "
+            "classified before it is interpolated, as ours.", levoy.prepare,
+        ),
+        System(
+            "westover-sheet", "Westover's splatting, sheet add", "Westover 1990, [6]",
+            "Every voxel of the dense grid visited, footprints of the trilinear kernel added sheet by sheet on the "
+            "screen; a ray's optical depth is exact but for the table's pixel grid.", westover.prepare,
+        ),
+        System(
+            "westover-composite", "Westover's splatting, composite every sample", "Westover 1989, [5]",
+            "As above, every footprint composited as it comes: overlapping kernels hide each other.",
+            partial(westover.prepare, sheets=False),
+        ),
+        System(
+            "lacroute", "Lacroute and Levoy's shear-warp", "Lacroute and Levoy 1994, [7]",
+            lacroute.DIFFERS, lacroute.prepare,
+        ),
+        System(
+            "laur-hanrahan", "Laur and Hanrahan's hierarchical splatting", "Laur and Hanrahan 1991, [9]",
+            f"Nodes of a pyramid that misstate no voxel's optical depth by more than {laur_hanrahan.THRESHOLD}, each "
+            "with a footprint of its size, every sample composited.",
+            laur_hanrahan.prepare,
+        ),
+        System(
+            "ihm-lee", "Ihm and Lee's indexed splatting", "Ihm and Lee 1995, [10]",
+            "Voxels of each slice sorted by density, so that a changed window is found by bisection; drawn by our "
+            "renderer.", ihm_lee.prepare,
+        ),
+        System(
+            "totsuka-levoy", "Totsuka and Levoy's frequency domain X-ray", "Totsuka and Levoy 1993, [8]",
+            "Absorption only: nothing hides anything, so the alpha is judged and the colour is the medium's mean. "
+            "Without their directional shading and depth cueing.", totsuka_levoy.prepare, judged="a",
+        ),
+    )
+}
+
+
+def system_of(name: str) -> System:
+    """The system called ``name``, or a RleSplatError that lists the names."""
+    if name not in SYSTEMS:
+        raise RleSplatError(f"There is no system called {name!r}; choose {', '.join(SYSTEMS)}.")
+    return SYSTEMS[name]
+
+
+def draw(name: str, scene: Scene, quality: Quality) -> Rendering:
+    """One picture by one system, with its own report: milliseconds, bytes, and what differs."""
+    system = system_of(name)
+    medium = scene_medium(scene, quality)
+    began = time.perf_counter()
+    prepared = system.prepare(medium, quality)
+    ready = time.perf_counter()
+    rendering = prepared.draw()
+    drawn = time.perf_counter()
+    report = {
+        "system": name, "title": system.title, "reference": system.reference, "differs": system.differs,
+        "stages_ms": {**medium.stages_ms, "prepare": 1e3 * (ready - began), "draw": 1e3 * (drawn - ready)},
+        "memory_bytes": {**prepared.memory_bytes, "total": prepared.total_bytes}, "notes": prepared.notes,
+    }
+    return Rendering(rendering.rgba, rendering.depth, report)
