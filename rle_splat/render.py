@@ -19,7 +19,7 @@ from .effects.depth_layers import DepthLayers, depth_layers
 from .effects.mesh_depth import mesh_depth
 from .encode.encode import encode
 from .encode.store import StoredVolume
-from .encode.tables import RunLengthVolume
+from .encode.tables import TABLES, RunLengthVolume
 from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
 from .scene import Quality, Rendering, RleSplatError, Scene
@@ -315,10 +315,9 @@ def _volume_report(scene: Scene, medium: Medium, classified) -> dict:
 
 
 def _memory_report(held: dict[int, RunLengthVolume]) -> dict:
-    total = lambda table: sum(encoded.table_bytes[table] for encoded in held.values())
-    sizes = {name: total(name) for name in ("voxel_data", "runs", "scanline_pointers", "data_pointers")}
+    tables = (*TABLES, "scanline_data_pointers")
     return {
-        **sizes, "scanline_data_pointers": total("scanline_data_pointers"),
+        **{name: sum(encoded.table_bytes[name] for encoded in held.values()) for name in tables},
         "total": sum(encoded.nbytes for encoded in held.values()),
         "axes_held": [AXIS_NAMES[axis] for axis in sorted(held)],
     }

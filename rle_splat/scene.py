@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,7 @@ class Camera:
     pixel_aspect: tuple = (1.0, 1.0)
 
     def __post_init__(self):
-        put = lambda name, value: object.__setattr__(self, name, value)
+        put = partial(object.__setattr__, self)
         put("matrix_world", as_matrix(self.matrix_world, "The camera's matrix_world"))
         axes = self.matrix_world[:3, :3]
         # Scale is ignored, so what counts is whether the axes span space: the volume of their directions.

@@ -108,5 +108,4 @@ def _carried_past_silhouettes(near, far, coverage, known) -> DepthLayers:
                 coverage[to][new] = coverage[of][new]
                 reached[to][new] = True
             known = reached
-    as_float32 = lambda values: values.astype(np.float32)
-    return DepthLayers(as_float32(near), as_float32(far), as_float32(coverage))
+    return DepthLayers(*(layer.astype(np.float32) for layer in (near, far, coverage)))

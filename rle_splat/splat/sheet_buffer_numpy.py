@@ -10,7 +10,7 @@ ALMOST_ONE = np.float32(1.0 - 2.0**-24)
 
 
 def _dense_slice(tables, k: int) -> np.ndarray | None:
-    """(n_scanlines + 3, width + 3, 4) float32: slice ``k`` with a voxel of zeros before and two after; None if empty."""
+    """(n_scanlines + 3, width + 3, 4) float32: slice ``k``, one voxel of zeros before and two after; None if empty."""
     n_scanlines = tables.pointers.shape[1]
     voxels = tables.voxels.reshape(-1, 4)
     dense = None

@@ -79,7 +79,5 @@ def place_sheets(n_slices: int, sign: int, rule: str, eye_position: float | None
     place = sign * along
     lower = np.floor(place)
     touches_data = (place > -1.0) & (place < n_slices)
-    keep = lambda values: np.ascontiguousarray(values[touches_data])
-    return Sheets(
-        keep(place), keep(lower.astype(np.int64)), keep(place - lower), keep(thickness), keep(begin), keep(end)
-    )
+    columns = (place, lower.astype(np.int64), place - lower, thickness, begin, end)
+    return Sheets(*(np.ascontiguousarray(column[touches_data]) for column in columns))

@@ -55,7 +55,8 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
     singular = np.linalg.svd(linear, compute_uv=False)
     if not singular[2] > FLAT * singular[0]:
         raise RleSplatError(
-            "The volume's matrix is singular: it squeezes the volume flat; give it a scale other than zero on every axis."
+            "The volume's matrix is singular: it squeezes the volume flat; "
+            "give it a scale other than zero on every axis."
         )
     projection = world_to_pixel(camera, width, height) @ index_to_world
     depth = depth_row(camera) @ index_to_world

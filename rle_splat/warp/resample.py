@@ -63,7 +63,7 @@ def _half_depth(half, u, v):
 def resample(pixels, half, to_sheet, directions, axis, sign, cubic, most_colour, depth_map, rgba, depth):
     """Fill the pixels that belong to one base plane.
 
-    ``pixels``: (h, w, 4) float32 colour and transmittance, spline coefficients when ``cubic``.  ``half``: (h, w)
+    ``pixels``: (h, w, 4) float32 colour and alpha, spline coefficients when ``cubic``.  ``half``: (h, w)
     float32 half depths along the viewing direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet
     pixel.  ``directions``: (3, 3) picture pixel to index-space ray, all zero for parallel rays.  ``depth_map``:
     (2, 3), sheet pixel to planar depth at position 0 and per voxel.  Out: ``rgba`` (H, W, 4), ``depth`` (H, W).
@@ -92,7 +92,7 @@ def resample(pixels, half, to_sheet, directions, axis, sign, cubic, most_colour,
                 sum4x4(flat, at, 4 * sheet_width, _bspline_weights(fu), _bspline_weights(fv), sample, 0)
             else:
                 sum4x4(flat, at, 4 * sheet_width, _tent_weights(fu), _tent_weights(fv), sample, 0)
-            alpha = one - min(max(sample[3], zero), one)
+            alpha = min(max(sample[3], zero), one)
             for channel in range(3):
                 rgba[r, c, channel] = min(max(sample[channel], zero), most_colour * alpha)
             rgba[r, c, 3] = alpha

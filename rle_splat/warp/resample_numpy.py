@@ -43,7 +43,7 @@ def resample_numpy(pixels, half, to_sheet, directions, axis, sign, cubic, most_c
         for i in range(4):
             line += across[i][:, None] * pixels[v0 + j - 1, u0 + i - 1]
         total += down[j][:, None] * line
-    alpha = 1 - np.clip(total[:, 3], 0, 1)
+    alpha = np.clip(total[:, 3], 0, 1)
     rgba[mine, :3] = np.clip(total[:, :3], 0, (most_colour * alpha)[:, None])
     rgba[mine, 3] = alpha
 

@@ -31,9 +31,9 @@ def warp(images: list[IntermediateImage], view: IndexView, quality: Quality, mos
     directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
     for image in images:
         plane = image.base_plane
-        pixels = image.pixels
-        if cubic:
-            pixels = pixels.copy()
+        pixels = image.pixels.copy()
+        # Alpha rather than transmittance, so that where there is nothing the filter works on exact zeros.
+        np.subtract(1.0, pixels[..., 3], out=pixels[..., 3])
         to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
         # Sheet pixel from picture pixel, both homogeneous.
         to_sheet = np.array((

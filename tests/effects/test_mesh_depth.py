@@ -29,7 +29,7 @@ def intersect(origins, directions, triangles, ahead):
 def camera(kind):
     placed = np.eye(4)
     placed[:3, 3] = (0.3, -0.2, 5.0)
-    return Camera(matrix_world=placed, type=kind, ortho_scale=4.0, lens=30.0, shift_x=0.1, clip_start=0.1, clip_end=50.0)
+    return Camera(placed, kind, ortho_scale=4.0, lens=30.0, shift_x=0.1, clip_start=0.1, clip_end=50.0)
 
 
 TRIANGLES = np.array([

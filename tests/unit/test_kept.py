@@ -13,8 +13,8 @@ def test_a_result_is_made_once_per_content():
 
 def test_the_least_recently_used_leaves_first():
     kept = Kept(most_bytes=25)
-    for name in "ab":
-        kept.get("s", name, lambda: name, lambda r: 10)
+    kept.get("s", "a", lambda: "a", lambda r: 10)
+    kept.get("s", "b", lambda: "b", lambda r: 10)
     kept.get("s", "a", lambda: "again", lambda r: 10)
     kept.get("s", "c", lambda: "c", lambda r: 10)
     assert kept.has("s", "a") and kept.has("s", "c") and not kept.has("s", "b")
