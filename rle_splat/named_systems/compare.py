@@ -38,6 +38,7 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
     if probes < 1 or repeats < 1:
         raise RleSplatError("Comparing takes one probe and one repeat at least.")
     yield Progress(0.0, "Classifying")
+    scene_medium(scene, quality)  # compiles, so that what the shared stages take is told warm
     medium = scene_medium(scene, quality)
     yield Progress(0.05, "Integrating the truth")
     began = time.perf_counter()

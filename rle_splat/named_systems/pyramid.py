@@ -21,12 +21,15 @@ class Level:
         return self.means.nbytes + self.deviation.nbytes
 
 
-def _pooled(values: np.ndarray, pool) -> np.ndarray:
-    """Blocks of 2 x 2 x 2 joined by ``pool``, zeros beyond the far ends."""
-    nz, ny, nx = (n + n % 2 for n in values.shape[:3])
-    even = np.zeros((nz, ny, nx, values.shape[3]), values.dtype)
-    even[: values.shape[0], : values.shape[1], : values.shape[2]] = values
-    return pool(even.reshape(nz // 2, 2, ny // 2, 2, nx // 2, 2, -1), axis=(1, 3, 5))
+def _pooled(values: np.ndarray, join) -> np.ndarray:
+    """Neighbours joined in pairs along z, y and x by a ufunc ``join``, with zeros beyond the far ends."""
+    for axis in range(3):
+        values = np.moveaxis(values, axis, 0)
+        near, far = values[0::2], values[1::2]
+        if len(far) < len(near):
+            far = np.concatenate((far, np.zeros_like(near[:1])))
+        values = np.moveaxis(join(near, far), 0, axis)
+    return values
 
 
 def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
@@ -38,7 +41,7 @@ def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
     levels = [Level(voxels, np.zeros(voxels.shape[:3], np.float32))]
     means, least, most = voxels, voxels, voxels
     while len(levels) <= most_levels and max(means.shape[:3]) > 1:
-        means, least, most = _pooled(means, np.mean), _pooled(least, np.min), _pooled(most, np.max)
+        means, least, most = 0.125 * _pooled(means, np.add), _pooled(least, np.minimum), _pooled(most, np.maximum)
         levels.append(Level(means, np.maximum(means - least, most - means).max(axis=3)))
     return levels
 
