@@ -2,9 +2,9 @@
 
 import sys
 
-from . import stages
+from . import stages, systems
 
-BENCHMARKS = {"stages": stages.main}
+BENCHMARKS = {"stages": stages.main, "systems": systems.main}
 
 
 def main(arguments) -> int:
