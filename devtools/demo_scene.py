@@ -18,7 +18,7 @@ from mathutils import Matrix, Vector
 
 MODULE = "bl_ext.user_default.rle_splat"
 EYE = (1.05, 2.75, 0.95)  # of the camera, from the middle of the scan, in sizes of the scan
-WIDTH, HEIGHT, SAMPLES = 960, 720, 32
+WIDTH, HEIGHT, SAMPLES = 960, 720, 20
 
 
 def enable(zip_path: str, install: bool) -> None:
@@ -123,7 +123,7 @@ def build_set(low: Vector, high: Vector, title: str) -> None:
     text.data.extrude, text.data.align_x = 0.014 * size, "CENTER"
     text.data.bevel_depth = 0.003 * size
     toward_camera = math.atan2(EYE[1], EYE[0])
-    stand = Vector((middle.x, middle.y, floor_z)) + 0.66 * size * Vector(
+    stand = Vector((middle.x, middle.y, floor_z + 0.045 * size)) + 0.62 * size * Vector(
         (math.cos(toward_camera), math.sin(toward_camera), 0.0)
     )
     lean = Matrix.Rotation(math.radians(70.0), 4, "X")
@@ -131,11 +131,11 @@ def build_set(low: Vector, high: Vector, title: str) -> None:
 
     scene = bpy.context.scene
     eye = middle + size * Vector(EYE)
-    aim = middle + Vector((0.0, 0.0, -0.09 * size))
+    aim = middle + Vector((0.0, 0.0, -0.17 * size))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     camera.matrix_world = Matrix.Translation(eye) @ (aim - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    camera.data.lens = 56.0
+    camera.data.lens = 54.0
     camera.data.clip_start, camera.data.clip_end = 0.01 * size, 100.0 * size
     scene.camera = camera
 

@@ -37,6 +37,7 @@ class Environment:
 
 
 CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt"))
+BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", PYTHONS, ("bench.txt",))
 SAMPLE = Environment("sample", ENVIRONMENTS / "sample", PYTHONS, ("sample.txt",))
 BPY = {
     version: Environment(f"bpy {version}", ENVIRONMENTS / f"bpy-{version}", (python,), (f"bpy-{version}.txt",))

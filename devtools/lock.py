@@ -43,6 +43,17 @@ LOCKS = {
     "core": Lock(("numpy==2.4.6", *NUMBA, "pillow==13.0.0", "OpenEXR==3.5.3")),
     "pytest": Lock(PYTEST),  # nothing but pure Python: it is lent to whatever Python a real Blender runs on
     "test": Lock((*PYTEST, "hypothesis==6.170.15", "ruff==0.17.5")),
+    "bench": Lock(
+        (
+            "numpy==2.4.6",
+            *NUMBA,
+            "pillow==13.0.0",
+            "OpenEXR==3.5.3",
+            "vtk==9.7.2",
+            "matplotlib==3.11.2",
+            "contourpy==1.3.3",
+        )
+    ),
     "sample": Lock(("numpy==2.4.6", "nibabel==5.4.2")),
     "sample-data": Lock(("nilearn==0.14.1",), alone=True),
     "wheels": Lock(NUMBA, ("3.11", "3.13", "3.14"), alone=True),
