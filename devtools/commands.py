@@ -79,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
     add("bench", _module("benchmarks"), "measure; arguments go to the benchmarks", open_ended=True)
-    add("accuracy", _module("rle_splat", "accuracy"), "rle-splat accuracy, in the clone's environment", open_ended=True)
+    add("accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True)
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)

@@ -135,7 +135,7 @@ def test_requirements_are_pinned_with_hashes_and_name_no_host(path):
     assert logical
     for line in logical:
         assert re.match(r"^[a-z0-9][a-z0-9._-]*==[\w.]+(; [^-]+)?( +--hash=sha256:[0-9a-f]{64})+$", line), line
-    assert not re.search(r"://|index-url|find-links|trusted-host|\.(org|com|io|net)\b", text)
+    assert not re.search(r"://|index[-_]url|find[-_]links|trusted-host|\.(org|com|io|net)\b", text)
 
 
 def test_every_environment_has_its_requirements_and_every_lock_its_file():
