@@ -1,0 +1,108 @@
+"""The six data sets of the paper's tables: what it printed, the file that comes nearest, and a stand-in.
+
+Where the scans are not at hand, each is replaced by a synthetic volume of the same dimensions and of the same kept
+fraction under the same transfer function, and is called a stand-in wherever it appears.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.read.formats import read_volume
+from rle_splat.volume.volume import Volume
+
+from .scenes import DATA
+
+TRANSFER_FUNCTIONS = Path(__file__).parent / "transfer_functions"
+STAND_IN = "(stand-in)"
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """One row of the paper's tables, and what we measure in its place.
+
+    ``paper_mb``: memory of the paper's tables, MB; ``paper_seconds``: without and with run-length encoding;
+    ``paper_speedup``: as printed.  ``kept``: fraction of the scan's voxels that our transfer function keeps, which
+    the stand-in is made to match.  ``caveat``: how our scan differs from the paper's.
+    """
+
+    name: str
+    resolution: str
+    paper_mb: float
+    paper_seconds: tuple[float, float]
+    paper_speedup: float
+    file: str
+    shape_xyz: tuple[int, int, int]
+    spacing: tuple[float, float, float]
+    transfer: str
+    kept: float
+    caveat: str = ""
+
+    @property
+    def path(self) -> Path:
+        return DATA / self.file
+
+    def transfer_function(self) -> TransferFunction:
+        return TransferFunction.from_json(TRANSFER_FUNCTIONS / f"{self.transfer}.json")
+
+    def load(self) -> tuple[str, Volume, TransferFunction]:
+        """What to call it, the scan where it is at hand and else its stand-in, and the transfer function."""
+        function = self.transfer_function()
+        if not self.path.exists():
+            return f"{self.name} {STAND_IN}", stand_in(self.shape_xyz, self.spacing, self.kept, function), function
+        return self.name, read_volume(self.path, spacing=self.spacing), function
+
+
+PAPER = (
+    DataSet(
+        "CT head", "128x128x128", 5.1, (7.38, 0.41), 18.0, "cthead_128x128x113_uint8_derived.raw.gz",
+        (128, 128, 113), (2.0, 2.0, 2.0), "ct-head", 0.061, "128x128x113, made from a 256x256x113 scan",
+    ),
+    DataSet(
+        "CT lobster", "320x320x34", 12.4, (12.21, 1.13), 10.8, "lobster_301x324x56_uint8.raw.gz",
+        (301, 324, 56), (1.0, 1.0, 1.4), "ct-lobster", 0.069, "the same scan at 301x324x56",
+    ),
+    DataSet(
+        "MRI head", "256x256x109", 38.7, (22.48, 2.3), 9.8, "mrbrain_256x256x99_uint8.raw.gz",
+        (256, 256, 99), (1.0, 1.0, 2.0), "mri-head", 0.127, "slices 1 to 99 of 109",
+    ),
+    DataSet(
+        "CT engine", "256x256x110", 39.1, (24.31, 2.67), 9.1, "engine_256x256x110_uint8.raw.gz",
+        (256, 256, 110), (1.0, 1.0, 1.0), "ct-engine", 0.14,
+    ),
+    DataSet(
+        "X-ray foot", "256x256x256", 55.2, (53.88, 2.03), 26.5, "foot_256x256x256_uint8_fromjpeg.raw.gz",
+        (256, 256, 256), (1.0, 1.0, 1.0), "xray-foot", 0.075, "decoded from JPEG: noise of a few grey levels",
+    ),
+    DataSet(
+        "CT bonsai", "256x256x256", 60.1, (55.04, 2.43), 22.7, "bonsai_256x256x256_uint8.raw.gz",
+        (256, 256, 256), (1.0, 1.0, 1.0), "ct-bonsai", 0.088,
+    ),
+)  # fmt: skip
+
+
+def stand_in(shape_xyz, spacing, kept: float, function: TransferFunction) -> Volume:
+    """A synthetic body of folded shells, 8 bit, of whose voxels ``function`` keeps the fraction ``kept``.
+
+    Ellipsoidal shells with folds give runs of a few to some dozen voxels, as scans do.
+    """
+    nx, ny, nz = shape_xyz
+    z, y, x = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in (nz, ny, nx))
+    density = np.empty((nz, ny, nx), np.float32)
+    for k, depth in enumerate(z):
+        across, along = y[:, None], x[None, :]
+        radius = np.sqrt((along / 0.8) ** 2 + (across / 0.9) ** 2 + (depth / 0.85) ** 2)
+        folds = np.sin(9.0 * along + 3.0 * depth) * np.sin(8.0 * across) * np.cos(7.0 * depth)
+        density[k] = np.cos(14.0 * radius) + 0.8 * folds - 1.6 * np.maximum(radius - 0.75, 0.0) / 0.25
+    edge = np.quantile(density[::2, ::2, ::2], 1.0 - kept)
+    low = function.visible_intervals()[0][0]
+    inside = (density - edge) / max(float(density.max()) - edge, 1e-6)
+    outside = (density - edge) / max(edge - float(density.min()), 1e-6)
+    # Rounded up or down, nothing crosses the value at which opacity begins.
+    values = np.where(inside > 0.0, np.floor(low) + 1.0 + inside * (254.0 - low), np.floor(low * (1.0 + outside)))
+    affine = np.diag((*spacing, 1.0))
+    return Volume(np.clip(values, 0.0, 255.0).astype(np.uint8), affine, name="stand-in")

@@ -1,0 +1,79 @@
+"""What all benchmarks share: the views, the time of a frame, and what else the machine was doing."""
+
+from __future__ import annotations
+
+import os
+import platform
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rle_splat.jit import thread_count
+from rle_splat.render import render
+from rle_splat.scene import Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+# Azimuth and elevation, degrees: all three principal axes, straight and oblique.
+VIEWS = ((0, 0), (35, 25), (80, 10), (130, -20), (200, 50), (-60, 75))
+QUIET = 0.7  # load average of the last minute below which a machine counts as otherwise idle
+
+
+def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, shaded: bool = True) -> Scene:
+    """A square picture of a volume from a turntable view (azimuth, elevation), with a headlight when shaded."""
+    camera, matrix = turntable(volume, *view, perspective=perspective, width=size, height=size)
+    return Scene(volume, tf, camera, size, size, matrix, headlight=shaded)
+
+
+def same_view(scene: Scene, volume) -> Scene:
+    """The scene with its volume replaced by ready-made tables (a StoredVolume), whose colours are baked in."""
+    return replace(scene, volume=volume, lights=(), headlight=False)
+
+
+def best_frame(scene: Scene, quality: Quality, repeats: int, kept=None):
+    """The rendering whose splat and warp together were quickest of ``repeats``, and those milliseconds.
+
+    The quickest, because whatever else a machine does can only add.
+    """
+    best, least = None, np.inf
+    for _ in range(repeats):
+        rendering = render(scene, quality, kept=kept)
+        spent = frame_ms(rendering.report)
+        if spent < least:
+            best, least = rendering, spent
+    return best, least
+
+
+def frame_ms(report: dict) -> float:
+    """Milliseconds of what every frame costs: splat and warp."""
+    return report["stages_ms"]["splat"] + report["stages_ms"]["warp"]
+
+
+def circumstances(threads: int) -> dict:
+    """JSON-ready: where and beside what the figures came about."""
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {
+        "processor": _processor(), "cores": os.cpu_count(), "threads": thread_count(threads),
+        "python": platform.python_version(), "load_before": load,
+    }
+
+
+def describe(where: dict) -> str:
+    """The circumstances as a sentence or two."""
+    load = where["load_before"]
+    said = f"{where['processor']}, {where['cores']} cores; {where['threads']} thread(s); Python {where['python']}."
+    if load is None:
+        return said
+    busy = "" if load < QUIET else " The machine was busy: trust ratios within this run only, and those with care."
+    return f"{said} Load before the run: {load:.2f}.{busy}"
+
+
+def _processor() -> str:
+    """The processor's name, as well as it can be had."""
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()

@@ -1,0 +1,177 @@
+"""The paper's Table 1 and Table 2 beside ours: memory of the run-length tables, and what skipping is worth.
+
+Without acceleration: the same compiled loops on the same threads, with the same termination, on tables in which
+every voxel counts as non-transparent.  Westover: his splatting of footprint tables, voxel by voxel.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from rle_splat.encode.encode import encode
+from rle_splat.encode.store import StoredVolume
+from rle_splat.kept import Kept
+from rle_splat.named_systems.medium import scene_medium
+from rle_splat.named_systems.unaccelerated import every_voxel
+from rle_splat.named_systems.westover import prepare as prepare_westover
+from rle_splat.render import Clock, classify_and_shade
+from rle_splat.scene import QUALITY_PRESETS, Quality
+from rle_splat.view.eye import index_view
+from rle_splat.view.principal_axis import dominant_axis
+
+from .data_sets import PAPER, DataSet
+from .frames import VIEWS, best_frame, circumstances, describe, frame_ms, same_view, view_scene
+from .paper_words import explain, table_1, table_2
+
+PAPER_RECORD = 16  # bytes: float RGBA, what the paper's Table 1 implies
+REPEATS = 3
+SLOW_REPEATS = 2  # of what takes a good part of a second
+
+
+def quality_of(name: str, threads: int) -> Quality:
+    """The paper's own pipeline, or one of the presets."""
+    return Quality.paper(threads=threads) if name == "paper" else Quality.preset(name, threads=threads)
+
+
+def measure(
+    data: DataSet, volume, tf, quality: Quality, size: int, views=VIEWS, repeats: int = REPEATS, westover: bool = True
+) -> dict:
+    """One data set's row of both tables, JSON-ready; milliseconds are medians over the views."""
+    scenes = [view_scene(volume, tf, view, size) for view in views]
+    clock = Clock()
+    classified, colors, _ = classify_and_shade(scenes[0], quality, Kept(0), clock)
+    arguments = dict(backend=quality.backend, threads=quality.threads)
+    unlimited = replace(quality, termination=0.0)
+    memory, times = {}, []
+    for axis in range(3):
+        tables = encode(classified, colors, axis, quality.model, **arguments)
+        for name, count in tables.table_bytes.items():
+            memory[name] = memory.get(name, 0) + count
+        mine = [scene for scene in scenes if principal_axis(scene) == axis]
+        if not mine:
+            continue
+        began = time.perf_counter()
+        encode(classified, colors, axis, quality.model, **arguments)
+        encode_ms = 1e3 * (time.perf_counter() - began)
+        dense = every_voxel(tables, **arguments)
+        for scene in mine:
+            view = {"axis": axis, "encode_ms": encode_ms}
+            for name, encoded, count in (("rle", tables, repeats), ("all", dense, min(repeats, SLOW_REPEATS))):
+                for ending, knobs in (("ms", quality), ("unlimited_ms", unlimited)):
+                    report = _frame(volume, classified, tf, scene, encoded, knobs, count)
+                    view[f"{name}_{ending}"] = frame_ms(report)
+                    view[f"{name}_splat_{ending}"] = report["stages_ms"]["splat"]
+            times.append(view)
+        del dense
+    row = {name: median(view[name] for view in times) for name in times[0] if name != "axis"}
+    # Ratios are taken view by view, where numerator and denominator saw the same pixels.
+    for name, part in (
+        ("speedup", "ms"), ("splat_speedup", "splat_ms"), ("unlimited_splat_speedup", "splat_unlimited_ms")
+    ):  # fmt: skip
+        row[name] = median(view[f"all_{part}"] / view[f"rle_{part}"] for view in times)
+    kept = classified.visible_voxels
+    return {
+        "name": data.name, "shape_xyz": list(volume.shape_xyz), "voxels": volume.voxels.size, "kept_voxels": kept,
+        "kept_fraction": classified.visible_fraction, "bound": 1.0 / max(classified.visible_fraction, 1e-12),
+        "covered_fraction": covered_fraction(classified),
+        "record_bytes": memory["voxel_data"] / max(3 * kept, 1), "memory_bytes": {**memory, "total": sum(memory.values())},
+        "paper_record_memory_bytes": sum(memory.values()) - memory["voxel_data"] + 3 * PAPER_RECORD * kept,
+        **row, **(_westover(volume, tf, quality, size, views) if westover else {}), "views": times,
+    }  # fmt: skip
+
+
+def principal_axis(scene) -> int:
+    """The axis that counts the slices for a scene with parallel rays."""
+    view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
+    return int(dominant_axis(-view.eye[:3])[0])
+
+
+def covered_fraction(classified) -> float:
+    """Share of the cells between neighbouring voxels of a slice that a kept voxel's footprint reaches; mean of axes.
+
+    A sheet pixel has work to do where a footprint reaches it, so this, rather than the kept fraction, is what
+    compositing cannot get below.
+    """
+    nx, ny, nz = classified.shape_xyz
+    rows = np.repeat(np.arange(nz * ny), np.diff(classified.row_start))
+    kept = np.zeros((nz * ny, nx), bool)
+    kept[rows, classified.column] = True
+    kept = kept.reshape(nz, ny, nx)
+    shares = []
+    for axis in range(3):
+        cells = kept
+        for other in {0, 1, 2} - {axis}:
+            before = np.concatenate((cells, np.zeros_like(cells.take([0], other))), other)
+            after = np.concatenate((np.zeros_like(cells.take([0], other)), cells), other)
+            cells = before | after
+        shares.append(cells.mean())
+    return float(np.mean(shares))
+
+
+def _frame(volume, classified, tf, scene, tables, quality, repeats) -> dict:
+    """The report of one view's best frame, from ready-made tables."""
+    stored = StoredVolume({tables.axis: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
+    scene = same_view(scene, stored)
+    best_frame(scene, quality, 1)  # whatever compiles lazily
+    return best_frame(scene, quality, repeats)[0].report
+
+
+def _westover(volume, tf, quality, size, views) -> dict:
+    """Westover's splatting, sheet add: every voxel's footprint, and those of the non-transparent voxels alone.
+
+    One view, being slow.  It knows extinction only, and no termination.
+    """
+    quality = Quality.preset("standard", threads=quality.threads, backend=quality.backend)
+    medium = scene_medium(view_scene(volume, tf, views[min(1, len(views) - 1)], size), quality)
+    result = {}
+    for name, cull in (("westover_all_ms", False), ("westover_visible_ms", True)):
+        draw = prepare_westover(medium, quality, cull=cull).draw
+        spent = []
+        for _ in range(SLOW_REPEATS):
+            began = time.perf_counter()
+            draw()
+            spent.append(1e3 * (time.perf_counter() - began))
+        result[name] = min(spent)
+    return result
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench paper", description=__doc__)
+    parser.add_argument("--data", nargs="*", choices=[data.name for data in PAPER], help="only these data sets")
+    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--quality", choices=("paper", *QUALITY_PRESETS), default="paper")
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    parser.add_argument("--no-westover", action="store_true", help="without the slow second baseline")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    quality = quality_of(options.quality, options.threads)
+    where = circumstances(options.threads)
+    rows = []
+    for data in PAPER:
+        if options.data and data.name not in options.data:
+            continue
+        called, volume, tf = data.load()
+        row = measure(
+            data, volume, tf, quality, options.size, VIEWS[: max(options.views, 1)], options.repeats,
+            not options.no_westover,
+        )  # fmt: skip
+        rows.append((data, {**row, "called": called}))
+        print(f"measured {called}", flush=True)
+    print("\n" + "\n".join((
+        describe(where), f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
+        f"median of {min(options.views, len(VIEWS))} view(s).", "", *table_1(rows), "", *table_2(rows), "",
+        *(line for data, row in rows for line in explain(data, row)),
+    )))  # fmt: skip
+    if options.json:
+        report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": [row for _, row in rows]}
+        options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    return 0
