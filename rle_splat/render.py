@@ -26,6 +26,7 @@ from .scene import Quality, Rendering, RleSplatError, Scene
 from .splat.splat import splat_steps
 from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
+from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
 from .view.projection import world_to_camera
 from .view.ray_limits import box_depths, ray_limits
@@ -138,11 +139,14 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
 def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[BasePlane]]:
     """The view, and the base planes that its visible rays belong to."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    nearest, furthest = box_depths(view, scene.volume.shape_xyz)
+    nearest, furthest = box_depths(view, scene.volume.shape_xyz, FOOTPRINTS[quality.kernel].radius)
     planes = []
     if furthest > scene.camera.clip_start and nearest < scene.camera.clip_end:
         for axis, sign in candidate_pyramids(view):
-            plane = base_plane(view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density)
+            plane = base_plane(
+                view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density,
+                FOOTPRINTS[quality.kernel],
+            )
             if plane is not None:
                 planes.append(plane)
     if not planes and refuse_empty_view:

@@ -189,8 +189,9 @@ QUALITY_PRESETS = {
 }
 # Names of the knobs' values, in the order shown to people.
 CLASSIFICATIONS = ("pre",)
-DEPTH_RULES = ("slice", "simpson")
-FOOTPRINTS = ("tent",)
+DEPTH_RULES = ("slice", "simpson", "gauss2", "midpoint-1", "midpoint-2", "midpoint-4", "midpoint-8", "midpoint-16")
+FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
+MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "cubic")
 MODELS = ("extinction", "opacity")
 BACKENDS = ("auto", "numba", "numpy")
@@ -200,6 +201,8 @@ BACKENDS = ("auto", "numba", "numpy")
 class Quality:
     """The knobs that trade time for accuracy, each by the name the command line and the panel use.
 
+    ``kernel`` is the footprint; ``minification`` "widen" widens it where several voxels share a sheet pixel, for
+    pictures without shimmer, "off" shows exactly what lies on each pixel's ray.
     ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
     ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
     paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
@@ -209,6 +212,7 @@ class Quality:
     depth_rule: str = "simpson"
     sheet_density: float = 1.0
     kernel: str = "tent"
+    minification: str = "off"
     warp_filter: str = "cubic"
     termination: float = 1 / 512
     model: str = "extinction"
@@ -222,6 +226,7 @@ class Quality:
             (self.classification, CLASSIFICATIONS, "classification"),
             (self.depth_rule, DEPTH_RULES, "depth rule"),
             (self.kernel, FOOTPRINTS, "kernel"),
+            (self.minification, MINIFICATIONS, "minification"),
             (self.warp_filter, WARP_FILTERS, "warp filter"),
             (self.model, MODELS, "model"),
             (self.backend, BACKENDS, "backend"),

@@ -24,13 +24,14 @@ class Tables(NamedTuple):
 class SheetList(NamedTuple):
     """Per sheet, front to back.
 
-    ``lower``: slice at or below it, ``fraction`` towards the next one; ``thickness`` in voxels of depth; slab
-    ``begin`` and ``end`` along the viewing direction, voxels; ``scale`` and ``offset`` (n, 2): sheet pixel =
-    scale * voxel + offset, along the scanline [0] and across scanlines [1].
+    ``first_slice``: the first slice whose footprint reaches it, ``slice_weights`` (n, taps) float32 the weights of
+    that one and the next; ``thickness`` in voxels of depth; slab ``begin`` and ``end`` along the viewing direction,
+    voxels; ``scale`` and ``offset`` (n, 2): sheet pixel = scale * voxel + offset, along the scanline [0] and across
+    scanlines [1].
     """
 
-    lower: np.ndarray
-    fraction: np.ndarray
+    first_slice: np.ndarray
+    slice_weights: np.ndarray
     thickness: np.ndarray
     begin: np.ndarray
     end: np.ndarray
@@ -48,3 +49,11 @@ class Rays(NamedTuple):
 
     length: np.ndarray
     limits: np.ndarray
+
+
+class InSlice(NamedTuple):
+    """The footprint within a sheet: ``kind`` and ``radius`` of ``view.footprints``; ``widen`` it when minified."""
+
+    kind: int
+    radius: float
+    widen: bool

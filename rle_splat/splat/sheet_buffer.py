@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..jit import kernel, prange
+from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
 from .sheet_row import (
     BLOCK,
     BLUE,
@@ -23,8 +24,10 @@ from .sheet_row import (
     composite_extinction,
     composite_opacity,
     gather_samples,
+    gather_wide,
     note_half_depth,
     place_taps,
+    place_wide_taps,
     tally,
 )
 from .voxel_scanline import VOXEL_BLOCK, add_runs, clear_touched
@@ -39,7 +42,8 @@ class Scratch(NamedTuple):
     (slots, 2) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
     Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, blocks),
     the last row for the band as a whole, ``bright`` (BAND, blocks) pixels above one half.
-    Taps of the sheet's pixels: ``cells``, ``fractions``, and the sheet they were ``placed`` for, per block.
+    Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
+    ``placed`` for, per block.
     One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet.
     """
 
@@ -53,25 +57,33 @@ class Scratch(NamedTuple):
     alive: np.ndarray
     bright: np.ndarray
     cells: np.ndarray
-    fractions: np.ndarray
+    weights: np.ndarray
     placed: np.ndarray
     samples: np.ndarray
     length_inside: np.ndarray
     before: np.ndarray
 
 
+@kernel(inline="always")
+def _stretch(widen, scale):
+    """How much wider than a voxel a footprint is made at ``scale`` sheet pixels per voxel."""
+    return max(1.0, 1.0 / scale) if widen else 1.0
+
+
 @kernel
-def _scratch(width, image_width, closest):
-    """Scratch for one worker; ``closest``: sheet pixels between scanlines where they lie closest together."""
+def _scratch(width, image_width, scale, in_slice):
+    """Scratch for one worker.  ``scale``: (sheets, 2) sheet pixels per voxel; where it is least, most is read."""
     blocks = (image_width + BLOCK - 1) // BLOCK
-    voxel_blocks = (width + 3) // VOXEL_BLOCK + 2
-    slots = math.ceil(BAND / closest) + 3
+    taps = tap_count(in_slice.radius * _stretch(in_slice.widen, scale[:, 0].min()))
+    lines = tap_count(in_slice.radius * _stretch(in_slice.widen, scale[:, 1].min()))
+    voxel_blocks = (width + 2 * taps + 3) // VOXEL_BLOCK + 2
+    slots = math.ceil(BAND / scale[:, 1].min()) + lines + 2
     return Scratch(
         np.zeros(4 * VOXEL_BLOCK * voxel_blocks * slots, np.float32), np.zeros(voxel_blocks * slots, np.uint8),
         np.zeros(slots, np.uint8), np.zeros((slots, 2), np.int64), np.zeros((blocks, 2), np.int64),
         np.zeros(4 * BLOCK * blocks * BAND, np.float32), np.zeros(BLOCK * blocks * BAND, np.float32),
         np.zeros((BAND + 1, blocks), np.uint8), np.zeros((BAND, blocks), np.int32),
-        np.zeros(BLOCK * blocks, np.int32), np.zeros(BLOCK * blocks, np.float32), np.zeros(blocks, np.int64),
+        np.zeros(BLOCK * blocks, np.int32), np.zeros(BLOCK * blocks * taps, np.float32), np.zeros(blocks, np.int64),
         np.zeros(4 * BLOCK, np.float32), np.zeros(BLOCK, np.float32), np.zeros(BLOCK, np.float32),
     )
 
@@ -99,10 +111,10 @@ def _begin_band(scratch, top_row, rows, length, corrected):
 
 
 @kernel
-def _live_voxels(alive, live, shift, step):
-    """The voxel intervals that the tent footprints of the band's live blocks reach; their number.
+def _live_voxels(alive, live, shift, step, radius):
+    """The voxel intervals that the footprints of the band's live blocks reach; their number.
 
-    A pixel u reads voxels floor(x) and floor(x) + 1 at x = (u - shift) / step.
+    A pixel u reads voxels up to ``radius`` from x = (u - shift) / step.
     """
     count = 0
     b = 0
@@ -113,8 +125,8 @@ def _live_voxels(alive, live, shift, step):
         first = b
         while b < alive.size and alive[b] != 0:
             b += 1
-        low = math.floor((first * BLOCK - shift) / step)
-        high = math.floor((b * BLOCK - 1 - shift) / step) + 2
+        low = math.floor((first * BLOCK - shift) / step - radius)
+        high = math.ceil((b * BLOCK - 1 - shift) / step + radius) + 1
         if count > 0 and low <= live[count - 1, 1]:
             live[count - 1, 1] = high
         else:
@@ -126,51 +138,85 @@ def _live_voxels(alive, live, shift, step):
 
 @kernel
 def _decode_sheet(
-    pointers, data_starts, runs, voxels, width, low_slice, deep, shift_u, step_u, shift, step, top_row, rows, lines,
-    touched, used, reach, live, band_alive,
+    pointers, data_starts, runs, voxels, width, first_slice, slice_weights, kind, radius_u, radius_v, margin, shift_u,
+    step_u, shift, step, top_row, rows, lines, touched, used, reach, live, band_alive,
 ):
-    """Blend the voxel scanlines that a band needs from slices ``low_slice`` and the next, ``deep`` towards it.
+    """Blend the voxel scanlines that a band needs from the slices that reach a sheet.
 
-    ``shift_u``, ``step_u``, ``shift``, ``step``: sheet pixel = step * voxel + shift, along and across scanlines.
+    ``slice_weights``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``, ``step_u``, ``shift``, ``step``:
+    sheet pixel = step * voxel + shift, along and across scanlines; ``radius_u``, ``radius_v`` of the footprint.
+    ``margin``: voxels of zeros before a scanline's first.
     Returns the first scanline (slot 0), the number of slots, whether anything was found, and whether every pixel
     of the band is already opaque.
     """
     n_slices, n_scanlines = pointers.shape
     voxel_blocks = touched.size // used.size
     pitch = 4 * VOXEL_BLOCK * voxel_blocks
-    first_line = math.floor((top_row - shift) / step)
+    taps = tap_count(radius_v)
+    first_line = first_tap(kind, (top_row - shift) / step, radius_v)
     found = False
     live_count = -1
     tapped = first_line - 1  # the last scanline dealt with
     for r in range(rows):
-        j = math.floor((top_row + r - shift) / step)
-        for line in range(max(j, tapped + 1), j + 2):
+        j = first_tap(kind, (top_row + r - shift) / step, radius_v)
+        for line in range(max(j, tapped + 1), j + taps):
             tapped = line
             slot = line - first_line
             used[slot] = 0
-            reach[slot, 0] = width + 1
+            reach[slot, 0] = width + margin
             reach[slot, 1] = 0
             if line < 0 or line >= n_scanlines:
                 continue
-            for deeper in range(2):
-                k = low_slice + deeper
-                weight = np.float32(deep if deeper == 1 else 1.0 - deep)
+            for deeper in range(slice_weights.size):
+                k = first_slice + deeper
+                weight = slice_weights[deeper]
                 if weight == 0.0 or k < 0 or k >= n_slices:
                     continue
                 run = pointers[k, line]
                 if run < 0:  # the paper's flag: nothing on this scanline
                     continue
                 if live_count < 0:
-                    live_count = _live_voxels(band_alive, live, shift_u, step_u)
+                    live_count = _live_voxels(band_alive, live, shift_u, step_u, radius_u)
                     if live_count == 0:
                         return first_line, 0, False, True
                 add_runs(
-                    lines, pitch * slot, touched, voxel_blocks * slot, reach[slot], weight, runs, run, voxels,
+                    lines, pitch * slot, touched, voxel_blocks * slot, reach[slot], margin, weight, runs, run, voxels,
                     data_starts[k, line], width, live, live_count,
                 )
                 used[slot] = 1
                 found = True
     return first_line, tapped - first_line + 1, found, False
+
+
+@kernel
+def _blend_lines(kind, y, radius, stretch, first_line, lines, touched, used, reach, pitch, voxel_blocks):
+    """Blend the scanlines around ``y`` into the last slot by a footprint of any height; whether there is anything."""
+    target = used.size - 1
+    first = first_tap(kind, y, radius)
+    taps = tap_count(radius)
+    total = 0.0
+    found = False
+    for tap in range(taps):
+        total += footprint_weight(kind, (y - (first + tap)) / stretch)
+        found |= used[first + tap - first_line] != 0
+    if not found:
+        return False
+    reach[target, 0] = reach[first - first_line, 0]
+    reach[target, 1] = 0
+    for tap in range(taps):
+        slot = first + tap - first_line
+        weight = np.float32(footprint_weight(kind, (y - (first + tap)) / stretch) / total)
+        if used[slot] == 0 or weight == 0.0:
+            continue
+        reach[target, 0] = min(reach[target, 0], reach[slot, 0])
+        reach[target, 1] = max(reach[target, 1], reach[slot, 1])
+        for block in range(voxel_blocks):
+            if touched[voxel_blocks * slot + block] != 0:
+                touched[voxel_blocks * target + block] = 1
+                source, to = pitch * slot + 4 * VOXEL_BLOCK * block, pitch * target + 4 * VOXEL_BLOCK * block
+                for i in range(4 * VOXEL_BLOCK):
+                    lines[to + i] += weight * lines[source + i]
+    return True
 
 
 @kernel(inline="always")
@@ -184,54 +230,76 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, length, length_ins
 
 @kernel
 def _composite_sheet(
-    sheet, shift_u, scale_u, shift_v, scale_v, begin, end, thickness, first_line, top_row, rows, image_width, limits,
-    least, additive_opacity, top, lines, touched, used, reach, state, lengths, alive, bright, cells, fractions, placed,
-    samples, length_inside, before, half,
+    sheet, shift_u, scale_u, shift_v, scale_v, begin, end, thickness, kind, radius, widen, margin, first_line, top_row,
+    rows, image_width, limits, least, additive_opacity, width, lines, touched, used, reach, state, lengths, alive,
+    bright, cells, weights, placed, samples, length_inside, before, half,
 ):
     """One sheet over the rows of a band: footprints added, sheet composited; whether a block became opaque.
 
     ``shift_u``, ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift; ``begin``, ``end``: the
-    slab; ``top``: last shifted voxel coordinate.  Arrays: see ``Scratch`` and ``splat_rows``.  (Separate arrays,
-    not tuples of them, and one call a sheet: numba counts references at every hand-over.)
+    slab; ``margin``: voxels before a scanline's first.  Arrays: see ``Scratch`` and ``splat_rows``.  (Separate
+    arrays, not tuples of them, and one call a sheet: numba counts references at every hand-over.)
     """
     blocks = placed.size
     voxel_blocks = touched.size // used.size
     pitch = 4 * VOXEL_BLOCK * voxel_blocks
     limited = limits.shape[0] != 0
     step = 1.0 / scale_u
+    stretch_u, stretch_v = _stretch(widen, scale_u), _stretch(widen, scale_v)
+    radius_u, radius_v = radius * stretch_u, radius * stretch_v
+    narrow = kind == TENT and radius_u == 1.0 and radius_v == 1.0
+    taps = tap_count(radius_u)
+    # Pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach.
+    low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
     died = False
     for r in range(rows):
         v = top_row + r
         y = (v - shift_v) / scale_v
-        j = math.floor(y)
-        slot = j - first_line
-        if used[slot] == 0 and used[slot + 1] == 0:
-            continue
-        down = np.float32(y - j)
-        mark = voxel_blocks * slot
-        # Only pixels whose two taps can reach a touched voxel.
-        first_u = (min(reach[slot, 0], reach[slot + 1, 0]) - 2) * scale_u + shift_u
-        last_u = max(reach[slot, 1], reach[slot + 1, 1]) * scale_u + shift_u
+        slot = first_tap(kind, y, radius_v) - first_line
+        down = np.float32(0.0)
+        next_slot = slot
+        if narrow:  # two lines, mixed as they are read
+            if used[slot] == 0 and used[slot + 1] == 0:
+                continue
+            down = np.float32(y - (slot + first_line))
+            next_slot = slot + 1
+        else:
+            if not _blend_lines(
+                kind, y, radius_v, stretch_v, first_line, lines, touched, used, reach, pitch, voxel_blocks
+            ):
+                continue
+            slot = next_slot = used.size - 1
+        mark, next_mark = voxel_blocks * slot, voxel_blocks * next_slot
+        # Only pixels whose taps can reach a touched voxel.
+        first_u = (min(reach[slot, 0], reach[next_slot, 0]) - margin - radius_u) * scale_u + shift_u
+        last_u = (max(reach[slot, 1], reach[next_slot, 1]) - margin + radius_u) * scale_u + shift_u
         for b in range(max(int(first_u) // BLOCK, 0), min(int(max(last_u, 0.0)) // BLOCK + 1, blocks)):
             if alive[r, b] == 0:
                 continue
-            start = (b * BLOCK - shift_u) * step + 1.0  # shifted: index 0 is voxel -1
-            low, high = start, start + (BLOCK - 1) * step
-            if high < 0.0 or low > top:
-                continue
+            start = (b * BLOCK - shift_u) * step + margin
+            low, high = max(start, low_end), min(start + (BLOCK - 1) * step, top)
             hit = False
-            for block in range(int(max(low, 0.0)) // VOXEL_BLOCK, (int(min(high, top)) + 1) // VOXEL_BLOCK + 1):
-                if touched[mark + block] != 0 or touched[mark + voxel_blocks + block] != 0:
+            first_voxel = max(int(low - radius_u), 0)
+            for block in range(first_voxel // VOXEL_BLOCK, int(max(high + radius_u, 0.0)) // VOXEL_BLOCK + 1):
+                if touched[mark + block] != 0 or touched[next_mark + block] != 0:
                     hit = True
                     break
             if not hit:
                 continue
             block_cells = cells[BLOCK * b : BLOCK * (b + 1)]
-            block_fractions = fractions[BLOCK * b : BLOCK * (b + 1)]
+            block_weights = weights[BLOCK * taps * b : BLOCK * taps * (b + 1)]
             if placed[b] != sheet:  # the taps are the same for all rows of the band
                 placed[b] = sheet
-                place_taps(block_cells, block_fractions, start, step, top)
-            gather_samples(samples, lines, pitch * slot, pitch, down, block_cells, block_fractions)
+                if narrow:
+                    place_taps(block_cells, block_weights, start, step, top)
+                else:
+                    place_wide_taps(
+                        block_cells, block_weights, taps, kind, stretch_u, radius_u, start, step, low_end, top
+                    )
+            if narrow:
+                gather_samples(samples, lines, pitch * slot, pitch, down, block_cells, block_weights)
+            else:
+                gather_wide(samples, lines, pitch * slot, block_cells, block_weights, taps)
             at = r * blocks + b
             row = state[4 * BLOCK * at : 4 * BLOCK * (at + 1)]
             length = lengths[BLOCK * at : BLOCK * (at + 1)]
@@ -255,18 +323,21 @@ def _composite_sheet(
             if live_pixels == 0:
                 alive[r, b] = 0
                 died = True
+        if not narrow:
+            clear_touched(lines, pitch * slot, touched, mark, voxel_blocks)
     return died
 
 
 @kernel
-def _splat_band(tables, sheets, rays, least, additive_opacity, corrected, top_row, rows, scratch, out, half):
+def _splat_band(tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row, rows, scratch, out, half):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, voxels, width = tables
-    lower, fraction, thickness, begin, end, scale, offset = sheets
+    first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
     path_length, limits = rays
+    kind, radius, widen = in_slice
     (
-        lines, touched, used, reach, live, state, length, alive, bright, cells, fractions, placed, samples,
+        lines, touched, used, reach, live, state, length, alive, bright, cells, weights, placed, samples,
         length_inside, before,
     ) = scratch
     n_scanlines = pointers.shape[1]
@@ -274,16 +345,20 @@ def _splat_band(tables, sheets, rays, least, additive_opacity, corrected, top_ro
     blocks = placed.size
     voxel_blocks = touched.size // used.size
     pitch = 4 * VOXEL_BLOCK * voxel_blocks
-    top = float(width + 1)
+    margin = weights.size // cells.size  # as many voxels as a footprint has taps
     band_alive = alive[BAND]
     _begin_band(scratch, top_row, rows, path_length, corrected)
-    for sheet in range(lower.size):
+    for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
-        if (top_row + rows - 1 - shift) / step <= -1.0 or (top_row - shift) / step >= n_scanlines:
+        radius_u = radius * _stretch(widen, scale[sheet, 0])
+        radius_v = radius * _stretch(widen, step)
+        first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
+        if last_y <= -radius_v or first_y >= n_scanlines - 1 + radius_v:
             continue
         first_line, slots, found, opaque = _decode_sheet(
-            pointers, data_starts, runs, voxels, width, lower[sheet], fraction[sheet], offset[sheet, 0],
-            scale[sheet, 0], shift, step, top_row, rows, lines, touched, used, reach, live, band_alive,
+            pointers, data_starts, runs, voxels, width, first_slice[sheet], slice_weights[sheet], kind, radius_u,
+            radius_v, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, lines, touched, used,
+            reach, live, band_alive,
         )
         if opaque:
             break  # early termination
@@ -291,9 +366,9 @@ def _splat_band(tables, sheets, rays, least, additive_opacity, corrected, top_ro
             continue
         died = _composite_sheet(
             sheet, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], end[sheet],
-            np.float32(thickness[sheet]), first_line, top_row, rows, image_width, limits, least, additive_opacity, top,
-            lines, touched, used, reach, state, length, alive, bright, cells, fractions, placed, samples,
-            length_inside, before, half,
+            np.float32(thickness[sheet]), kind, radius, widen, margin, first_line, top_row, rows, image_width, limits,
+            least, additive_opacity, width, lines, touched, used, reach, state, length, alive, bright, cells, weights,
+            placed, samples, length_inside, before, half,
         )
         for slot in range(slots):
             if used[slot] != 0:
@@ -312,22 +387,24 @@ def _splat_band(tables, sheets, rays, least, additive_opacity, corrected, top_ro
 
 
 @kernel(parallel=True)
-def splat_rows(tables, sheets, rays, least, additive_opacity, corrected, first_row, last_row, workers, out, half):
+def splat_rows(
+    tables, sheets, rays, in_slice, least, additive_opacity, corrected, first_row, last_row, workers, out, half
+):
     """Rows [first_row, last_row) of the intermediate image.
 
-    ``tables``, ``sheets``, ``rays``: see ``arguments``.  ``least``: float32 transmittance at which a pixel is
-    opaque.  ``additive_opacity``: the paper's model in place of extinction.  ``corrected``: whether the length of
-    rays counts.  Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32
-    depth along the viewing direction at which the transmittance falls below one half, left alone where it does not.
+    ``tables``, ``sheets``, ``rays``, ``in_slice``: see ``arguments``.  ``least``: float32 transmittance at which a
+    pixel is opaque.  ``additive_opacity``: the paper's model in place of extinction.  ``corrected``: whether the
+    length of rays counts.  Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W)
+    float32 depth along the viewing direction at which the transmittance falls below one half, left alone where it
+    does not.
     """
     bands = (last_row - first_row + BAND - 1) // BAND
-    closest = sheets.scale[:, 1].min()
     for worker in prange(workers):
-        scratch = _scratch(tables.width, rays.length.shape[1], closest)
+        scratch = _scratch(tables.width, rays.length.shape[1], sheets.scale, in_slice)
         # Bands go round the workers in turn: neighbours cost alike, so the shares come out even.
         for band in range(worker, bands, workers):
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, least, additive_opacity, corrected, top_row, min(BAND, last_row - top_row),
-                scratch, out, half,
+                tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row,
+                min(BAND, last_row - top_row), scratch, out, half,
             )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..view.footprints import FOOTPRINTS, footprint_weights
+
 ONE = np.float32(1.0)
 TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
 ALMOST_ONE = np.float32(1.0 - 2.0**-24)
 
 
 def _dense_slice(tables, k: int) -> np.ndarray | None:
-    """(n_scanlines + 3, width + 3, 4) float32: slice ``k``, one voxel of zeros before and two after; None if empty."""
+    """(n_scanlines, width, 4) float32: slice ``k``; None if it is empty."""
     n_scanlines = tables.pointers.shape[1]
     voxels = tables.voxels.reshape(-1, 4)
     dense = None
@@ -19,23 +21,29 @@ def _dense_slice(tables, k: int) -> np.ndarray | None:
         if run < 0:
             continue
         if dense is None:
-            dense = np.zeros((n_scanlines + 3, tables.width + 3, 4), np.float32)
+            dense = np.zeros((n_scanlines, tables.width, 4), np.float32)
         x, voxel = 0, int(tables.data_starts[k, j])
         while x < tables.width:
             x += int(tables.runs[run])
             if x >= tables.width:
                 break
             count = int(tables.runs[run + 1])
-            dense[j + 1, x + 1 : x + 1 + count] = voxels[voxel : voxel + count]
+            dense[j, x : x + count] = voxels[voxel : voxel + count]
             x, voxel, run = x + count, voxel + count, run + 2
     return dense
 
 
-def _taps(count: int, scale: float, offset: float, voxels: int):
-    """The lower tap (shifted by one voxel) and the fraction of each of ``count`` sheet pixels."""
-    x = np.clip((np.arange(count) - offset) / scale + 1.0, 0.0, voxels + 1.0)
-    lower = x.astype(np.int64)
-    return lower, (x - lower).astype(np.float32)
+def _spread(voxels, count: int, scale: float, offset: float, footprint, widen: bool):
+    """Resample the first axis of ``voxels`` at ``count`` sheet pixels by the footprint."""
+    stretch = max(1.0, 1.0 / scale) if widen else 1.0
+    first, weights = footprint_weights(footprint, (np.arange(count) - offset) / scale, stretch)
+    total = np.zeros((count, *voxels.shape[1:]), np.float32)
+    for tap in range(weights.shape[1]):
+        voxel = first + tap
+        inside = (voxel >= 0) & (voxel < len(voxels))
+        weight = np.where(inside, weights[:, tap], 0.0).astype(np.float32)
+        total += weight.reshape(-1, *(1,) * (voxels.ndim - 1)) * voxels[np.clip(voxel, 0, len(voxels) - 1)]
+    return total
 
 
 def _extinction(samples, depth):
@@ -52,33 +60,30 @@ def _opacity(samples, exponent):
     return opacity, ONE - opacity, np.maximum(added, TINY)
 
 
-def splat_sheets_numpy(tables, sheets, rays, least, additive_opacity, corrected, pixels, half):
+def splat_sheets_numpy(tables, sheets, rays, in_slice, least, additive_opacity, corrected, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
-    n_slices, n_scanlines = tables.pointers.shape
+    n_slices = tables.pointers.shape[0]
     length = rays.length if corrected else np.ones((height, width), np.float32)
     limits = rays.limits
     pixels[..., :3], pixels[..., 3] = 0.0, 1.0
+    footprint = next(f for f in FOOTPRINTS.values() if f.kind == in_slice.kind)
     slices: dict = {}
-    for sheet in range(len(sheets.lower)):
-        yield sheet / len(sheets.lower)
-        lower, fraction = int(sheets.lower[sheet]), float(sheets.fraction[sheet])
-        slices = {
-            k: slices[k] if k in slices else _dense_slice(tables, k)
-            for k in (lower, lower + 1) if 0 <= k < n_slices
-        }
+    for sheet in range(len(sheets.first_slice)):
+        yield sheet / len(sheets.first_slice)
+        near = sheets.first_slice[sheet] + np.arange(sheets.slice_weights.shape[1])
+        slices = {k: slices[k] if k in slices else _dense_slice(tables, k) for k in near if 0 <= k < n_slices}
         blend = None
-        for k, weight in ((lower, 1.0 - fraction), (lower + 1, fraction)):
+        for k, weight in zip(near, sheets.slice_weights[sheet], strict=True):
             if weight > 0.0 and slices.get(k) is not None:
-                part = np.float32(weight) * slices[k]
+                part = weight * slices[k]
                 blend = part if blend is None else blend + part
         if blend is None:
             continue
         (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
-        cell, f = _taps(width, scale_u, offset_u, tables.width)
-        line, g = _taps(height, scale_v, offset_v, n_scanlines)
-        across = (ONE - g)[:, None, None] * blend[line] + g[:, None, None] * blend[line + 1]
-        samples = (ONE - f)[:, None] * across[:, cell] + f[:, None] * across[:, cell + 1]
+        across = _spread(blend, height, scale_v, offset_v, footprint, in_slice.widen)
+        along = _spread(across.transpose(1, 0, 2), width, scale_u, offset_u, footprint, in_slice.widen)
+        samples = along.transpose(1, 0, 2)
         depth = length * np.float32(sheets.thickness[sheet])
         if limits.size:
             slab = sheets.end[sheet] - sheets.begin[sheet]

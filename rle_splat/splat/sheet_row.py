@@ -12,7 +12,8 @@ import math
 import numpy as np
 
 from ..jit import kernel
-from ..lanes import mix2x2
+from ..lanes import add4, mix2x2
+from ..view.footprints import first_tap, footprint_weight
 
 BLOCK = 32  # pixels handled together; a multiple of every SIMD width in use
 
@@ -50,6 +51,37 @@ def gather_samples(samples, lines, line, pitch, down, cells, fractions):
     """
     for i in range(BLOCK):
         mix2x2(lines, line + np.intp(cells[i]), pitch, fractions[i], down, samples, 4 * i)
+
+
+@kernel(inline="always")
+def place_wide_taps(cells, weights, taps, kind, stretch, radius, start, step, low, top):
+    """Where the samples of one block lie for a footprint of any width: first voxel, and its ``taps`` weights.
+
+    ``weights[tap * BLOCK + i]`` float32, normalised by their sum over all voxels.  ``stretch``: how much wider than
+    a voxel the footprint is made; ``radius``: stretched.  ``low`` and ``top``: first and last shifted coordinate.
+    """
+    for i in range(BLOCK):
+        x = min(max(start + i * step, low), top)
+        first = first_tap(kind, x, radius)
+        cells[i] = np.int32(first)
+        total = 0.0
+        for tap in range(taps):
+            weight = footprint_weight(kind, (x - (first + tap)) / stretch)
+            weights[tap * BLOCK + i] = weight
+            total += weight
+        scale = np.float32(1.0 / total) if total > 0.0 else _ZERO
+        for tap in range(taps):
+            weights[tap * BLOCK + i] *= scale
+
+
+@kernel(inline="always")
+def gather_wide(samples, lines, line, cells, weights, taps):
+    """A footprint of any width along one voxel scanline: one block of samples."""
+    for i in range(4 * BLOCK):
+        samples[i] = _ZERO
+    for i in range(BLOCK):
+        for tap in range(taps):
+            add4(lines, line + 4 * (np.intp(cells[i]) + tap), weights[tap * BLOCK + i], samples, 4 * i)
 
 
 @kernel(inline="always")

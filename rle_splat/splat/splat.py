@@ -8,7 +8,8 @@ from ..encode.tables import RunLengthVolume
 from ..jit import compiled, parallel_call
 from ..scene import Quality
 from ..view.base_plane import BasePlane
-from .arguments import Rays, SheetList, Tables
+from ..view.footprints import FOOTPRINTS
+from .arguments import InSlice, Rays, SheetList, Tables
 from .intermediate_image import IntermediateImage
 from .sheet_buffer import BAND, splat_rows
 from .sheet_buffer_numpy import splat_sheets_numpy
@@ -35,7 +36,8 @@ def splat_steps(
         encoded.width,
     )
     sheets = SheetList(
-        placed.lower, placed.fraction, placed.thickness, placed.begin, placed.end, plane.scale, plane.offset
+        placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale,
+        plane.offset,
     )
     rays = Rays(
         (plane.path_length() / np.float32(length_unit)).astype(np.float32),
@@ -44,15 +46,18 @@ def splat_steps(
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
+    footprint = FOOTPRINTS[quality.kernel]
+    in_slice = InSlice(footprint.kind, footprint.radius, quality.minification == "widen")
     model = (least, quality.model == "opacity", quality.length_correction)
     if not compiled(quality.backend):
-        yield from splat_sheets_numpy(tables, sheets, rays, *model, pixels, half)
+        yield from splat_sheets_numpy(tables, sheets, rays, in_slice, *model, pixels, half)
         return IntermediateImage(plane, pixels, half)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / max(BAND * plane.width * len(placed), 1)))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         with parallel_call(quality.threads) as workers:
             splat_rows(
-                tables, sheets, rays, *model, first, min(first + rows_at_once, plane.height), workers, pixels, half
+                tables, sheets, rays, in_slice, *model, first, min(first + rows_at_once, plane.height), workers,
+                pixels, half,
             )
     return IntermediateImage(plane, pixels, half)

@@ -13,11 +13,11 @@ VOXEL_BLOCK = 8  # voxels of a scanline that share one "touched" mark
 
 
 @kernel
-def add_runs(lines, line, touched, mark, reach, weight, runs, run, voxels, voxel, width, live, live_count):
+def add_runs(lines, line, touched, mark, reach, margin, weight, runs, run, voxels, voxel, width, live, live_count):
     """Add ``weight`` times the voxels of one scanline that lie in live spans to one line of the sheet.
 
-    ``lines[line:]``: flat float32, four channels a voxel, index 0 is voxel -1.  ``touched[mark:]``: uint8 mark per
-    VOXEL_BLOCK of shifted voxels.  ``reach``: (2,) first and last shifted voxel touched, widened.
+    ``lines[line:]``: flat float32, four channels a voxel, index 0 is voxel ``-margin``.  ``touched[mark:]``: uint8
+    mark per VOXEL_BLOCK of shifted voxels.  ``reach``: (2,) first and last shifted voxel touched, widened.
     ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``: flat float32
     records, the first of this scanline is number ``voxel``.  ``live``: (n, 2) half-open voxel intervals, ascending.
     """
@@ -39,11 +39,11 @@ def add_runs(lines, line, touched, mark, reach, weight, runs, run, voxels, voxel
             last = min(end, live[s, 1])
             source = 4 * (voxel + first - x)
             for i in range(first, last):
-                add4(voxels, source, weight, lines, line + 4 * (i + 1))
+                add4(voxels, source, weight, lines, line + 4 * (i + margin))
                 source += 4
-            reach[0] = min(reach[0], first + 1)
-            reach[1] = max(reach[1], last)
-            for block in range((first + 1) // VOXEL_BLOCK, last // VOXEL_BLOCK + 1):
+            reach[0] = min(reach[0], first + margin)
+            reach[1] = max(reach[1], last - 1 + margin)
+            for block in range((first + margin) // VOXEL_BLOCK, (last - 1 + margin) // VOXEL_BLOCK + 1):
                 touched[mark + block] = 1
             s += 1
         voxel += end - x

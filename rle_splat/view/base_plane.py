@@ -16,6 +16,7 @@ import numpy as np
 from ..axes import AXES
 from .depth_rules import Sheets, place_sheets
 from .eye import IndexView
+from .footprints import FOOTPRINTS, Footprint
 
 # Sheet pixels beyond what is seen, so that the warp's filter never misses a neighbour.
 MARGIN = 3
@@ -110,7 +111,8 @@ def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
 
 
 def base_plane(
-    view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float
+    view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float,
+    footprint: Footprint = FOOTPRINTS["tent"],
 ) -> BasePlane | None:
     """The base plane of one principal axis and direction, or None when no visible ray belongs to it.
 
@@ -120,7 +122,7 @@ def base_plane(
     eye = view.eye
     counts = np.array([shape_xyz[a] for a in axes], dtype=np.float64)
     eye_position = None if view.is_parallel else float(eye[k])
-    sheets = place_sheets(int(counts[2]), sign, rule, eye_position)
+    sheets = place_sheets(int(counts[2]), sign, rule, eye_position, footprint)
     if len(sheets) == 0:
         return None
     reference = float(sheets.position[0])
@@ -128,12 +130,11 @@ def base_plane(
         reference = eye_position + sign
     scale, move_x, move_y = _slice_map(view, axes, reference, sheets.position)
 
-    # Where the volume (with the ramps of its outermost voxels) lands: monotone in depth, so the ends decide.
+    # Where the volume (with the footprints of its outermost voxels) lands: monotone in depth, so the ends decide.
     ends = [0, -1]
-    low = np.array([(-scale[ends] + move_x[ends]).min(), (-scale[ends] + move_y[ends]).min()])
-    high = np.array([
-        (scale[ends] * counts[0] + move_x[ends]).max(), (scale[ends] * counts[1] + move_y[ends]).max()
-    ])
+    moves = np.stack((move_x[ends], move_y[ends]), axis=1)
+    low = (moves - footprint.radius * scale[ends, None]).min(axis=0)
+    high = (moves + (counts[:2] - 1.0 + footprint.radius) * scale[ends, None]).max(axis=0)
     homography = np.stack((
         view.projection[:, i], view.projection[:, j], view.projection[:, 3] + reference * view.projection[:, k]
     ), axis=1)

@@ -11,9 +11,12 @@ from .eye import IndexView
 SAME_SURFACE = 0.02
 
 
-def box_depths(view: IndexView, shape_xyz) -> tuple[float, float]:
-    """Least and largest planar depth of the volume's box, the ramps of its face voxels included; world units."""
-    corners = np.array(np.meshgrid(*((-1.0, n) for n in shape_xyz), indexing="ij")).reshape(3, -1)
+def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
+    """Least and largest planar depth of the volume's box, footprints of its face voxels included; world units.
+
+    ``radius``: of the footprint, voxels.
+    """
+    corners = np.array(np.meshgrid(*((-radius, n - 1.0 + radius) for n in shape_xyz), indexing="ij")).reshape(3, -1)
     depths = view.depth[:3] @ corners + view.depth[3]
     return float(depths.min()), float(depths.max())
 

@@ -1,0 +1,103 @@
+"""Proves the footprints and depth rules: partition of unity, the shape of one voxel, orders, and both backends."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.metrics import difference
+from rle_splat.accuracy.phantoms import FIELDS
+from rle_splat.jit import numba
+from rle_splat.scene import DEPTH_RULES, FOOTPRINTS
+
+WITH_NUMBA = pytest.mark.skipif(numba is None, reason="numba cannot be loaded, so there is nothing to compare with")
+
+
+def kernel_from_its_definition(name):
+    """Each footprint sampled on a fine grid: B-splines as repeated box convolutions, the Gaussian by its formula."""
+    step = 1e-3
+    t = np.arange(-4.0, 4.0 + step / 2, step)
+    box = ((t >= -0.5) & (t < 0.5)).astype(float)
+    if name == "gaussian":
+        return t, np.where(np.abs(t) <= 3.0, np.exp(-0.5 * (t / 0.7) ** 2), 0.0)
+    values = box
+    for _ in range({"nearest": 0, "tent": 1, "bspline2": 2, "bspline3": 3}[name]):
+        values = np.convolve(values, box, mode="same") * step
+    return t, values
+
+
+@pytest.mark.parametrize("kernel", FOOTPRINTS)
+@pytest.mark.parametrize("backend", [pytest.param("numba", marks=WITH_NUMBA), "numpy"])
+def test_a_constant_medium_stays_constant(stage, kernel, backend):
+    """Partition of unity (A10): inside a constant block every ray has the same optical depth, to rounding."""
+    scene = stage.on_turntable(np.full((14, 14, 14), 0.05), size=(40, 40), fit=0.4)
+    scene_rgba = stage.render(scene, kernel=kernel, backend=backend, depth_rule="midpoint-4", termination=0.0).rgba
+    # Rays near the middle, all of one length through the block only if seen along an axis:
+    straight = stage.on_turntable(np.full((14, 14, 14), 0.05), 0.0, 0.0, size=(40, 40), fit=0.4)
+    rgba = stage.render(straight, kernel=kernel, backend=backend, depth_rule="midpoint-4", termination=0.0).rgba
+    tau = -np.log1p(-rgba[8:32, 8:32, 3].astype(np.float64))
+    assert np.ptp(tau) < 2e-6 * tau.mean()
+    np.testing.assert_allclose(tau.mean(), -14 * math.log1p(-0.05), rtol=2e-5 if kernel != "gaussian" else 1e-3)
+    assert np.isfinite(scene_rgba).all() and scene_rgba[20, 20, 3] > 0.4
+
+
+@pytest.mark.parametrize("kernel", FOOTPRINTS)
+def test_one_voxel_has_the_shape_of_the_kernel(stage, kernel):
+    """G8: seen along an axis a single voxel is sigma * beta(u) * beta(v) times the kernel's integral in depth."""
+    field = np.zeros((15, 15, 15))
+    field[7, 7, 7] = 0.3
+    scene = stage.on_turntable(field, 0.0, 0.0, size=(120, 120), fit=0.5)
+    rgba = stage.render(scene, kernel=kernel, depth_rule="midpoint-16", sheet_density=2.0, termination=0.0).rgba
+    tau = -np.log1p(-rgba[..., 3].astype(np.float64))
+    t, values = kernel_from_its_definition(kernel)
+    along = (np.arange(120) + 0.5 - 60.0) * (0.5 * 15 / 120)  # voxels from the middle
+    lattice = sum(np.interp(along - n, t, values) for n in range(-4, 5)) if kernel == "gaussian" else 1.0
+    weight = np.interp(along, t, values) / lattice
+    expected = -math.log1p(-0.3) * weight[:, None] * weight[None, :]
+    if kernel == "nearest":  # its edges are the warp's business; look inside
+        inside = np.abs(along) < 0.3
+        np.testing.assert_allclose(tau[np.ix_(inside, inside)], expected[np.ix_(inside, inside)], rtol=1e-4)
+    else:
+        assert np.abs(tau - expected).max() < 4e-3 * expected.max()
+
+
+@pytest.mark.parametrize("name", ["smooth", "thin"])
+@pytest.mark.parametrize("perspective", [False, True], ids=["ortho", "perspective"])
+def test_finer_depth_rules_come_nearer_to_the_truth(stage, name, perspective):
+    """Simpson and Gauss beat slice planes several times over at the same number of slices; midpoints fall as m**-2."""
+    scene = stage.on_turntable(np.pad(FIELDS[name](22), 1), perspective=perspective, size=(48, 48))
+    true = stage.truth(scene)[0]
+    rmse = {
+        rule: difference(stage.render(scene, depth_rule=rule, sheet_density=6.0, termination=0.0).rgba, true).rmse
+        for rule in DEPTH_RULES
+    }
+    assert rmse["simpson"] < 0.35 * rmse["slice"] and rmse["gauss2"] < 0.35 * rmse["slice"]
+    order = math.log2((rmse["midpoint-1"] - rmse["midpoint-16"]) / (rmse["midpoint-4"] - rmse["midpoint-16"])) / 2
+    assert 1.4 < order < 2.6, rmse
+    assert rmse["midpoint-16"] < 0.1
+
+
+@WITH_NUMBA
+@pytest.mark.parametrize("kernel", FOOTPRINTS)
+@pytest.mark.parametrize("minification, fit", [("off", 1.25), ("widen", 1.25), ("widen", 6.0)])
+def test_numpy_equals_numba(stage, kernel, minification, fit):
+    scene = stage.on_turntable(FIELDS["smooth"](20)[:, :17, :13], perspective=True, size=(40, 36), fit=fit)
+    knobs = dict(kernel=kernel, minification=minification, depth_rule="gauss2", sheet_density=1.0)
+    fast, slow = (stage.render(scene, backend=backend, **knobs).rgba for backend in ("numba", "numpy"))
+    if kernel == "nearest":  # a ray on a voxel's border may see either voxel
+        assert (np.abs(fast - slow).max(axis=-1) > 1e-5).mean() < 0.02
+    else:
+        assert np.abs(fast - slow).max() < 1e-5
+    assert fast.max() > 0.1
+
+
+def test_widening_takes_the_shimmer_out_of_a_minified_picture(stage):
+    """A fine checkerboard seen from afar: rays through single voxels beat with the pixels, wide footprints do not."""
+    z, _, x = np.mgrid[0:48, 0:48, 0:48]
+    scene = stage.on_turntable(0.05 * ((x + z) % 2), 0.0, 0.0, size=(26, 26), fit=1.3)
+    inside = (slice(7, 19), slice(7, 19))
+    spread = {
+        how: np.ptp(stage.render(scene, minification=how, sheet_density=1.0).rgba[(*inside, 3)])
+        for how in ("off", "widen")
+    }
+    assert spread["widen"] < 0.25 * spread["off"] and spread["off"] > 0.01
