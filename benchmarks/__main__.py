@@ -2,9 +2,14 @@
 
 import sys
 
-from . import stages, systems
+from rle_splat.scene import RleSplatError
 
-BENCHMARKS = {"stages": stages.main, "systems": systems.main}
+from . import engine, paper, scaling, stages, systems, turn
+
+BENCHMARKS = {
+    "stages": stages.main, "engine": engine.main, "paper": paper.main, "systems": systems.main,
+    "scaling": scaling.main, "turn": turn.main,
+}  # fmt: skip
 
 
 def main(arguments) -> int:
@@ -12,7 +17,11 @@ def main(arguments) -> int:
     if name not in BENCHMARKS:
         print(f"There is no benchmark {name!r}; choose {', '.join(BENCHMARKS)}.", file=sys.stderr)
         return 2
-    return BENCHMARKS[name](arguments[1:])
+    try:
+        return BENCHMARKS[name](arguments[1:])
+    except RleSplatError as problem:
+        print(problem, file=sys.stderr)
+        return 2
 
 
 if __name__ == "__main__":

@@ -25,13 +25,14 @@ STAND_IN = "(stand-in)"
 class DataSet:
     """One row of the paper's tables, and what we measure in its place.
 
-    ``paper_mb``: memory of the paper's tables, MB; ``paper_seconds``: without and with run-length encoding;
-    ``paper_speedup``: as printed.  ``kept``: fraction of the scan's voxels that our transfer function keeps, which
+    ``paper_volume_mb``, ``paper_mb``: volume and tables of the paper, MB; ``paper_seconds``: without and with run-length
+    encoding; ``paper_speedup``: as printed.  ``kept``: fraction of the scan's voxels that our transfer function keeps, which
     the stand-in is made to match.  ``caveat``: how our scan differs from the paper's.
     """
 
     name: str
     resolution: str
+    paper_volume_mb: float
     paper_mb: float
     paper_seconds: tuple[float, float]
     paper_speedup: float
@@ -59,27 +60,27 @@ class DataSet:
 
 PAPER = (
     DataSet(
-        "CT head", "128x128x128", 5.1, (7.38, 0.41), 18.0, "cthead_128x128x113_uint8_derived.raw.gz",
+        "CT head", "128x128x128", 1.9, 5.1, (7.38, 0.41), 18.0, "cthead_128x128x113_uint8_derived.raw.gz",
         (128, 128, 113), (2.0, 2.0, 2.0), "ct-head", 0.061, "128x128x113, made from a 256x256x113 scan",
     ),
     DataSet(
-        "CT lobster", "320x320x34", 12.4, (12.21, 1.13), 10.8, "lobster_301x324x56_uint8.raw.gz",
+        "CT lobster", "320x320x34", 3.32, 12.4, (12.21, 1.13), 10.8, "lobster_301x324x56_uint8.raw.gz",
         (301, 324, 56), (1.0, 1.0, 1.4), "ct-lobster", 0.069, "the same scan at 301x324x56",
     ),
     DataSet(
-        "MRI head", "256x256x109", 38.7, (22.48, 2.3), 9.8, "mrbrain_256x256x99_uint8.raw.gz",
+        "MRI head", "256x256x109", 6.8, 38.7, (22.48, 2.3), 9.8, "mrbrain_256x256x99_uint8.raw.gz",
         (256, 256, 99), (1.0, 1.0, 2.0), "mri-head", 0.127, "slices 1 to 99 of 109",
     ),
     DataSet(
-        "CT engine", "256x256x110", 39.1, (24.31, 2.67), 9.1, "engine_256x256x110_uint8.raw.gz",
+        "CT engine", "256x256x110", 6.9, 39.1, (24.31, 2.67), 9.1, "engine_256x256x110_uint8.raw.gz",
         (256, 256, 110), (1.0, 1.0, 1.0), "ct-engine", 0.14,
     ),
     DataSet(
-        "X-ray foot", "256x256x256", 55.2, (53.88, 2.03), 26.5, "foot_256x256x256_uint8_fromjpeg.raw.gz",
+        "X-ray foot", "256x256x256", 16.0, 55.2, (53.88, 2.03), 26.5, "foot_256x256x256_uint8_fromjpeg.raw.gz",
         (256, 256, 256), (1.0, 1.0, 1.0), "xray-foot", 0.075, "decoded from JPEG: noise of a few grey levels",
     ),
     DataSet(
-        "CT bonsai", "256x256x256", 60.1, (55.04, 2.43), 22.7, "bonsai_256x256x256_uint8.raw.gz",
+        "CT bonsai", "256x256x256", 16.0, 60.1, (55.04, 2.43), 22.7, "bonsai_256x256x256_uint8.raw.gz",
         (256, 256, 256), (1.0, 1.0, 1.0), "ct-bonsai", 0.088,
     ),
 )  # fmt: skip

@@ -15,6 +15,7 @@ from statistics import median
 
 import numpy as np
 
+from rle_splat.axes import AXES
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume
 from rle_splat.kept import Kept
@@ -23,14 +24,14 @@ from rle_splat.named_systems.unaccelerated import every_voxel
 from rle_splat.named_systems.westover import prepare as prepare_westover
 from rle_splat.render import Clock, classify_and_shade
 from rle_splat.scene import QUALITY_PRESETS, Quality
+from rle_splat.splat.sheet_row import BLOCK
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import dominant_axis
 
 from .data_sets import PAPER, DataSet
 from .frames import VIEWS, best_frame, circumstances, describe, frame_ms, same_view, view_scene
-from .paper_words import explain, table_1, table_2
+from .paper_words import PAPER_RECORD, explain, table_1, table_2
 
-PAPER_RECORD = 16  # bytes: float RGBA, what the paper's Table 1 implies
 REPEATS = 3
 SLOW_REPEATS = 2  # of what takes a good part of a second
 
@@ -80,8 +81,9 @@ def measure(
     return {
         "name": data.name, "shape_xyz": list(volume.shape_xyz), "voxels": volume.voxels.size, "kept_voxels": kept,
         "kept_fraction": classified.visible_fraction, "bound": 1.0 / max(classified.visible_fraction, 1e-12),
-        "covered_fraction": covered_fraction(classified),
-        "record_bytes": memory["voxel_data"] / max(3 * kept, 1), "memory_bytes": {**memory, "total": sum(memory.values())},
+        "covered_fractions": covered_fractions(classified),
+        "record_bytes": memory["voxel_data"] / max(3 * kept, 1),
+        "memory_bytes": {**memory, "total": sum(memory.values())},
         "paper_record_memory_bytes": sum(memory.values()) - memory["voxel_data"] + 3 * PAPER_RECORD * kept,
         **row, **(_westover(volume, tf, quality, size, views) if westover else {}), "views": times,
     }  # fmt: skip
@@ -93,26 +95,28 @@ def principal_axis(scene) -> int:
     return int(dominant_axis(-view.eye[:3])[0])
 
 
-def covered_fraction(classified) -> float:
-    """Share of the cells between neighbouring voxels of a slice that a kept voxel's footprint reaches; mean of axes.
+def covered_fractions(classified) -> dict:
+    """How much of the sheets the kept voxels' footprints reach, one sheet pixel per voxel; means of the three axes.
 
-    A sheet pixel has work to do where a footprint reaches it, so this, rather than the kept fraction, is what
-    compositing cannot get below.
+    ``pixels``: share of the pixels with something to composite.  ``blocks``: share of the blocks of BLOCK pixels
+    along a scanline that hold such a pixel: the loop composites a block at once, so this, rather than the kept
+    fraction, is what its work cannot get below.
     """
     nx, ny, nz = classified.shape_xyz
     rows = np.repeat(np.arange(nz * ny), np.diff(classified.row_start))
     kept = np.zeros((nz * ny, nx), bool)
     kept[rows, classified.column] = True
     kept = kept.reshape(nz, ny, nx)
-    shares = []
-    for axis in range(3):
-        cells = kept
-        for other in {0, 1, 2} - {axis}:
-            before = np.concatenate((cells, np.zeros_like(cells.take([0], other))), other)
-            after = np.concatenate((np.zeros_like(cells.take([0], other)), cells), other)
-            cells = before | after
-        shares.append(cells.mean())
-    return float(np.mean(shares))
+    pixels, blocks = [], []
+    for along, across, principal in AXES.values():
+        cells = kept.transpose(2 - principal, 2 - across, 2 - along)  # slices, scanlines, voxels
+        for axis in (1, 2):
+            nothing = np.zeros_like(cells.take([0], axis))
+            cells = np.concatenate((cells, nothing), axis) | np.concatenate((nothing, cells), axis)
+        pixels.append(cells.mean())
+        cells = np.pad(cells, ((0, 0), (0, 0), (0, -cells.shape[2] % BLOCK)))
+        blocks.append(cells.reshape(*cells.shape[:2], -1, BLOCK).any(axis=3).mean())
+    return {"pixels": float(np.mean(pixels)), "blocks": float(np.mean(blocks))}
 
 
 def _frame(volume, classified, tf, scene, tables, quality, repeats) -> dict:
@@ -172,6 +176,7 @@ def main(arguments) -> int:
         *(line for data, row in rows for line in explain(data, row)),
     )))  # fmt: skip
     if options.json:
-        report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": [row for _, row in rows]}
+        measured = [row for _, row in rows]
+        report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": measured}
         options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -38,10 +38,14 @@ def shells(n: int = 256) -> tuple[Volume, TransferFunction]:
     return Volume(voxels, np.eye(4), name="shells"), TransferFunction("shells", None, opacity, color, None, Shade())
 
 
-def scenes():
-    """Yields name, volume and transfer function; the real volumes only where their folder is."""
-    yield "shells", *shells()
+def scenes(names=None):
+    """Yields name, volume and transfer function; the real volumes only where their folder is.
+
+    ``names``: only these, all when None or empty.
+    """
+    if not names or "shells" in names:
+        yield "shells", *shells()
     for name, (file, options, preset) in REAL.items():
-        if (DATA / file).exists():
+        if (DATA / file).exists() and (not names or name in names):
             volume = read_volume(DATA / file, **options)
             yield name, volume, fit_preset(preset, volume)[0]

@@ -33,6 +33,18 @@ def _module(*names: str):
     return command
 
 
+def _bench(known, rest) -> int:
+    """The benchmarks in their own environment, with VTK and matplotlib; where that cannot be made, without them."""
+    from .environments import BENCH, CORE, ensure
+
+    try:
+        python = ensure(BENCH)
+    except Failure as problem:
+        say(f"{problem} Going on without VTK and without plots.")
+        python = ensure(CORE)
+    return subprocess.run([str(python), "-m", "benchmarks", *rest], cwd=ROOT, env=clean_environ()).returncode
+
+
 def _build(known, rest) -> int:
     from .build import build
     from .wheels import TAG_PATTERNS
@@ -78,7 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("volumes", nargs="*", metavar="VOLUME", help="files to show in place of the sample")
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
-    add("bench", _module("benchmarks"), "measure; arguments go to the benchmarks", open_ended=True)
+    add("bench", _bench, "measure; arguments go to the benchmarks", open_ended=True)
     add("accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True)
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")

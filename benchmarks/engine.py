@@ -1,0 +1,208 @@
+"""The engine's table: time and error of a frame by quality, shading and projection, beside VTK's ray caster.
+
+Times are milliseconds, medians over the views of the best of a few frames; ratios are within this run.  Errors are
+levels, 1/255, of premultiplied scene-linear RGBA at random probe pixels of all views: against T1, the classified
+medium interpolated, which is what pre-classification claims; and against T2, the interpolated scalar classified,
+which is what VTK claims and what pre-classification with a steep transfer function cannot reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from rle_splat.accuracy.integrate import integrate
+from rle_splat.accuracy.medium import ScalarMedium
+from rle_splat.accuracy.metrics import difference
+from rle_splat.accuracy.rays import camera_rays
+from rle_splat.accuracy.truths import world_opacity_distance
+from rle_splat.encode.encode import encode
+from rle_splat.kept import Kept
+from rle_splat.named_systems.judge import TOLERANCE, probe_truth
+from rle_splat.named_systems.medium import scene_medium
+from rle_splat.render import Clock, classify_and_shade, render
+from rle_splat.scene import Quality
+
+from .frames import VIEWS, best_frame, circumstances, describe, view_scene
+from .scenes import REAL, scenes
+from .vtk_caster import VTK_PROBLEM, VtkCaster
+
+REPEATS = 3
+PROBES = 64  # per view
+PAPER_LIKE = "paper-like"
+QUALITIES = ("draft", PAPER_LIKE, "standard", "fine")
+COLUMNS = (
+    ("frame", "frame_ms"), ("splat", "splat_ms"), ("warp", "warp_ms"), ("encode", "encode_ms"), ("shade", "shade_ms"),
+)  # fmt: skip
+
+
+def quality_of(name: str, threads: int) -> Quality:
+    """A preset; or the paper's pipeline, one sheet pixel per voxel in slice planes, on the convergent model."""
+    if name == PAPER_LIKE:
+        return replace(Quality.paper(threads=threads), model="extinction", length_correction=True, name=PAPER_LIKE)
+    return Quality.preset(name, threads=threads)
+
+
+def measure(
+    volume, tf, *, size: int, threads: int, perspective: bool, shaded: bool, qualities=QUALITIES, views=VIEWS,
+    repeats: int = REPEATS, probes: int = PROBES, with_vtk: bool = True,
+) -> list[dict]:
+    """One JSON-ready row per quality."""
+    kept = Kept()
+    times = {name: [] for name in qualities}
+    pictures = {name: [] for name in (*qualities, "vtk")}
+    truths = {"t1": [], "t2": []}
+    caster, vtk_ms = None, []
+    for number, view in enumerate(views):
+        scene = view_scene(volume, tf, view, size, perspective, shaded)
+        medium = scene_medium(scene, quality_of(qualities[0], threads))
+        columns, rows, truth = probe_truth(medium, probes, seed=number)
+        truths["t1"].append(truth)
+        if not shaded:
+            truths["t2"].append(scalar_truth(scene, columns, rows))
+        for name in qualities:
+            quality = quality_of(name, threads)
+            render(scene, quality, kept=kept)  # tables are made, and whatever compiles lazily
+            rendering, _ = best_frame(scene, quality, repeats, kept)
+            times[name].append(rendering.report["stages_ms"])
+            pictures[name].append(rendering.rgba[rows, columns])
+        if with_vtk and not VTK_PROBLEM:
+            caster = caster or VtkCaster(scene, shaded, quality.threads or rendering.report["threads"])
+            picture, spent = caster.draw(scene, repeats)
+            pictures["vtk"].append(picture[rows, columns])
+            vtk_ms.append(spent)
+    if caster:
+        caster.close()
+    common = {
+        "kept_fraction": medium.classified.visible_fraction, "size": size, "threads": rendering.report["threads"],
+        "perspective": perspective, "shaded": shaded,
+        "vtk_ms": median(vtk_ms) if vtk_ms else None,
+        "vtk_t2": _error(pictures["vtk"], truths["t2"]) if vtk_ms else None,
+        **_preparation(scene, quality),
+    }
+    return [_row(name, times[name], pictures[name], truths, vtk_ms, common) for name in qualities]
+
+
+def _preparation(scene, quality) -> dict:
+    """Milliseconds of what comes before a frame, compiled and warm: classify, shade, encode one axis (their median)."""
+    best = {}
+    for _ in range(2):
+        clock = Clock()
+        classified, colors, _ = classify_and_shade(scene, quality, Kept(0), clock)
+        spent = {stage: clock.stages[stage] for stage in ("classify", "shade")}
+        axes = []
+        for axis in range(3):
+            began = time.perf_counter()
+            encode(classified, colors, axis, quality.model, backend=quality.backend, threads=quality.threads)
+            axes.append(1e3 * (time.perf_counter() - began))
+        spent["encode"] = median(axes)
+        best = {f"{stage}_ms": min(ms, best.get(f"{stage}_ms", ms)) for stage, ms in spent.items()}
+    return best
+
+
+def _row(name, stages, pictures, truths, vtk_ms, common) -> dict:
+    frames = [view["splat"] + view["warp"] for view in stages]
+    return {
+        "quality": name, **common,
+        "frame_ms": median(frames), "splat_ms": median(view["splat"] for view in stages),
+        "warp_ms": median(view["warp"] for view in stages),
+        "against_vtk": median(ours / theirs for ours, theirs in zip(frames, vtk_ms)) if vtk_ms else None,
+        "t1": _error(pictures, truths["t1"]), "t2": _error(pictures, truths["t2"]),
+    }  # fmt: skip
+
+
+def _error(pictures, truths) -> dict | None:
+    """RMSE and largest error, levels, over the probes of all views; None without a truth."""
+    if not truths:
+        return None
+    found = difference(np.concatenate(pictures), np.concatenate(truths))
+    return {"rmse": found.rmse, "largest": found.largest}
+
+
+def scalar_truth(scene, columns, rows) -> np.ndarray:
+    """T2 at probe pixels, (N, 4) float64, unshaded."""
+    volume = scene.volume
+    medium = ScalarMedium(volume.physical(volume.voxels), scene.transfer_function, world_opacity_distance(scene))
+    rays = camera_rays(scene.camera, scene.width, scene.height, columns + 0.5, rows + 0.5)
+    limits = (scene.camera.clip_start, scene.camera.clip_end)
+    return integrate(medium, rays, scene.index_to_world, *limits, TOLERANCE)[0]
+
+
+def header() -> str:
+    """The table's first line."""
+    return (
+        f"{'volume':<12}{'p':>6}  {'projection':<13}{'colours':<10}{'quality':<11}"
+        + "".join(f"{title:>8}" for title, _ in COLUMNS)
+        + f"   {'T1 RMSE':>8}{'max':>7}{'T2 RMSE':>9}{'max':>7}   {'VTK':>8}{'ours/VTK':>10}{'VTK T2':>8}"
+    )
+
+
+def line(name: str, row: dict) -> str:
+    """One row of the table."""
+
+    def cell(value, width, digits=1):
+        return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
+
+    def errors(found, width):
+        found = found or {"rmse": None, "largest": None}
+        return cell(found["rmse"], width, 2) + cell(found["largest"], 7)
+
+    vtk = f"{'not here':>26}"
+    if row["vtk_ms"] is not None:
+        rmse = (row["vtk_t2"] or {"rmse": None})["rmse"]
+        vtk = cell(row["vtk_ms"], 8) + cell(row["against_vtk"], 10, 2) + cell(rmse, 8, 2)
+    return (
+        f"{name:<12}{row['kept_fraction']:6.1%}  {'perspective' if row['perspective'] else 'orthographic':<13}"
+        f"{'shaded' if row['shaded'] else 'unshaded':<10}{row['quality']:<11}"
+        + "".join(cell(row[key], 8) for _, key in COLUMNS)
+        + f"   {errors(row['t1'], 8)}{errors(row['t2'], 9)}   {vtk}"
+    )
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench engine", description=__doc__)
+    parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help="only these")
+    parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
+    parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
+    parser.add_argument("--colours", nargs="*", choices=("unshaded", "shaded"))
+    parser.add_argument("--size", type=int, nargs="*", default=[512], help="pixels a side, one table each")
+    parser.add_argument("--threads", type=int, nargs="*", default=[2], help="one table each")
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
+    parser.add_argument("--no-vtk", action="store_true")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    if VTK_PROBLEM and not options.no_vtk:
+        print(f"VTK is not here ({VTK_PROBLEM}); its columns stay empty.")
+    table, where = [], circumstances(max(options.threads))
+    print(describe(where))
+    for threads in options.threads:
+        for size in options.size:
+            print(f"\n{size} x {size}, {threads} thread(s), {options.views} view(s), {options.probes} probes a view")
+            print(header())
+            for name, volume, tf in scenes(options.volume):
+                for projection in options.projection or ("orthographic", "perspective"):
+                    for colours in options.colours or ("unshaded", "shaded"):
+                        rows = measure(
+                            volume, tf, size=size, threads=threads, perspective=projection == "perspective",
+                            shaded=colours == "shaded", qualities=tuple(options.quality),
+                            views=VIEWS[: max(options.views, 1)], repeats=options.repeats, probes=options.probes,
+                            with_vtk=not options.no_vtk,
+                        )  # fmt: skip
+                        for row in rows:
+                            table.append({"volume": name, **row})
+                            print(line(name, row), flush=True)
+    print(
+        "\nframe = splat + warp. VTK: vtkFixedPointVolumeRayCastMapper, one sample a voxel, rays only. It shades what "
+        "has no gradient by ambient light alone, so shaded pictures are compared in time and not in error."
+    )
+    if options.json:
+        options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
+    return 0

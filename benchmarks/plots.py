@@ -1,0 +1,89 @@
+"""The plots in docs/images; matplotlib is in the benchmarks' environment alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+try:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    PLOT_PROBLEM = ""
+except ImportError as problem:
+    plt = None
+    PLOT_PROBLEM = str(problem)
+
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
+DOTS_PER_INCH = 110
+COLOURS = {"scaled": "tab:blue", "boxed": "tab:orange"}
+
+
+def _save(figure, path: Path) -> str:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.tight_layout()
+    figure.savefig(path, dpi=DOTS_PER_INCH)
+    plt.close(figure)
+    return f"Wrote {path}"
+
+
+def scaling_plot(rows, path: Path) -> str:
+    """Time against kept voxels and against the volume, and peak memory; a sentence on what was written."""
+    if plt is None:
+        return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
+    figure, (by_kept, by_volume, memory) = plt.subplots(1, 3, figsize=(14, 4.4))
+    for series, colour in COLOURS.items():
+        mine = [row for row in rows if row["series"] == series]
+        kept, volume = [row["kept_voxels"] for row in mine], [row["volume_bytes"] for row in mine]
+        for axes, across in ((by_kept, kept), (by_volume, volume)):
+            axes.loglog(across, [row["frame_ms"] for row in mine], "o-", color=colour, label=f"frame, {series}")
+            axes.loglog(across, [row["encode_ms"] for row in mine], "s--", color=colour, label=f"encode, {series}")
+        if all(row["peak_bytes"] for row in mine):
+            peak = [row["peak_bytes"] / 2**30 for row in mine]
+            memory.loglog(volume, peak, "o-", color=colour, label=f"peak, {series}")
+        memory.loglog(volume, [row["table_bytes"] / 2**30 for row in mine], "s--", color=colour,
+                      label=f"tables, {series}")  # fmt: skip
+    if rows:
+        ends = sorted(row["volume_bytes"] for row in rows)
+        ends = [ends[0], ends[-1]]
+        memory.loglog(ends, [end / 2**30 for end in ends], ":", color="grey", label="the volume itself")
+    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="Time follows what is kept ...")
+    by_volume.set(xlabel="voxels of the volume", ylabel="milliseconds", title="... not the volume")
+    memory.set(xlabel="voxels of the volume", ylabel="GiB", title="Memory")
+    for axes in (by_kept, by_volume, memory):
+        axes.grid(True, which="major", alpha=0.3)
+        axes.legend(fontsize=8)
+    return _save(figure, path)
+
+
+def turn_plot(turn, near, path: Path) -> str:
+    """Frame difference and alpha over a full turn, and the difference of two axes near the switch."""
+    if plt is None:
+        return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
+    figure, (steps, alpha, both) = plt.subplots(3, 1, figsize=(11, 9))
+    angle = [row["azimuth"] for row in turn]
+    steps.plot(angle, [row["largest"] for row in turn], color="tab:red", lw=1, label="largest")
+    steps.plot(angle, [row["rmse"] for row in turn], color="tab:blue", lw=1, label="RMSE")
+    steps.set(ylabel="levels", title="Difference from the frame one step before", yscale="log")
+    mean = sum(row["alpha"] for row in turn) / len(turn)
+    alpha.plot(angle, [100.0 * (row["alpha"] / mean - 1.0) for row in turn], color="tab:green", lw=1)
+    alpha.set(xlabel="azimuth, degrees", ylabel="percent", title="Alpha summed over the picture, against its mean")
+    for axes in (steps, alpha):
+        for row in turn:
+            if row["switched"]:
+                axes.axvline(row["azimuth"], color="grey", ls=":", lw=1)
+        axes.set_xlim(min(angle), max(angle))
+    for key, label in (
+        ("largest", "largest, rgba"), ("rmse", "RMSE, rgba"), ("alpha_largest", "largest, alpha"),
+        ("true_largest", "from the truth, chosen axis"), ("other_largest", "from the truth, other axis"),
+    ):  # fmt: skip
+        values = [row[key] for row in near]
+        if None not in values:
+            both.plot([row["azimuth"] for row in near], values, "o-", ms=3, label=label)
+    both.set(xlabel="azimuth, degrees", ylabel="levels", title="The same frame from both principal axes, at the switch")
+    for axes in (steps, alpha, both):
+        axes.grid(True, alpha=0.3)
+    steps.legend()
+    both.legend()
+    return _save(figure, path)

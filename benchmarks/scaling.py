@@ -1,0 +1,181 @@
+"""How time and memory grow with the volume: 128^3 to 1024^3, 8 bit, about 3 % of the voxels kept.
+
+Two series.  "scaled": one shell at ever finer sampling, so that kept voxels grow with the volume.  "boxed": the
+same 128^3 object, the same picture, in an ever larger box of transparent voxels: what grows there is the volume
+alone.  Every step is a process of its own, so that its peak memory is its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from rle_splat.classify.classification import classify
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.encode.encode import encode
+from rle_splat.encode.store import StoredVolume
+from rle_splat.read.formats import read_volume
+from rle_splat.scene import Quality, RleSplatError, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+from .frames import best_frame, circumstances, describe, same_view
+from .plots import IMAGES, scaling_plot
+
+SERIES = ("scaled", "boxed")
+SMALLEST = 128
+SIZES = (128, 256, 512)
+LARGE = 1024
+# Radius and half thickness of the shell, in half volume sides: 3 % of the volume.
+RADIUS, HALF_THICKNESS = 0.7, 0.0195
+AXIS = 1
+VIEWS = ((0, 0), (35, 25), (-30, -20))  # one principal axis, y, so that one set of tables will do
+REPEATS = 3
+MIB = 1 << 20
+
+
+def slab(series: str, n: int, z: int) -> np.ndarray:
+    """(n, n) uint8, plane ``z`` of the synthetic volume."""
+    side = n if series == "scaled" else SMALLEST
+    at = ((np.arange(n, dtype=np.float32) - 0.5 * (n - 1)) / (0.5 * side)) ** 2
+    radius = np.sqrt(at[z] + at[:, None] + at[None, :])
+    return np.maximum(255.0 * (1.0 - np.abs(radius - RADIUS) / HALF_THICKNESS), 0.0).astype(np.uint8)
+
+
+def write_volume(path: Path, series: str, n: int) -> None:
+    """The raw file, plane by plane."""
+    with open(path, "wb") as file:
+        for z in range(n):
+            file.write(slab(series, n, z))
+
+
+def step(path: Path, series: str, n: int, size: int, threads: int) -> dict:
+    """Read, classify, encode and draw one raw file; JSON-ready times, counts and the peak memory of this process."""
+    quality = Quality.preset("standard", threads=threads)
+    _road(_small(), "scaled", SMALLEST, size, quality, 1)  # compiles
+    spacing = (SMALLEST / n if series == "scaled" else 1.0,) * 3
+    began = time.perf_counter()
+    volume = read_volume(path, shape=(n, n, n), dtype="uint8", spacing=spacing)
+    read_ms = 1e3 * (time.perf_counter() - began)
+    result = _road(volume, series, n, size, quality, REPEATS)
+    return {"series": series, "n": n, "volume_bytes": n**3, "read_ms": read_ms, **result, "peak_bytes": peak_memory()}
+
+
+def _small() -> Volume:
+    planes = [slab("scaled", 16, z) for z in range(16)]
+    return Volume(np.stack(planes), np.eye(4))
+
+
+def _road(volume, series, n, size, quality, repeats) -> dict:
+    """From voxels to frames, each stage timed once, frames ``repeats`` times a view."""
+    tf = TransferFunction("shell", None, ((0, 0), (255, 0.6)), ((0, 0.9, 0.6, 0.3), (255, 1, 1, 1)), 1.0, None)
+    fit = 1.25 if series == "scaled" else 1.25 * SMALLEST / n
+    scenes = []
+    for view in VIEWS:
+        camera, matrix = turntable(volume, *view, fit=fit, width=size, height=size)
+        scenes.append(Scene(volume, tf, camera, size, size, matrix, headlight=False))
+    arguments = dict(backend=quality.backend, threads=quality.threads)
+    began = time.perf_counter()
+    classified = classify(volume, tf, scenes[0].index_to_world, **arguments)
+    classify_ms = 1e3 * (time.perf_counter() - began)
+    began = time.perf_counter()
+    tables = encode(classified, classified.color, AXIS, quality.model, **arguments)
+    encode_ms = 1e3 * (time.perf_counter() - began)
+    stored = StoredVolume({AXIS: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
+    kept = classified.visible_voxels
+    del classified
+    frames = []
+    for scene in scenes:
+        scene = same_view(scene, stored)
+        best_frame(scene, quality, 1)
+        frames.append(best_frame(scene, quality, repeats)[1])
+    return {
+        "kept_voxels": kept, "runs": len(tables.runs), "table_bytes": tables.nbytes, "classify_ms": classify_ms,
+        "encode_ms": encode_ms, "frame_ms": median(frames),
+    }  # fmt: skip
+
+
+def peak_memory() -> int | None:
+    """Most bytes of memory this process has had, where the platform tells."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else most * 1024
+
+
+def _in_own_process(path, series, n, options) -> dict:
+    command = [
+        sys.executable, "-m", "benchmarks", "scaling", "--step", str(path), series, str(n), "--size", str(options.size),
+        "--threads", str(options.threads),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RleSplatError(f"The step {series} {n}^3 failed: {done.stderr.strip()[-400:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def table_lines(rows) -> list[str]:
+    """The rows as text."""
+    lines = [
+        f"{'series':<8}{'volume':>8}{'MiB':>8}{'kept':>12}{'runs':>12}{'tables MiB':>12}{'classify ms':>13}"
+        f"{'encode ms':>11}{'frame ms':>10}{'ns/kept':>9}{'peak MiB':>10}"
+    ]
+    for row in rows:
+        peak = "-" if row["peak_bytes"] is None else f"{row['peak_bytes'] / MIB:.0f}"
+        lines.append(
+            f"{row['series']:<8}{row['n']:>6}^3{row['volume_bytes'] / MIB:8.0f}{row['kept_voxels']:12d}"
+            f"{row['runs']:12d}{row['table_bytes'] / MIB:12.1f}{row['classify_ms']:13.1f}{row['encode_ms']:11.1f}"
+            f"{row['frame_ms']:10.1f}{1e6 * row['frame_ms'] / max(row['kept_voxels'], 1):9.1f}{peak:>10}"
+        )
+    return lines
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench scaling", description=__doc__)
+    parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES), help="voxels a side")
+    parser.add_argument("--large", action="store_true", help=f"and {LARGE}: needs 1 GiB of disk and several of memory")
+    parser.add_argument("--scratch", type=Path, help="where the volumes go meanwhile; the system's place if left out")
+    parser.add_argument("--size", type=int, default=512, help="pixels a side")
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--image", type=Path, default=IMAGES / "scaling.png", help="the plot")
+    parser.add_argument("--no-image", action="store_true")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--step", nargs=3, metavar=("FILE", "SERIES", "N"), help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.step:
+        path, series, n = options.step
+        print(json.dumps(step(Path(path), series, int(n), options.size, options.threads)))
+        return 0
+    where, rows = circumstances(options.threads), []
+    print(describe(where))
+    with tempfile.TemporaryDirectory(dir=options.scratch) as folder:
+        for n in [*options.sizes, *([LARGE] if options.large else [])]:
+            if shutil.disk_usage(folder).free < 2 * n**3:
+                raise RleSplatError(f"There is no room for {n}^3 bytes in {folder}; name another folder by --scratch.")
+            for series in SERIES:
+                path = Path(folder) / "volume.raw"
+                write_volume(path, series, n)
+                rows.append(_in_own_process(path, series, n, options))
+                path.unlink()
+                print(f"measured {series} {n}^3", flush=True)
+    print("\n" + "\n".join(table_lines(rows)))
+    print(
+        "Frame: splat + warp, standard, median of three views. Peak: of the whole process, Python and the compiled "
+        "kernels included, which alone take about what the smallest volume shows."
+    )
+    if options.json:
+        options.json.write_text(json.dumps({"circumstances": where, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+    if not options.no_image:
+        print(scaling_plot(rows, options.image))
+    return 0

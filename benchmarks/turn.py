@@ -1,0 +1,186 @@
+"""A full turn round a volume: does the picture pop where the principal axis switches?
+
+Each frame is compared with the one before it; alpha is summed over the picture.  Near the first switch the same
+frame is drawn from both principal axes and the two are compared with each other and, at probe pixels, with T1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from rle_splat.accuracy.metrics import LEVEL, difference
+from rle_splat.accuracy.phantoms import smooth_shell
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.encode.encode import encode
+from rle_splat.jit import compiled
+from rle_splat.named_systems.judge import probe_truth
+from rle_splat.named_systems.medium import Medium, scene_medium
+from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
+from rle_splat.splat.splat import splat_steps
+from rle_splat.view.base_plane import base_plane
+from rle_splat.view.footprints import FOOTPRINTS
+from rle_splat.view.principal_axis import dominant_axis
+from rle_splat.volume.volume import Volume
+from rle_splat.warp.warp import warp
+
+from .frames import view_scene
+from .plots import IMAGES, turn_plot
+from .scenes import REAL, scenes
+
+SMOOTH = "smooth"
+SMOOTH_SIDE = 96
+BAND = 2.0  # degrees on either side of the switch where both axes are drawn
+BAND_STEP = 0.25
+PROBES = 128
+
+
+def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
+    """A Gaussian shell round a lopsided blob, whose value is its opacity; colour follows the value."""
+    color = ((0.0, 0.9, 0.5, 0.2), (0.4, 0.3, 0.7, 0.9))
+    return Volume(smooth_shell(n), np.eye(4), name=SMOOTH), TransferFunction(
+        SMOOTH, None, ((0.0, 0.0), (1.0, 1.0)), color, 1.0, None
+    )
+
+
+class Turn:
+    """One volume on its turntable, orthographic, unshaded: pictures along any principal axis."""
+
+    def __init__(self, volume, tf, quality: Quality, size: int, elevation: float):
+        self._volume, self._tf, self._size, self._elevation = volume, tf, size, elevation
+        self._quality = quality
+        self._medium = scene_medium(self._scene(0.0), quality)
+        self._tables: dict = {}
+
+    def _scene(self, azimuth: float):
+        return view_scene(self._volume, self._tf, (azimuth, self._elevation), self._size, shaded=False)
+
+    def _at(self, azimuth: float) -> Medium:
+        return Medium(self._scene(azimuth), self._medium.classified, self._medium.colors, {})
+
+    def axes(self, azimuth: float) -> list[int]:
+        """Principal axes by how fast the rays advance along them, the renderer's choice first."""
+        direction = -self._at(azimuth).view.eye[:3]
+        chosen = int(dominant_axis(direction)[0])
+        return [chosen, *(int(a) for a in np.argsort(-np.abs(direction), kind="stable") if a != chosen)]
+
+    def switch(self, after: float, before: float) -> float:
+        """The azimuth between two, degrees, at which the principal axis changes, by bisection."""
+        first = self.axes(after)[0]
+        for _ in range(40):
+            middle = 0.5 * (after + before)
+            after, before = (middle, before) if self.axes(middle)[0] == first else (after, middle)
+        return 0.5 * (after + before)
+
+    def picture(self, azimuth: float, axis: int) -> np.ndarray:
+        """(H, W, 4) float32 premultiplied picture from the tables of principal ``axis``."""
+        quality, medium = self._quality, self._at(azimuth)
+        if axis not in self._tables:
+            self._tables[axis] = encode(
+                medium.classified, medium.colors, axis, quality.model, backend=quality.backend, threads=quality.threads
+            )
+        sign = 1 if -medium.view.eye[axis] > 0.0 else -1
+        plane = base_plane(
+            medium.view, medium.classified.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density,
+            FOOTPRINTS[quality.kernel],
+        )  # fmt: skip
+        length = medium.classified.opacity_distance if quality.model == "opacity" else 1.0
+        steps = splat_steps(self._tables[axis], plane, quality, length)
+        while True:
+            try:
+                next(steps)
+            except StopIteration as finished:
+                most = float(medium.colors.max(initial=0.0))
+                return warp([finished.value], medium.view, quality, most)[0]
+
+    def round(self, step: float) -> list[dict]:
+        """JSON-ready, one entry a frame: difference in levels from the frame before, alpha, principal axis."""
+        rows, before, axis_before = [], None, None
+        for azimuth in np.arange(0.0, 360.0 + 0.5 * step, step):
+            axis = self.axes(azimuth)[0]
+            picture = self.picture(azimuth, axis)
+            change = difference(picture, picture if before is None else before)
+            rows.append({
+                "azimuth": float(azimuth), "axis": axis, "switched": axis_before not in (None, axis),
+                "rmse": change.rmse, "largest": change.largest, "alpha": float(picture[..., 3].sum(dtype=np.float64)),
+            })  # fmt: skip
+            before, axis_before = picture, axis
+        return rows[1:]
+
+    def both_axes(self, azimuth: float, probes: int) -> dict:
+        """JSON-ready: the same frame from the two fastest axes, their difference in levels, and each one's error."""
+        first, second = self.axes(azimuth)[:2]
+        pictures = [self.picture(azimuth, axis) for axis in (first, second)]
+        apart = difference(pictures[0], pictures[1])
+        alpha = difference(pictures[0][..., 3], pictures[1][..., 3])
+        columns, rows, truth = probe_truth(self._at(azimuth), probes)
+        errors = [np.abs(picture[rows, columns] - truth).max() / LEVEL for picture in pictures]
+        return {
+            "azimuth": float(azimuth), "axes": [first, second], "rmse": apart.rmse, "largest": apart.largest,
+            "alpha_largest": alpha.largest, "true_largest": float(errors[0]), "other_largest": float(errors[1]),
+        }  # fmt: skip
+
+
+def summary(turn, near, step: float) -> list[str]:
+    """What the figures say, in words."""
+    at_switch = [row for row in turn if row["switched"]]
+    elsewhere = [row for row in turn if not row["switched"]]
+    most = max(near, key=lambda row: row["largest"])
+    alpha = np.array([row["alpha"] for row in turn])
+    jumps = np.abs(np.diff(alpha, prepend=alpha[-1])) / alpha.mean()
+    switched = np.array([row["switched"] for row in turn])
+    lines = [f"{len(turn)} frames, {step:g} degrees apart; the principal axis switches {len(at_switch)} times."]
+    if at_switch and elsewhere:
+        lines += [
+            f"Largest difference from the frame before: {max(r['largest'] for r in at_switch):.2f} levels where it "
+            f"switches, {max(r['largest'] for r in elsewhere):.2f} elsewhere (RMSE "
+            f"{max(r['rmse'] for r in at_switch):.3f} and {max(r['rmse'] for r in elsewhere):.3f}).",
+            f"Alpha of the picture: steps of at most {jumps[switched].max():.3%} where it switches, "
+            f"{jumps[~switched].max():.3%} elsewhere.",
+        ]
+    lines.append(
+        f"The same frame from both axes within {BAND:g} degrees of a switch: at most {most['largest']:.2f} levels "
+        f"apart (at {most['azimuth']:g} degrees), RMSE {max(row['rmse'] for row in near):.3f}, alpha "
+        f"{max(row['alpha_largest'] for row in near):.2f}; from the truth at most "
+        f"{max(row['true_largest'] for row in near):.2f} and {max(row['other_largest'] for row in near):.2f}."
+    )
+    return lines
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench turn", description=__doc__)
+    parser.add_argument("--volume", choices=(SMOOTH, "shells", *REAL), default=SMOOTH)
+    parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
+    parser.add_argument("--elevation", type=float, default=20.0)
+    parser.add_argument("--step", type=float, default=1.0, help="degrees")
+    parser.add_argument("--size", type=int, default=256)
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--probes", type=int, default=PROBES)
+    parser.add_argument("--image", type=Path, default=IMAGES / "turn.png", help="the plot")
+    parser.add_argument("--no-image", action="store_true")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    if options.volume == SMOOTH:
+        volume, tf = smooth()
+    else:
+        volume, tf = next(((v, f) for _, v, f in scenes([options.volume])), (None, None))
+        if volume is None:
+            raise RleSplatError(f"The scan {options.volume} is not at hand; choose {SMOOTH} or shells.")
+    quality = Quality.preset(options.quality, threads=options.threads)
+    if not compiled(quality.backend):
+        print("Without numba this takes very long.")
+    turn = Turn(volume, tf, quality, options.size, options.elevation)
+    frames = turn.round(options.step)
+    switched = next((row["azimuth"] for row in frames if row["switched"]), 45.0 + 0.5 * options.step)
+    switch = turn.switch(switched - options.step, switched)
+    near = [turn.both_axes(a, options.probes) for a in np.arange(switch - BAND, switch + BAND + 1e-9, BAND_STEP)]
+    print(f"{options.volume}, {options.quality}, elevation {options.elevation:g}, {options.size} x {options.size}")
+    print("\n".join(summary(frames, near, options.step)))
+    if options.json:
+        options.json.write_text(json.dumps({"turn": frames, "both_axes": near}, indent=1) + "\n", encoding="utf-8")
+    if not options.no_image:
+        print(turn_plot(frames, near, options.image))
+    return 0

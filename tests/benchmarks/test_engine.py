@@ -1,0 +1,76 @@
+"""The engine's table at a tiny size: its columns, its truths, its words.  No time is asserted."""
+
+import numpy as np
+import pytest
+
+from benchmarks import engine
+from benchmarks.frames import view_scene
+from benchmarks.scenes import shells
+from benchmarks.vtk_caster import VTK_PROBLEM, VtkCaster
+from rle_splat.jit import compiled
+from rle_splat.scene import Quality
+
+SMALL = dict(size=32, threads=1, views=((0, 0), (35, 25)), repeats=1, probes=16)
+
+
+@pytest.fixture(scope="module")
+def small():
+    volume, tf = shells(24)
+    return volume, tf
+
+
+@pytest.mark.skipif(not compiled(), reason="slow without kernels")
+@pytest.mark.parametrize("perspective", [False, True])
+def test_rows(small, perspective):
+    rows = engine.measure(*small, perspective=perspective, shaded=False, with_vtk=False, **SMALL)
+    assert [row["quality"] for row in rows] == list(engine.QUALITIES)
+    errors = {row["quality"]: row["t1"]["rmse"] for row in rows}
+    assert errors["fine"] < errors["draft"]
+    assert all(row["t2"]["rmse"] > 0.0 and row["vtk_ms"] is None for row in rows)
+    assert all(row["frame_ms"] > 0.0 and row["encode_ms"] > 0.0 for row in rows)
+    assert "not here" in engine.line("shells", rows[0])
+
+
+@pytest.mark.skipif(not compiled(), reason="slow without kernels")
+def test_shaded_pictures_are_judged_by_t1_alone(small):
+    rows = engine.measure(*small, perspective=False, shaded=True, with_vtk=False, qualities=("fine",), **SMALL)
+    assert rows[0]["t2"] is None
+    assert rows[0]["t1"]["rmse"] < 10.0
+    assert len(engine.line("shells", rows[0])) == len(engine.header())
+
+
+def test_paper_like_is_the_papers_pipeline_on_the_convergent_model():
+    quality, paper = engine.quality_of(engine.PAPER_LIKE, 2), Quality.paper()
+    assert (quality.depth_rule, quality.sheet_density, quality.warp_filter) == (
+        paper.depth_rule, paper.sheet_density, paper.warp_filter,
+    )  # fmt: skip
+    assert quality.model == "extinction" and quality.length_correction and quality.threads == 2
+
+
+def test_scalar_truth_of_a_constant_volume(small):
+    """T2 of a constant medium: 1 - exp(-sigma l) with l the path through the box of voxel centres."""
+    volume, tf = small
+    constant = type(volume)(np.full((9, 9, 9), 110, np.uint8), np.eye(4))
+    scene = view_scene(constant, tf, (0, 0), 9)
+    alpha = float(tf.alpha_at(110.0))
+    rgba = engine.scalar_truth(scene, np.array([4]), np.array([4]))
+    assert rgba[0, 3] == pytest.approx(1.0 - (1.0 - alpha) ** 8, abs=1e-6)
+
+
+@pytest.mark.skipif(bool(VTK_PROBLEM), reason="the package vtk is not in this environment")
+@pytest.mark.parametrize("perspective", [False, True])
+def test_vtk_sees_the_same_frame(small, perspective):
+    """Shifted by a pixel in any direction, VTK's picture agrees less with the truth of our camera."""
+    volume, tf = small
+    scene = view_scene(volume, tf, (35, 25), 48, perspective, shaded=False)
+    caster = VtkCaster(scene, False, 1)
+    picture, spent = caster.draw(scene)
+    caster.close()
+    assert spent > 0.0
+    rows, columns = (a.ravel() for a in np.mgrid[2:46:3, 2:46:3])
+    truth = engine.scalar_truth(scene, columns, rows)
+    errors = {
+        (down, right): np.abs(picture[rows + down, columns + right] - truth).mean()
+        for down in (-1, 0, 1) for right in (-1, 0, 1)
+    }  # fmt: skip
+    assert min(errors, key=errors.get) == (0, 0)

@@ -1,0 +1,90 @@
+"""The paper's tables at a tiny size: what must hold whatever the machine does.  No time is asserted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import paper
+from benchmarks.data_sets import PAPER, stand_in
+from benchmarks.paper_words import explain, table_1, table_2
+from rle_splat.jit import compiled
+from rle_splat.kept import Kept
+from rle_splat.render import Clock, classify_and_shade
+from rle_splat.splat.sheet_row import BLOCK
+
+from benchmarks.frames import view_scene  # isort: skip
+
+pytestmark = pytest.mark.skipif(not compiled(), reason="the baselines are compiled kernels")
+DATA = PAPER[0]
+
+
+@pytest.fixture(scope="module")
+def small():
+    function = DATA.transfer_function()
+    return stand_in((20, 24, 18), (1.0, 1.0, 1.0), 0.1, function), function
+
+
+@pytest.fixture(scope="module")
+def row(small):
+    return paper.measure(DATA, *small, paper.quality_of("paper", 1), 32, views=((0, 0), (60, 10)), repeats=1)
+
+
+def test_memory_at_16_bytes_is_ours_with_other_records(row):
+    records = 3 * row["kept_voxels"]
+    difference = row["memory_bytes"]["total"] - row["paper_record_memory_bytes"]
+    assert difference == pytest.approx(records * (row["record_bytes"] - 16))
+    assert row["paper_record_memory_bytes"] > 16 * records
+
+
+def test_bound_is_one_over_p(row):
+    assert row["bound"] == pytest.approx(1.0 / row["kept_fraction"])
+    assert row["kept_fraction"] == pytest.approx(row["kept_voxels"] / row["voxels"])
+
+
+def test_footprints_reach_more_than_they_are_made_of(row):
+    covered = row["covered_fractions"]
+    assert row["kept_fraction"] < covered["pixels"] < covered["blocks"] <= 1.0
+
+
+def test_every_view_is_timed_on_its_own_axis(row):
+    assert sorted(view["axis"] for view in row["views"]) == [0, 1]
+    assert all(view[name] > 0.0 for view in row["views"] for name in view if name.endswith("_ms"))
+
+
+def test_covered_fractions_of_one_voxel(small):
+    volume, function = small
+    voxels = np.zeros_like(volume.voxels)
+    voxels[9, 12, 10] = 255
+    scene = view_scene(replace(volume, voxels=voxels), function, (0, 0), 16)
+    classified, _, _ = classify_and_shade(scene, paper.quality_of("paper", 1), Kept(0), Clock())
+    assert classified.visible_voxels == 1
+    covered = paper.covered_fractions(classified)
+    nx, ny, nz = volume.shape_xyz
+    cells = [(nx + 1) * (ny + 1) * nz, (nx + 1) * (nz + 1) * ny, (ny + 1) * (nz + 1) * nx]
+    assert covered["pixels"] == pytest.approx(np.mean([4 / n for n in cells]))
+    assert BLOCK > max(nx, ny, nz), "one block a scanline in what follows"
+    blocks = [(ny + 1) * nz, (nz + 1) * ny, (nz + 1) * nx]
+    assert covered["blocks"] == pytest.approx(np.mean([2 / n for n in blocks]))
+
+
+def test_tables_hold_the_papers_figures_and_ours(row):
+    rows = [(DATA, {**row, "called": "somebody"})]
+    first, second = "\n".join(table_1(rows)), "\n".join(table_2(rows))
+    assert "5.1" in first and "20x24x18" in first and "somebody" in first
+    assert "7.38" in second and "18.0" in second and f"{row['bound']:.1f}" in second
+
+
+def test_a_smaller_speedup_is_explained_and_a_larger_one_is_not(row):
+    named = {**row, "called": "somebody"}
+    low = " ".join(explain(DATA, {**named, "splat_speedup": 2.0}))
+    high = " ".join(explain(DATA, {**named, "splat_speedup": 40.0}))
+    assert "Termination spares" in low and "Termination spares" not in high
+    assert "2.0x here, 18x in the paper" in low
+
+
+def test_a_speedup_beyond_the_papers_own_bound_is_called_so(row):
+    named = {**row, "called": "somebody"}
+    foot = next(data for data in PAPER if data.name == "X-ray foot")
+    assert "256 of its" not in " ".join(explain(DATA, named))
+    assert "256 MB of its machine's 256 MB" in " ".join(explain(foot, named))
