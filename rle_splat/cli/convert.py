@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from ..read.formats import format_of, read_volume, suffixes, write_volume
+from ..read.vdb import rounded_on_writing
 from ..scene import RleSplatError
 from .options import add_report_options, add_volume_argument, add_volume_options, volume_options
 from .output import check_outputs, whole_files
@@ -71,6 +72,9 @@ def _lost(volume, options: dict) -> list[str]:
         lost.append("Physical values were written; the stored ones, with their slope and intercept, are lost.")
     if volume.voxels.dtype.kind != "f":
         lost.append(f"The type {volume.voxels.dtype.name} is lost: a grid of floating-point numbers was written.")
+    rounded = rounded_on_writing(volume)
+    if rounded:
+        lost.append(rounded)
     return lost
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from .vdb_header import check_header
 
-MAGIC = b" BDV\0\0\0\0"  # the first eight bytes of every VDB file
 NUMERIC = {"float": np.float32, "double": np.float64, "int32": np.int32, "int64": np.int64, "bool": np.bool_}
 PREFERRED_GRID = "density"
 SMOKE_GRIDS = ("density", "smoke", "heat", "temperature", "flame", "flames", "fuel")
@@ -51,13 +51,7 @@ def _label(grid, i: int) -> str:
 
 
 def _metadata(openvdb, path) -> list:
-    try:
-        with open(path, "rb") as stream:
-            magic = stream.read(len(MAGIC))
-    except OSError as problem:
-        raise RleSplatError(f"Cannot read {path}: {problem.strerror or problem}.") from None
-    if magic != MAGIC:
-        raise RleSplatError(f"{Path(path).name} is not an OpenVDB file; check how it was written.")
+    check_header(path)
     try:
         return list(openvdb.readAllGridMetadata(str(path)))
     except OPENVDB_PROBLEMS as problem:
@@ -171,17 +165,28 @@ def _storable(voxels: np.ndarray) -> np.ndarray:
     return voxels
 
 
+def _needs_double(volume: Volume) -> bool:
+    exact_as_float = volume.voxels.dtype.itemsize <= 2 or volume.voxels.dtype == np.float32
+    scaled = volume.slope != 1.0 or not float(volume.intercept).is_integer()
+    return volume.voxels.dtype == np.float64 or not exact_as_float or (scaled and volume.voxels.dtype.kind != "f")
+
+
+def rounded_on_writing(volume: Volume) -> str | None:
+    """What ``write_vdb`` has to round, as a sentence: some builds of OpenVDB's module (Debian's) lack DoubleGrid."""
+    if not _needs_double(volume) or hasattr(load_openvdb(), "DoubleGrid"):
+        return None
+    return "Values were rounded to float32 (7 digits), for this OpenVDB module has no grid of doubles."
+
+
 def write_vdb(volume: Volume, path) -> dict:
     """Write one sparse grid ``density`` of physical values; returns the options with which to read it back: none.
 
     Voxels equal to the volume's background, and NaN, are not stored, so the file's active box may be smaller than
     the volume; what is stored keeps its place in the volume's own space.  Values of up to 16 bits and float32 are
-    stored as float, others as double.
+    stored as float, others as double; where the module has no DoubleGrid as float, see ``rounded_on_writing``.
     """
     openvdb = load_openvdb()
-    exact_as_float = volume.voxels.dtype.itemsize <= 2 or volume.voxels.dtype == np.float32
-    scaled = volume.slope != 1.0 or not float(volume.intercept).is_integer()
-    double = volume.voxels.dtype == np.float64 or not exact_as_float or (scaled and volume.voxels.dtype.kind != "f")
+    double = _needs_double(volume) and hasattr(openvdb, "DoubleGrid")
     kind = np.float64 if double else np.float32
     grid = (openvdb.DoubleGrid if double else openvdb.FloatGrid)(float(volume.physical(volume.background)))
     grid.name = PREFERRED_GRID

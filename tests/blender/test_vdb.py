@@ -72,6 +72,8 @@ def test_the_background_fills_the_border(formats, tmp_path):
      ("Int64Grid", -70000, "int32"), ("Int64Grid", 1 << 40, "float64"), ("BoolGrid", True, "uint8")],
 )  # fmt: skip
 def test_every_kind_of_number(formats, tmp_path, kind, value, dtype):
+    if not hasattr(openvdb, kind):
+        pytest.skip(f"this openvdb module has no {kind}, as Debian's")
     volume = formats.read_volume(write(tmp_path / "a.vdb", points_grid(getattr(openvdb, kind), {(0, 0, 0): value})))
     assert volume.voxels.dtype == np.dtype(dtype)
     assert volume.voxels[1, 1, 1] == np.dtype(dtype).type(value)
@@ -119,21 +121,39 @@ def test_stray_voxels_far_apart_are_refused_before_memory_is_spent(formats, refu
         formats.read_volume(write(tmp_path / "far.vdb", far))
 
 
-@pytest.mark.parametrize("damage", ["empty", "other", "half", "end", "middle"])
-def test_damaged_files(formats, refusal, tmp_path, damage):
-    noise = np.random.default_rng(4).random((40, 40, 40), dtype=np.float32)
+@pytest.fixture
+def whole(tmp_path):
+    """The bytes of a good file that fill several leaves with noise."""
     grid = openvdb.FloatGrid()
     grid.name = "density"
-    grid.copyFromArray(noise)
-    whole = write(tmp_path / "whole.vdb", grid).read_bytes()
-    middle = len(whole) // 2
-    content = {
-        "empty": b"", "other": b"something else entirely", "half": whole[:middle], "end": whole[:-200],
-        "middle": whole[:middle] + b"\xff" * 3000 + whole[middle + 3000 :],
-    }[damage]  # fmt: skip
+    grid.copyFromArray(np.random.default_rng(4).random((40, 40, 40), dtype=np.float32))
+    return write(tmp_path / "whole.vdb", grid).read_bytes()
+
+
+@pytest.mark.parametrize("left", [0, 4, 8, 11, 40, 70, 100, 130, 0.5, -200, -1])
+def test_files_cut_off_anywhere(formats, refusal, tmp_path, whole, left):
+    """Met by a look at the header: the library itself may throw anything, or end the process."""
     path = tmp_path / "bad.vdb"
-    path.write_bytes(content)
-    with pytest.raises(refusal, match=r"not an OpenVDB file|damaged"):
+    path.write_bytes(whole[: int(left * len(whole)) if 0 < left < 1 else left])
+    with pytest.raises(refusal, match=r"not an OpenVDB file|bytes are fewer"):
+        formats.read_volume(path)
+
+
+def test_other_files_under_the_name(formats, refusal, tmp_path, whole):
+    path = tmp_path / "bad.vdb"
+    for content in (b"something else entirely", whole[:20] + b"\xff" * (len(whole) - 20)):
+        path.write_bytes(content)
+        with pytest.raises(refusal, match=r"not an OpenVDB file|damaged"):
+            formats.read_volume(path)
+
+
+def test_damage_inside_the_voxels(formats, refusal, tmp_path, whole):
+    if b"blosc" not in whole[:1000]:
+        pytest.skip("this openvdb module writes voxels without Blosc (as Debian's): nothing can tell that they changed")
+    middle = len(whole) // 2
+    path = tmp_path / "bad.vdb"
+    path.write_bytes(whole[:middle] + b"\xff" * 3000 + whole[middle + 3000 :])
+    with pytest.raises(refusal, match="damaged"):
         formats.read_volume(path)
 
 
@@ -162,7 +182,7 @@ def test_written_volumes_come_back_at_their_place(formats, core, tmp_path, dtype
     """Voxels that are not background keep value and place, whatever the type; the border is trimmed and regrown."""
     rng = np.random.default_rng(9)
     voxels = rng.integers(1, 100, (9, 5, 4)).astype(dtype)
-    voxels[0] = 0
+    voxels[0] = 0  # the whole numbers here are exact as floats too, where the module has no DoubleGrid
     volume = core("volume.volume").Volume(
         voxels, ROTATED, slope=2.0, intercept=-1000.0, value_unit="HU", modality="CT", unit="mm")
     options = formats.write_volume(volume, tmp_path / "out.vdb")
@@ -172,6 +192,17 @@ def test_written_volumes_come_back_at_their_place(formats, core, tmp_path, dtype
     assert again.shape_xyz == (6, 7, 10)
     np.testing.assert_array_equal(again.voxels[1:-1, 1:-1, 1:-1], volume.physical(voxels[1:]))
     np.testing.assert_allclose(again.affine @ (1, 1, 1, 1), ROTATED @ (0, 0, 1, 1), atol=1e-12)
+
+
+def test_a_module_without_doubles_rounds_and_says_so(formats, core, tmp_path, monkeypatch):
+    vdb = core("read.vdb")
+    volume = core("volume.volume").Volume(np.full((3, 3, 3), 1.0 / 3.0), np.eye(4))
+    monkeypatch.delattr(openvdb, "DoubleGrid", raising=False)
+    assert "rounded to float32" in vdb.rounded_on_writing(volume)
+    formats.write_volume(volume, tmp_path / "out.vdb")
+    assert formats.read_volume(tmp_path / "out.vdb").voxels[1, 1, 1] == np.float32(1.0 / 3.0)
+    narrow = core("volume.volume").Volume(np.ones((3, 3, 3), np.uint8), np.eye(4))
+    assert vdb.rounded_on_writing(narrow) is None
 
 
 @pytest.mark.parametrize(
