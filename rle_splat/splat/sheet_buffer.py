@@ -9,12 +9,12 @@ Bands are independent: no races, and the same bits for any number of threads.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from ..jit import kernel, prange
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
+from .scratch import BAND
 from .sheet_row import (
     BLOCK,
     BLUE,
@@ -32,82 +32,33 @@ from .sheet_row import (
 )
 from .voxel_scanline import VOXEL_BLOCK, add_runs, clear_touched
 
-BAND = 8  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
-
-class Scratch(NamedTuple):
-    """What one worker writes on while it walks through the sheets; flat arrays unless a shape is given.
-
-    Voxel scanlines, one ``slot`` each: ``lines`` float32, ``touched`` uint8 marks, ``used`` uint8, ``reach``
-    (slots, 2) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
-    Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, blocks),
-    the last row for the band as a whole, ``bright`` (BAND, blocks) pixels above one half.
-    Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
-    ``placed`` for, per block.
-    One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet.
-    """
-
-    lines: np.ndarray
-    touched: np.ndarray
-    used: np.ndarray
-    reach: np.ndarray
-    live: np.ndarray
-    state: np.ndarray
-    length: np.ndarray
-    alive: np.ndarray
-    bright: np.ndarray
-    cells: np.ndarray
-    weights: np.ndarray
-    placed: np.ndarray
-    samples: np.ndarray
-    length_inside: np.ndarray
-    before: np.ndarray
-
-
-@kernel(inline="always")
+@kernel
 def _stretch(widen, scale):
     """How much wider than a voxel a footprint is made at ``scale`` sheet pixels per voxel."""
     return max(1.0, 1.0 / scale) if widen else 1.0
 
 
 @kernel
-def _scratch(width, image_width, scale, in_slice):
-    """Scratch for one worker.  ``scale``: (sheets, 2) sheet pixels per voxel; where it is least, most is read."""
-    blocks = (image_width + BLOCK - 1) // BLOCK
-    taps = tap_count(in_slice.radius * _stretch(in_slice.widen, scale[:, 0].min()))
-    lines = tap_count(in_slice.radius * _stretch(in_slice.widen, scale[:, 1].min()))
-    voxel_blocks = (width + 2 * taps + 3) // VOXEL_BLOCK + 2
-    slots = math.ceil(BAND / scale[:, 1].min()) + lines + 2
-    return Scratch(
-        np.zeros(4 * VOXEL_BLOCK * voxel_blocks * slots, np.float32), np.zeros(voxel_blocks * slots, np.uint8),
-        np.zeros(slots, np.uint8), np.zeros((slots, 2), np.int64), np.zeros((blocks, 2), np.int64),
-        np.zeros(4 * BLOCK * blocks * BAND, np.float32), np.zeros(BLOCK * blocks * BAND, np.float32),
-        np.zeros((BAND + 1, blocks), np.uint8), np.zeros((BAND, blocks), np.int32),
-        np.zeros(BLOCK * blocks, np.int32), np.zeros(BLOCK * blocks * taps, np.float32), np.zeros(blocks, np.int64),
-        np.zeros(4 * BLOCK, np.float32), np.zeros(BLOCK, np.float32), np.zeros(BLOCK, np.float32),
-    )
-
-
-@kernel
-def _begin_band(scratch, top_row, rows, length, corrected):
+def _begin_band(state, lengths, alive, bright, placed, top_row, rows, length, corrected):
     """Clear the rows of a band: no colour, all light; pixels beyond the image are opaque from the start."""
     image_width = length.shape[1]
-    blocks = scratch.placed.size
+    blocks = placed.size
     for b in range(blocks):
         count = min(BLOCK, image_width - b * BLOCK)
-        scratch.alive[BAND, b] = 1
-        scratch.placed[b] = -1
+        alive[BAND, b] = 1
+        placed[b] = -1
         for r in range(rows):
-            scratch.alive[r, b] = 1
-            scratch.bright[r, b] = count
+            alive[r, b] = 1
+            bright[r, b] = count
             at = r * blocks + b
-            row = scratch.state[4 * BLOCK * at : 4 * BLOCK * (at + 1)]
+            row = state[4 * BLOCK * at : 4 * BLOCK * (at + 1)]
             for i in range(BLOCK):
                 row[RED + i] = row[GREEN + i] = row[BLUE + i] = 0.0
                 row[CLEAR + i] = 1.0 if i < count else 0.0
-                scratch.length[BLOCK * at + i] = 0.0
+                lengths[BLOCK * at + i] = 0.0
             for i in range(count):
-                scratch.length[BLOCK * at + i] = length[top_row + r, b * BLOCK + i] if corrected else 1.0
+                lengths[BLOCK * at + i] = length[top_row + r, b * BLOCK + i] if corrected else 1.0
 
 
 @kernel
@@ -219,7 +170,7 @@ def _blend_lines(kind, y, radius, stretch, first_line, lines, touched, used, rea
     return True
 
 
-@kernel(inline="always")
+@kernel
 def _inside_limits(limits, v, first_pixel, count, begin, end, length, length_inside):
     """Shorten the rays of one block to the part of a slab between the near clip and the first mesh or far clip."""
     for i in range(count):
@@ -329,17 +280,21 @@ def _composite_sheet(
 
 
 @kernel
-def _splat_band(tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row, rows, scratch, out, half):
+def _splat_band(
+    tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row, rows, worker, scratch, out, half
+):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, voxels, width = tables
     first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
     path_length, limits = rays
     kind, radius, widen = in_slice
-    (
-        lines, touched, used, reach, live, state, length, alive, bright, cells, weights, placed, samples,
-        length_inside, before,
-    ) = scratch
+    lines, touched = scratch.lines[worker], scratch.touched[worker]
+    used, reach = scratch.used[worker], scratch.reach[worker]
+    live, state, length = scratch.live[worker], scratch.state[worker], scratch.length[worker]
+    alive, bright, placed = scratch.alive[worker], scratch.bright[worker], scratch.placed[worker]
+    cells, weights, samples = scratch.cells[worker], scratch.weights[worker], scratch.samples[worker]
+    length_inside, before = scratch.length_inside[worker], scratch.before[worker]
     n_scanlines = pointers.shape[1]
     image_width = path_length.shape[1]
     blocks = placed.size
@@ -347,7 +302,7 @@ def _splat_band(tables, sheets, rays, in_slice, least, additive_opacity, correct
     pitch = 4 * VOXEL_BLOCK * voxel_blocks
     margin = weights.size // cells.size  # as many voxels as a footprint has taps
     band_alive = alive[BAND]
-    _begin_band(scratch, top_row, rows, path_length, corrected)
+    _begin_band(state, length, alive, bright, placed, top_row, rows, path_length, corrected)
     for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
         radius_u = radius * _stretch(widen, scale[sheet, 0])
@@ -388,7 +343,7 @@ def _splat_band(tables, sheets, rays, in_slice, least, additive_opacity, correct
 
 @kernel(parallel=True)
 def splat_rows(
-    tables, sheets, rays, in_slice, least, additive_opacity, corrected, first_row, last_row, workers, out, half
+    tables, sheets, rays, in_slice, least, additive_opacity, corrected, first_row, last_row, workers, scratch, out, half
 ):
     """Rows [first_row, last_row) of the intermediate image.
 
@@ -399,12 +354,12 @@ def splat_rows(
     does not.
     """
     bands = (last_row - first_row + BAND - 1) // BAND
-    for worker in prange(workers):
-        scratch = _scratch(tables.width, rays.length.shape[1], sheets.scale, in_slice)
+    for task in prange(workers):
+        worker = np.int64(task)  # prange counts unsigned, which would compile the loop a second time
         # Bands go round the workers in turn: neighbours cost alike, so the shares come out even.
         for band in range(worker, bands, workers):
             top_row = first_row + band * BAND
             _splat_band(
                 tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row,
-                min(BAND, last_row - top_row), scratch, out, half,
+                min(BAND, last_row - top_row), worker, scratch, out, half,
             )

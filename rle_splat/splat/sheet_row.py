@@ -28,7 +28,7 @@ _TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extin
 _MOST = np.float32(126.0)  # exponent at which a sheet is opaque and 2**-n is still a normal number
 
 
-@kernel(inline="always")
+@kernel
 def place_taps(cells, fractions, start, step, top):
     """Where the samples of one block lie on a scanline: float index of the left voxel, fraction to the right one.
 
@@ -42,7 +42,7 @@ def place_taps(cells, fractions, start, step, top):
         fractions[i] = np.float32(x - cell)
 
 
-@kernel(inline="always")
+@kernel
 def gather_samples(samples, lines, line, pitch, down, cells, fractions):
     """The tent footprint: one block of samples between two voxel scanlines.
 
@@ -53,7 +53,7 @@ def gather_samples(samples, lines, line, pitch, down, cells, fractions):
         mix2x2(lines, line + np.intp(cells[i]), pitch, fractions[i], down, samples, 4 * i)
 
 
-@kernel(inline="always")
+@kernel
 def place_wide_taps(cells, weights, taps, kind, stretch, radius, start, step, low, top):
     """Where the samples of one block lie for a footprint of any width: first voxel, and its ``taps`` weights.
 
@@ -74,7 +74,7 @@ def place_wide_taps(cells, weights, taps, kind, stretch, radius, start, step, lo
             weights[tap * BLOCK + i] *= scale
 
 
-@kernel(inline="always")
+@kernel
 def gather_wide(samples, lines, line, cells, weights, taps):
     """A footprint of any width along one voxel scanline: one block of samples."""
     for i in range(4 * BLOCK):
@@ -84,7 +84,7 @@ def gather_wide(samples, lines, line, cells, weights, taps):
             add4(lines, line + 4 * (np.intp(cells[i]) + tap), weights[tap * BLOCK + i], samples, 4 * i)
 
 
-@kernel(inline="always")
+@kernel
 def composite_extinction(row, samples, depth, thickness, before, least):
     """One block of one sheet of extinction over the row: the exact solution of a homogeneous slab.
 
@@ -111,7 +111,7 @@ def composite_extinction(row, samples, depth, thickness, before, least):
         row[CLEAR + i] = clear * (power + power * p) if alive else clear
 
 
-@kernel(inline="always")
+@kernel
 def composite_opacity(row, samples, depth, thickness, before, least):
     """One block of one sheet of opacity over the row: the paper's model.
 
@@ -136,7 +136,7 @@ def composite_opacity(row, samples, depth, thickness, before, least):
         row[CLEAR + i] = clear * (_ONE - opacity)
 
 
-@kernel(inline="always")
+@kernel
 def note_half_depth(row, before, slab_begin, slab_end, half, count):
     """Where the transmittance has just fallen below one half, note the depth inside the slab at which it did.
 
@@ -150,7 +150,7 @@ def note_half_depth(row, before, slab_begin, slab_end, half, count):
             half[i] = slab_begin + part * (slab_end - slab_begin)
 
 
-@kernel(inline="always")
+@kernel
 def tally(row, least):
     """How many pixels of a block are not yet opaque, and how many have more than half their light left."""
     alive = 0

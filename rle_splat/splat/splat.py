@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..encode.tables import RunLengthVolume
-from ..jit import compiled, parallel_call
+from ..jit import compiled, parallel_call, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS
 from .arguments import InSlice, Rays, SheetList, Tables
 from .intermediate_image import IntermediateImage
-from .sheet_buffer import BAND, splat_rows
+from .scratch import BAND, scratch_for
+from .sheet_buffer import splat_rows
 from .sheet_buffer_numpy import splat_sheets_numpy
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
@@ -52,12 +53,14 @@ def splat_steps(
     if not compiled(quality.backend):
         yield from splat_sheets_numpy(tables, sheets, rays, in_slice, *model, pixels, half)
         return IntermediateImage(plane, pixels, half)
+    workers = thread_count(quality.threads)
+    scratch = scratch_for(workers, tables, sheets, rays, in_slice)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / max(BAND * plane.width * len(placed), 1)))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
-        with parallel_call(quality.threads) as workers:
+        with parallel_call(workers):
             splat_rows(
                 tables, sheets, rays, in_slice, *model, first, min(first + rows_at_once, plane.height), workers,
-                pixels, half,
+                scratch, pixels, half,
             )
     return IntermediateImage(plane, pixels, half)

@@ -41,7 +41,7 @@ FOOTPRINTS = {
 assert tuple(FOOTPRINTS) == NAMES, "the table of names in scene.py is the one that people see"
 
 
-@kernel(inline="always")
+@kernel
 def footprint_weight(kind, t):
     """The kernel at ``t`` voxels from its centre; float64.  The box is closed on its left side only."""
     d = abs(t)
@@ -60,13 +60,13 @@ def footprint_weight(kind, t):
     return 1.0 if -0.5 <= t < 0.5 else 0.0
 
 
-@kernel(inline="always")
+@kernel
 def tap_count(radius):
     """How many voxels a footprint of ``radius`` can reach at once."""
     return max(math.ceil(2.0 * radius), 1)
 
 
-@kernel(inline="always")
+@kernel
 def first_tap(kind, x, radius):
     """The first voxel whose footprint of ``radius`` reaches ``x``; a box's right end belongs to the next voxel."""
     if kind == NEAREST:

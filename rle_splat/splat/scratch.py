@@ -1,0 +1,65 @@
+"""The scratch memory of the sheet-buffer loop, allocated once a picture: nothing is allocated inside the loops."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .sheet_row import BLOCK
+from .voxel_scanline import VOXEL_BLOCK
+
+BAND = 8  # rows that share the scanlines they are splatted from: few enough to stay in cache
+
+
+class Scratch(NamedTuple):
+    """What each worker writes on while it walks through the sheets: arrays with the worker as their first axis,
+    flat behind it unless a shape is given.
+
+    Voxel scanlines, one ``slot`` each: ``lines`` float32, ``touched`` uint8 marks, ``used`` uint8, ``reach``
+    (slots, 2) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
+    Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, blocks),
+    the last row for the band as a whole, ``bright`` (BAND, blocks) pixels above one half.
+    Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
+    ``placed`` for, per block.
+    One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet.
+    """
+
+    lines: np.ndarray
+    touched: np.ndarray
+    used: np.ndarray
+    reach: np.ndarray
+    live: np.ndarray
+    state: np.ndarray
+    length: np.ndarray
+    alive: np.ndarray
+    bright: np.ndarray
+    cells: np.ndarray
+    weights: np.ndarray
+    placed: np.ndarray
+    samples: np.ndarray
+    length_inside: np.ndarray
+    before: np.ndarray
+
+
+def scratch_for(workers: int, tables, sheets, rays, in_slice) -> Scratch:
+    """Scratch for ``workers`` workers; see ``arguments`` for the rest."""
+    image_width = rays.length.shape[1]
+    blocks = -(-image_width // BLOCK)
+    # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
+    coarsest = sheets.scale.min(axis=0)
+    stretch = np.maximum(1.0, 1.0 / coarsest) if in_slice.widen else np.ones(2)
+    taps, lines = (max(math.ceil(2.0 * in_slice.radius * s), 1) for s in stretch)
+    voxel_blocks = (tables.width + 2 * taps + 3) // VOXEL_BLOCK + 2
+    slots = math.ceil(BAND / coarsest[1]) + lines + 2
+    shapes = {
+        "lines": (4 * VOXEL_BLOCK * voxel_blocks * slots, np.float32), "touched": (voxel_blocks * slots, np.uint8),
+        "used": (slots, np.uint8), "reach": (slots, 2, np.int64), "live": (blocks, 2, np.int64),
+        "state": (4 * BLOCK * blocks * BAND, np.float32), "length": (BLOCK * blocks * BAND, np.float32),
+        "alive": (BAND + 1, blocks, np.uint8), "bright": (BAND, blocks, np.int32),
+        "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
+        "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32), "length_inside": (BLOCK, np.float32),
+        "before": (BLOCK, np.float32),
+    }
+    return Scratch(**{name: np.zeros((workers, *shape), kind) for name, (*shape, kind) in shapes.items()})
