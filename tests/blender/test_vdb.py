@@ -148,8 +148,8 @@ def test_other_files_under_the_name(formats, refusal, tmp_path, whole):
 
 
 def test_damage_inside_the_voxels(formats, refusal, tmp_path, whole):
-    if b"blosc" not in whole[:1000]:
-        pytest.skip("this openvdb module writes voxels without Blosc (as Debian's): nothing can tell that they changed")
+    if not hasattr(openvdb, "DoubleGrid"):
+        pytest.skip("Debian's OpenVDB ends the whole process when compressed voxels are damaged")
     middle = len(whole) // 2
     path = tmp_path / "bad.vdb"
     path.write_bytes(whole[:middle] + b"\xff" * 3000 + whole[middle + 3000 :])
