@@ -25,9 +25,9 @@ STAND_IN = "(stand-in)"
 class DataSet:
     """One row of the paper's tables, and what we measure in its place.
 
-    ``paper_volume_mb``, ``paper_mb``: volume and tables of the paper, MB; ``paper_seconds``: without and with run-length
-    encoding; ``paper_speedup``: as printed.  ``kept``: fraction of the scan's voxels that our transfer function keeps, which
-    the stand-in is made to match.  ``caveat``: how our scan differs from the paper's.
+    ``paper_volume_mb``, ``paper_mb``: volume and tables of the paper, MB; ``paper_seconds``: without and with
+    run-length encoding; ``paper_speedup``: as printed.  ``kept``: fraction of the scan's voxels that our transfer
+    function keeps, which the stand-in is made to match.  ``caveat``: how our scan differs from the paper's.
     """
 
     name: str

@@ -29,7 +29,7 @@ from rle_splat.named_systems.medium import scene_medium
 from rle_splat.render import Clock, classify_and_shade, render
 from rle_splat.scene import Quality
 
-from .frames import VIEWS, best_frame, circumstances, describe, view_scene
+from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
 from .scenes import REAL, scenes
 from .vtk_caster import VTK_PROBLEM, VtkCaster
 
@@ -181,7 +181,7 @@ def main(arguments) -> int:
     options = parser.parse_args(arguments)
     if VTK_PROBLEM and not options.no_vtk:
         print(f"VTK is not here ({VTK_PROBLEM}); its columns stay empty.")
-    table, where = [], circumstances(max(options.threads))
+    table, where, neighbours = [], circumstances(max(options.threads)), Neighbours()
     print(describe(where))
     for threads in options.threads:
         for size in options.size:
@@ -203,6 +203,8 @@ def main(arguments) -> int:
         "\nframe = splat + warp. VTK: vtkFixedPointVolumeRayCastMapper, one sample a voxel, rays only. It shades what "
         "has no gradient by ambient light alone, so shaded pictures are compared in time and not in error."
     )
+    print(neighbours.describe())
+    where["others_busy_cores"] = neighbours.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from rle_splat.volume.volume import Volume
 
 # Azimuth and elevation, degrees: all three principal axes, straight and oblique.
 VIEWS = ((0, 0), (35, 25), (80, 10), (130, -20), (200, 50), (-60, 75))
-QUIET = 0.7  # load average of the last minute below which a machine counts as otherwise idle
+ALONE = 0.15  # cores that others may keep busy while a machine still counts as ours
 
 
 def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, shaded: bool = True) -> Scene:
@@ -50,6 +51,40 @@ def frame_ms(report: dict) -> float:
     return report["stages_ms"]["splat"] + report["stages_ms"]["warp"]
 
 
+class Neighbours:
+    """How much of the machine other processes used since this was made; Linux tells, elsewhere it is None."""
+
+    def __init__(self):
+        self._before = self._busy()
+
+    @staticmethod
+    def _busy():
+        """Seconds of wall time, of all cores' work, and of this process's and its finished children's."""
+        stat = Path("/proc/stat")
+        if not stat.exists():
+            return None
+        ticks = [int(word) for word in stat.read_text(encoding="ascii").split("\n", 1)[0].split()[1:9]]
+        own = os.times()
+        busy = (sum(ticks) - ticks[3] - ticks[4]) / os.sysconf("SC_CLK_TCK")  # all but idle and waiting for disks
+        return time.monotonic(), busy, own.user + own.system + own.children_user + own.children_system
+
+    def cores(self) -> float | None:
+        """Cores that others kept busy, on average."""
+        now = self._busy()
+        if now is None:
+            return None
+        wall, busy, own = (after - before for after, before in zip(now, self._before))
+        return max(busy - own, 0.0) / max(wall, 1e-9)
+
+    def describe(self) -> str:
+        """A sentence for the end of a table."""
+        cores = self.cores()
+        if cores is None:
+            return "What other programs did meanwhile is not known here."
+        trust = "" if cores < ALONE else " Trust ratios within this run only, and those with care."
+        return f"Other programs kept {cores:.2f} cores busy during the run.{trust}"
+
+
 def circumstances(threads: int) -> dict:
     """JSON-ready: where and beside what the figures came about."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
@@ -65,8 +100,7 @@ def describe(where: dict) -> str:
     said = f"{where['processor']}, {where['cores']} cores; {where['threads']} thread(s); Python {where['python']}."
     if load is None:
         return said
-    busy = "" if load < QUIET else " The machine was busy: trust ratios within this run only, and those with care."
-    return f"{said} Load before the run: {load:.2f}.{busy}"
+    return f"{said} Load before the run: {load:.2f}."
 
 
 def _processor() -> str:

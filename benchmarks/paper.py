@@ -29,7 +29,7 @@ from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import dominant_axis
 
 from .data_sets import PAPER, DataSet
-from .frames import VIEWS, best_frame, circumstances, describe, frame_ms, same_view, view_scene
+from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, same_view, view_scene
 from .paper_words import PAPER_RECORD, explain, table_1, table_2
 
 REPEATS = 3
@@ -158,7 +158,7 @@ def main(arguments) -> int:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     quality = quality_of(options.quality, options.threads)
-    where = circumstances(options.threads)
+    where, neighbours = circumstances(options.threads), Neighbours()
     rows = []
     for data in PAPER:
         if options.data and data.name not in options.data:
@@ -171,10 +171,13 @@ def main(arguments) -> int:
         rows.append((data, {**row, "called": called}))
         print(f"measured {called}", flush=True)
     print("\n" + "\n".join((
-        describe(where), f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
-        f"median of {min(options.views, len(VIEWS))} view(s).", "", *table_1(rows), "", *table_2(rows), "",
+        describe(where), neighbours.describe(),
+        f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
+        f"median of {min(options.views, len(VIEWS))} view(s).",
+        "", *table_1(rows), "", *table_2(rows), "",
         *(line for data, row in rows for line in explain(data, row)),
     )))  # fmt: skip
+    where["others_busy_cores"] = neighbours.cores()
     if options.json:
         measured = [row for _, row in rows]
         report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": measured}

@@ -28,7 +28,7 @@ from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-from .frames import best_frame, circumstances, describe, same_view
+from .frames import Neighbours, best_frame, circumstances, describe, same_view
 from .plots import IMAGES, scaling_plot
 
 SERIES = ("scaled", "boxed")
@@ -157,7 +157,7 @@ def main(arguments) -> int:
         path, series, n = options.step
         print(json.dumps(step(Path(path), series, int(n), options.size, options.threads)))
         return 0
-    where, rows = circumstances(options.threads), []
+    where, rows, neighbours = circumstances(options.threads), [], Neighbours()
     print(describe(where))
     with tempfile.TemporaryDirectory(dir=options.scratch) as folder:
         for n in [*options.sizes, *([LARGE] if options.large else [])]:
@@ -174,6 +174,8 @@ def main(arguments) -> int:
         "Frame: splat + warp, standard, median of three views. Peak: of the whole process, Python and the compiled "
         "kernels included, which alone take about what the smallest volume shows."
     )
+    print(neighbours.describe())
+    where["others_busy_cores"] = neighbours.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": rows}, indent=1) + "\n", encoding="utf-8")
     if not options.no_image:
