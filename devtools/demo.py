@@ -16,7 +16,7 @@ from .sample import sample
 from .wheels import WHEEL_PINS, this_platform
 
 SECONDS = 900
-SCAN_TITLE = "RLE Splat"
+SCAN_TITLE = "RLE SPLAT"
 
 
 def _source_digest() -> str:

@@ -17,7 +17,8 @@ import bpy
 from mathutils import Matrix, Vector
 
 MODULE = "bl_ext.user_default.rle_splat"
-EYE = (1.05, 2.75, 0.95)  # of the camera, from the middle of the scan, in sizes of the scan
+EYE = (1.05, 2.75, 1.00)  # of the camera, from the middle of the scan, in sizes of the scan
+SMOKE_OPACITY = 2.5  # thin smoke hides too little of what stands in it
 WIDTH, HEIGHT, SAMPLES = 960, 720, 20
 
 
@@ -79,84 +80,109 @@ def box_of(volume_object):
     return low, high
 
 
+def stand_upright(volume_object) -> None:
+    """Turn a volume whose y axis points up, as in the VDB files of simulations, about its middle, the 3D cursor."""
+    volume_object.matrix_world = Matrix.Rotation(math.radians(90.0), 4, "X") @ volume_object.matrix_world
+
+
+def bevelled(made, width: float):
+    """Round an object's edges off, so that they catch the light."""
+    modifier = made.modifiers.new("Bevel", "BEVEL")
+    modifier.width, modifier.segments = width, 3
+    return made
+
+
+def add_light(name: str, kind: str, energy: float, spot: Vector, target: Vector, color, **settings):
+    """A lamp at ``spot`` that shines toward ``target``."""
+    data = bpy.data.lights.new(name, kind)
+    data.energy, data.color = energy, color
+    for key, value in settings.items():
+        setattr(data, key, value)
+    holder = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(holder)
+    holder.matrix_world = Matrix.Translation(spot) @ (target - spot).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+
+
 def build_set(low: Vector, high: Vector, title: str) -> None:
-    """A pedestal, a ring around the scan, an electrode into it, a title; floor, lights and a camera."""
+    """A pedestal whose stem holds the scan from inside, a ring around it, an electrode into it, a title; floor,
+    lights and a camera.  Every length is a part of the scan's, so that millimetres and a cloud look alike."""
     size = max(high - low)
     middle = (low + high) / 2
-    stone = material("Stone", (0.10, 0.13, 0.17), roughness=0.35)
+    stone = material("Stone", (0.035, 0.045, 0.06), roughness=0.28)
     steel = material("Steel", (0.72, 0.74, 0.78), roughness=0.22, metallic=1.0)
-    brass = material("Brass", (0.85, 0.60, 0.25), roughness=0.3, metallic=1.0)
-    lamp = material("Lamp", (1.0, 0.25, 0.08), glow=1.5)
-    paper = material("Floor", (0.55, 0.57, 0.60), roughness=0.9)
+    brass = material("Brass", (0.95, 0.66, 0.27), roughness=0.42, metallic=1.0)
+    ivory = material("Ivory", (0.80, 0.74, 0.62), roughness=0.4)
+    lamp = material("Lamp", (1.0, 0.20, 0.06), glow=2.0)
+    ground = material("Floor", (0.11, 0.125, 0.15), roughness=0.55)
 
-    floor_z = low.z - 0.20 * size
-    bpy.ops.mesh.primitive_plane_add(size=40 * size, location=(middle.x, middle.y, floor_z))
-    named("Floor", paper)
-    top = low.z - 0.02 * size
+    floor_z = low.z - 0.24 * size
+    bpy.ops.mesh.primitive_plane_add(size=60 * size, location=(middle.x, middle.y, floor_z))
+    named("Floor", ground)
+    top = low.z - 0.04 * size
     bpy.ops.mesh.primitive_cylinder_add(
-        radius=0.42 * size, depth=top - floor_z, vertices=96, location=(middle.x, middle.y, (top + floor_z) / 2)
+        radius=0.36 * size, depth=top - floor_z, vertices=128, location=(middle.x, middle.y, (top + floor_z) / 2)
     )
-    named("Pedestal", stone)
+    bevelled(named("Pedestal", stone), 0.015 * size)
+    bpy.ops.mesh.primitive_torus_add(
+        major_radius=0.361 * size, minor_radius=0.007 * size, major_segments=160, minor_segments=16,
+        location=(middle.x, middle.y, top - 0.03 * size),
+    )  # fmt: skip
+    named("Band", brass)
+    rod("Stem", (middle.x, middle.y, top), middle, 0.016 * size, brass)
 
     # the ring is in front of the scan on one side and behind it on the other
-    radius, ring_z = 0.64 * size, middle.z + 0.02 * size
+    radius, ring_z = 0.60 * size, middle.z - 0.04 * size
     bpy.ops.mesh.primitive_torus_add(
-        major_radius=radius, minor_radius=0.020 * size, major_segments=160, minor_segments=24,
+        major_radius=radius, minor_radius=0.016 * size, major_segments=192, minor_segments=24,
         location=(middle.x, middle.y, ring_z),
     )  # fmt: skip
     named("Ring", steel)
-    for degrees in (10.0, 130.0, 250.0):
+    for degrees in (9.0, 129.0, 249.0):
         angle = math.radians(degrees)
         foot = Vector((middle.x + radius * math.cos(angle), middle.y + radius * math.sin(angle), floor_z))
-        rod("Post", foot, (foot.x, foot.y, ring_z), 0.012 * size, steel)
+        rod("Post", foot, (foot.x, foot.y, ring_z), 0.010 * size, steel)
 
-    # the electrode goes in through the top; the part inside is seen only through what lies before it
-    entry = middle + size * Vector((0.42, 0.30, 0.58))
-    tip = middle + size * Vector((0.10, 0.12, 0.12))
-    rod("Electrode", entry, tip, 0.012 * size, brass)
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.035 * size, location=entry, segments=48, ring_count=24)
+    # the electrode goes in from above; the part inside is seen only through what lies before it
+    entry = middle + size * Vector((0.38, 0.32, 0.52))
+    tip = middle + size * Vector((0.06, 0.06, 0.05))
+    rod("Electrode", entry, tip, 0.010 * size, brass)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.030 * size, location=entry, segments=48, ring_count=24)
     named("Electrode Head", lamp)
 
     bpy.ops.object.text_add(location=(0, 0, 0))
-    text = named("Title", brass)
-    text.data.body, text.data.size = title, 0.17 * size
-    text.data.extrude, text.data.align_x = 0.014 * size, "CENTER"
-    text.data.bevel_depth = 0.003 * size
+    text = named("Title", ivory)
+    text.data.body, text.data.size = title, 0.13 * size
+    text.data.extrude, text.data.align_x = 0.010 * size, "CENTER"
+    text.data.bevel_depth, text.data.space_character = 0.002 * size, 1.15
     toward_camera = math.atan2(EYE[1], EYE[0])
-    stand = Vector((middle.x, middle.y, floor_z + 0.045 * size)) + 0.62 * size * Vector(
+    stand = Vector((middle.x, middle.y, floor_z + 0.002 * size)) + 0.56 * size * Vector(
         (math.cos(toward_camera), math.sin(toward_camera), 0.0)
     )
-    lean = Matrix.Rotation(math.radians(70.0), 4, "X")
+    lean = Matrix.Rotation(math.radians(75.0), 4, "X")
     text.matrix_world = Matrix.Translation(stand) @ Matrix.Rotation(toward_camera + math.pi / 2, 4, "Z") @ lean
 
     scene = bpy.context.scene
     eye = middle + size * Vector(EYE)
-    aim = middle + Vector((0.0, 0.0, -0.17 * size))
+    aim = Vector((middle.x, middle.y, 0.64 * floor_z + 0.36 * entry.z))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     camera.matrix_world = Matrix.Translation(eye) @ (aim - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    camera.data.lens = 54.0
+    camera.data.lens = 55.0
     camera.data.clip_start, camera.data.clip_end = 0.01 * size, 100.0 * size
     scene.camera = camera
 
-    def light(name, kind, energy, place, color, **settings):
-        data = bpy.data.lights.new(name, kind)
-        data.energy, data.color = energy, color
-        for key, value in settings.items():
-            setattr(data, key, value)
-        holder = bpy.data.objects.new(name, data)
-        scene.collection.objects.link(holder)
-        spot = middle + size * Vector(place)
-        holder.matrix_world = Matrix.Translation(spot) @ (middle - spot).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+    def spot(*place):
+        return middle + size * Vector(place)
 
-    light("Sun", "SUN", 3.0, (2.0, 2.2, 3.0), (1.0, 0.96, 0.90), angle=math.radians(4.0))
-    light("Fill", "AREA", 14.0 * size**2, (-2.4, 1.6, 0.8), (0.75, 0.85, 1.0), size=1.6 * size)
+    add_light("Key", "SUN", 2.6, spot(2.6, 1.6, 2.6), middle, (1.0, 0.95, 0.88), angle=math.radians(6.0))
+    add_light("Fill", "AREA", 10.0 * size**2, spot(-2.0, 2.2, 0.9), middle, (0.70, 0.82, 1.0), size=1.8 * size)
+    add_light("Rim", "AREA", 40.0 * size**2, spot(-1.4, -2.4, 1.8), middle, (0.75, 0.85, 1.0), size=1.2 * size)
     scene.world = bpy.data.worlds.new("World")
     if bpy.app.version < (5, 0, 0):
         scene.world.use_nodes = True
     background = scene.world.node_tree.nodes["Background"]
-    background.inputs["Color"].default_value = (0.30, 0.34, 0.40, 1.0)
-    background.inputs["Strength"].default_value = 0.6
+    background.inputs["Color"].default_value = (0.30, 0.36, 0.45, 1.0)
+    background.inputs["Strength"].default_value = 0.35
 
 
 def render_settings(scene) -> None:
@@ -198,6 +224,9 @@ def main(job: dict) -> int:
     timed("import", lambda: bpy.ops.rle_splat.import_volume(
         filepath=job["volume"], at_cursor=True, **job["options"]))  # fmt: skip
     volume_object = bpy.context.view_layer.objects.active
+    if Path(job["volume"]).suffix.lower() == ".vdb":
+        stand_upright(volume_object)
+        volume_object.rle_splat.opacity_scale = SMOKE_OPACITY
     bpy.context.view_layer.update()
     build_set(*box_of(volume_object), job["title"])
     render_settings(scene)
