@@ -44,15 +44,18 @@ class Rays(NamedTuple):
 
     ``length``: (H, W) float32 length of the ray per voxel of depth, in world units (extinction) or reference
     distances (opacity).  ``limits``: (2, H, W) float32 where it begins and ends along the viewing direction,
-    voxels, or (0, 0, 0) for no limits.
+    voxels, or None for no limits.
     """
 
     length: np.ndarray
-    limits: np.ndarray
+    limits: np.ndarray | None
 
 
-class InSlice(NamedTuple):
-    """The footprint within a sheet: ``kind`` and ``radius`` of ``view.footprints``; ``widen`` it when minified."""
+class Wide(NamedTuple):
+    """A footprint other than the plain tent.
+
+    ``kind`` and ``radius``: of ``view.footprints``.  ``widen``: whether it is widened where it is minified.
+    """
 
     kind: int
     radius: float

@@ -43,14 +43,14 @@ class Scratch(NamedTuple):
     before: np.ndarray
 
 
-def scratch_for(workers: int, tables, sheets, rays, in_slice) -> Scratch:
+def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
     """Scratch for ``workers`` workers; see ``arguments`` for the rest."""
     image_width = rays.length.shape[1]
     blocks = -(-image_width // BLOCK)
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     coarsest = sheets.scale.min(axis=0)
-    stretch = np.maximum(1.0, 1.0 / coarsest) if in_slice.widen else np.ones(2)
-    taps, lines = (max(math.ceil(2.0 * in_slice.radius * s), 1) for s in stretch)
+    stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
+    taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     voxel_blocks = (tables.width + 2 * taps + 3) // VOXEL_BLOCK + 2
     slots = math.ceil(BAND / coarsest[1]) + lines + 2
     shapes = {

@@ -181,8 +181,8 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, length, length_ins
 
 @kernel
 def _composite_sheet(
-    sheet, shift_u, scale_u, shift_v, scale_v, begin, end, thickness, kind, radius, widen, margin, first_line, top_row,
-    rows, image_width, limits, least, additive_opacity, width, lines, touched, used, reach, state, lengths, alive,
+    sheet, shift_u, scale_u, shift_v, scale_v, begin, end, thickness, wide, margin, first_line, top_row, rows,
+    image_width, limits, least, additive_opacity, width, lines, touched, used, reach, state, lengths, alive,
     bright, cells, weights, placed, samples, length_inside, before, half,
 ):
     """One sheet over the rows of a band: footprints added, sheet composited; whether a block became opaque.
@@ -194,11 +194,12 @@ def _composite_sheet(
     blocks = placed.size
     voxel_blocks = touched.size // used.size
     pitch = 4 * VOXEL_BLOCK * voxel_blocks
-    limited = limits.shape[0] != 0
     step = 1.0 / scale_u
-    stretch_u, stretch_v = _stretch(widen, scale_u), _stretch(widen, scale_v)
-    radius_u, radius_v = radius * stretch_u, radius * stretch_v
-    narrow = kind == TENT and radius_u == 1.0 and radius_v == 1.0
+    kind, stretch_u, stretch_v, radius_u, radius_v = TENT, 1.0, 1.0, 1.0, 1.0
+    if wide is not None:
+        kind, radius, widen = wide
+        stretch_u, stretch_v = _stretch(widen, scale_u), _stretch(widen, scale_v)
+        radius_u, radius_v = radius * stretch_u, radius * stretch_v
     taps = tap_count(radius_u)
     # Pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach.
     low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
@@ -209,7 +210,7 @@ def _composite_sheet(
         slot = first_tap(kind, y, radius_v) - first_line
         down = np.float32(0.0)
         next_slot = slot
-        if narrow:  # two lines, mixed as they are read
+        if wide is None:  # two lines, mixed as they are read
             if used[slot] == 0 and used[slot + 1] == 0:
                 continue
             down = np.float32(y - (slot + first_line))
@@ -241,13 +242,13 @@ def _composite_sheet(
             block_weights = weights[BLOCK * taps * b : BLOCK * taps * (b + 1)]
             if placed[b] != sheet:  # the taps are the same for all rows of the band
                 placed[b] = sheet
-                if narrow:
+                if wide is None:
                     place_taps(block_cells, block_weights, start, step, top)
                 else:
                     place_wide_taps(
                         block_cells, block_weights, taps, kind, stretch_u, radius_u, start, step, low_end, top
                     )
-            if narrow:
+            if wide is None:
                 gather_samples(samples, lines, pitch * slot, pitch, down, block_cells, block_weights)
             else:
                 gather_wide(samples, lines, pitch * slot, block_cells, block_weights, taps)
@@ -256,10 +257,10 @@ def _composite_sheet(
             length = lengths[BLOCK * at : BLOCK * (at + 1)]
             first_pixel = b * BLOCK
             count = min(BLOCK, image_width - first_pixel)
-            if limited:
+            if limits is not None:
                 _inside_limits(limits, v, first_pixel, count, begin, end, length, length_inside)
                 length = length_inside
-            if additive_opacity:
+            if additive_opacity is not None:
                 composite_opacity(row, samples, length, thickness, before, least)
             else:
                 composite_extinction(row, samples, length, thickness, before, least)
@@ -267,28 +268,30 @@ def _composite_sheet(
             if bright_pixels != bright[r, b]:
                 bright[r, b] = bright_pixels
                 note_half_depth(row, before, begin, end, half[v, first_pixel : first_pixel + count], count)
-            if limited and live_pixels > 0:  # a ray that has reached its end is done as well
+            if limits is not None:  # a ray that has reached its end is done as well
                 live_pixels = 0
                 for i in range(count):
                     live_pixels += np.int32(row[CLEAR + i] >= least and limits[1, v, first_pixel + i] > end)
             if live_pixels == 0:
                 alive[r, b] = 0
                 died = True
-        if not narrow:
+        if wide is not None:
             clear_touched(lines, pitch * slot, touched, mark, voxel_blocks)
     return died
 
 
 @kernel
 def _splat_band(
-    tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row, rows, worker, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, corrected, top_row, rows, worker, scratch, out, half
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, voxels, width = tables
     first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
     path_length, limits = rays
-    kind, radius, widen = in_slice
+    kind, radius, widen = TENT, 1.0, False
+    if wide is not None:
+        kind, radius, widen = wide
     lines, touched = scratch.lines[worker], scratch.touched[worker]
     used, reach = scratch.used[worker], scratch.reach[worker]
     live, state, length = scratch.live[worker], scratch.state[worker], scratch.length[worker]
@@ -321,7 +324,7 @@ def _splat_band(
             continue
         died = _composite_sheet(
             sheet, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], end[sheet],
-            np.float32(thickness[sheet]), kind, radius, widen, margin, first_line, top_row, rows, image_width, limits,
+            np.float32(thickness[sheet]), wide, margin, first_line, top_row, rows, image_width, limits,
             least, additive_opacity, width, lines, touched, used, reach, state, length, alive, bright, cells, weights,
             placed, samples, length_inside, before, half,
         )
@@ -343,15 +346,16 @@ def _splat_band(
 
 @kernel(parallel=True)
 def splat_rows(
-    tables, sheets, rays, in_slice, least, additive_opacity, corrected, first_row, last_row, workers, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, corrected, first_row, last_row, workers, scratch, out, half
 ):
     """Rows [first_row, last_row) of the intermediate image.
 
-    ``tables``, ``sheets``, ``rays``, ``in_slice``: see ``arguments``.  ``least``: float32 transmittance at which a
-    pixel is opaque.  ``additive_opacity``: the paper's model in place of extinction.  ``corrected``: whether the
-    length of rays counts.  Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W)
-    float32 depth along the viewing direction at which the transmittance falls below one half, left alone where it
-    does not.
+    ``tables``, ``sheets``, ``rays``, ``wide``: see ``arguments``.  ``least``: float32 transmittance at which a pixel
+    is opaque.  ``additive_opacity``: True for the paper's model in place of extinction, else None.  ``corrected``:
+    whether the length of rays counts.  What is None is not even compiled: numba makes a kernel of its own, when it
+    is first needed, for each combination of footprint, model and limits.
+    Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
+    viewing direction at which the transmittance falls below one half, left alone where it does not.
     """
     bands = (last_row - first_row + BAND - 1) // BAND
     for task in prange(workers):
@@ -360,6 +364,6 @@ def splat_rows(
         for band in range(worker, bands, workers):
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, in_slice, least, additive_opacity, corrected, top_row,
+                tables, sheets, rays, wide, least, additive_opacity, corrected, top_row,
                 min(BAND, last_row - top_row), worker, scratch, out, half,
             )

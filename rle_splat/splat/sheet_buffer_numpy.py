@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..view.footprints import FOOTPRINTS, footprint_weights
+from ..view.footprints import FOOTPRINTS, TENT, footprint_weights
 
 ONE = np.float32(1.0)
 TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
@@ -60,14 +60,15 @@ def _opacity(samples, exponent):
     return opacity, ONE - opacity, np.maximum(added, TINY)
 
 
-def splat_sheets_numpy(tables, sheets, rays, in_slice, least, additive_opacity, corrected, pixels, half):
+def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, corrected, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
     n_slices = tables.pointers.shape[0]
     length = rays.length if corrected else np.ones((height, width), np.float32)
     limits = rays.limits
     pixels[..., :3], pixels[..., 3] = 0.0, 1.0
-    footprint = next(f for f in FOOTPRINTS.values() if f.kind == in_slice.kind)
+    kind, _, widen = wide or (TENT, 1.0, False)
+    footprint = next(f for f in FOOTPRINTS.values() if f.kind == kind)
     slices: dict = {}
     for sheet in range(len(sheets.first_slice)):
         yield sheet / len(sheets.first_slice)
@@ -81,11 +82,11 @@ def splat_sheets_numpy(tables, sheets, rays, in_slice, least, additive_opacity, 
         if blend is None:
             continue
         (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
-        across = _spread(blend, height, scale_v, offset_v, footprint, in_slice.widen)
-        along = _spread(across.transpose(1, 0, 2), width, scale_u, offset_u, footprint, in_slice.widen)
+        across = _spread(blend, height, scale_v, offset_v, footprint, widen)
+        along = _spread(across.transpose(1, 0, 2), width, scale_u, offset_u, footprint, widen)
         samples = along.transpose(1, 0, 2)
         depth = length * np.float32(sheets.thickness[sheet])
-        if limits.size:
+        if limits is not None:
             slab = sheets.end[sheet] - sheets.begin[sheet]
             ahead = np.maximum(limits[0] - sheets.begin[sheet], 0.0)
             behind = np.maximum(sheets.end[sheet] - limits[1], 0.0)

@@ -8,8 +8,8 @@ from ..encode.tables import RunLengthVolume
 from ..jit import compiled, parallel_call, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
-from ..view.footprints import FOOTPRINTS
-from .arguments import InSlice, Rays, SheetList, Tables
+from ..view.footprints import FOOTPRINTS, TENT
+from .arguments import Rays, SheetList, Tables, Wide
 from .intermediate_image import IntermediateImage
 from .scratch import BAND, scratch_for
 from .sheet_buffer import splat_rows
@@ -42,25 +42,28 @@ def splat_steps(
     )
     rays = Rays(
         (plane.path_length() / np.float32(length_unit)).astype(np.float32),
-        np.zeros((0, 0, 0), np.float32) if limits is None else np.ascontiguousarray(limits, np.float32),
+        None if limits is None else np.ascontiguousarray(limits, np.float32),
     )
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
     footprint = FOOTPRINTS[quality.kernel]
-    in_slice = InSlice(footprint.kind, footprint.radius, quality.minification == "widen")
-    model = (least, quality.model == "opacity", quality.length_correction)
+    widen = quality.minification == "widen" and bool(plane.scale.min() < 1.0)
+    wide = None
+    if footprint.kind != TENT or widen:
+        wide = Wide(footprint.kind, footprint.radius, widen)
+    model = (least, True if quality.model == "opacity" else None, quality.length_correction)
     if not compiled(quality.backend):
-        yield from splat_sheets_numpy(tables, sheets, rays, in_slice, *model, pixels, half)
+        yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, pixels, half)
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
-    scratch = scratch_for(workers, tables, sheets, rays, in_slice)
+    scratch = scratch_for(workers, tables, sheets, rays, wide)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / max(BAND * plane.width * len(placed), 1)))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         with parallel_call(workers):
             splat_rows(
-                tables, sheets, rays, in_slice, *model, first, min(first + rows_at_once, plane.height), workers,
+                tables, sheets, rays, wide, *model, first, min(first + rows_at_once, plane.height), workers,
                 scratch, pixels, half,
             )
     return IntermediateImage(plane, pixels, half)

@@ -14,7 +14,7 @@ SAME_SURFACE = 2.0
 _SIXTH = np.float32(1.0 / 6.0)
 
 
-@kernel(inline="always")
+@kernel
 def _bspline_weights(t):
     """Cubic B-spline weights of the four taps around fraction ``t``."""
     one = np.float32(1.0)
@@ -25,13 +25,13 @@ def _bspline_weights(t):
     return w0, w1, one - w0 - w1 - w3, w3
 
 
-@kernel(inline="always")
+@kernel
 def _tent_weights(t):
     """The tent's two taps, in the middle of four."""
     return np.float32(0.0), np.float32(1.0) - t, t, np.float32(0.0)
 
 
-@kernel(inline="always")
+@kernel
 def _belongs(directions, column, row, axis, sign):
     """Whether the ray of a pixel advances fastest along ``axis`` in direction ``sign`` (ties: earlier axis)."""
     along = directions[axis, 0] * column + directions[axis, 1] * row + directions[axis, 2]
@@ -46,7 +46,7 @@ def _belongs(directions, column, row, axis, sign):
     return True
 
 
-@kernel(inline="always")
+@kernel
 def _half_depth(half, u, v):
     """Half depth at sheet position (u, v): linear on one surface, the nearest pixel's across an edge."""
     u0, v0 = math.floor(u), math.floor(v)
