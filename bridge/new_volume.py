@@ -4,7 +4,6 @@ import os
 
 import bpy
 
-from ..rle_splat.scene import RleSplatError
 from . import box, source_options, source_paths, volumes
 from .facts import write_facts
 from .settings import scene_scale_of
@@ -46,14 +45,3 @@ def fill_volume(scene, owner, path: str, volume) -> None:
     write_facts(owner, volume)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
     volumes.keep_volume(owner, volume)
-
-
-def checked_for_picture(volume) -> None:
-    """Raise RleSplatError for a volume of which no picture can be made."""
-    low, high = volume.value_range
-    if low == high == 0.0 and volume.voxels.dtype.kind == "f" and not _any_finite(volume):
-        raise RleSplatError("The volume holds no finite value, only NaN or infinities; check its type and byte order.")
-
-
-def _any_finite(volume) -> bool:
-    return any(bool((plane == plane).any()) and bool((abs(plane) < float("inf")).any()) for plane in volume.voxels)

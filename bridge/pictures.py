@@ -43,5 +43,5 @@ def note_report(settings, report: dict) -> None:
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float))]
-    settings.last_report = "\n".join(lines)
+    settings.last_report = "\n".join((*report.get("remarks", ()), *lines))
     settings.last_report_json = json.dumps(report, default=str)

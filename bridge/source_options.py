@@ -1,7 +1,9 @@
 """How a volume's file is read: the same properties on a volume object, on the import dialog and on Relocate."""
 
+import math
 from dataclasses import dataclass, fields
 
+import numpy as np
 from bpy.props import (
     BoolProperty,
     EnumProperty,
@@ -88,6 +90,11 @@ def read_options(source) -> dict:
         if getattr(source, name):
             options[name] = getattr(source, name)
     return options
+
+
+def bytes_of(source) -> int:
+    """The memory that the voxels of a stated shape and type take."""
+    return math.prod(source.shape) * np.dtype(source.dtype).itemsize
 
 
 def fill_from_guess(target, guess) -> None:

@@ -7,11 +7,12 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import new_volume, source_options, volumes
+from ..bridge import facts, new_volume, source_options, volumes
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
 from ..rle_splat.read.formats import FORMATS, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.volume.checks import check_values
 from .refusal import refuse
 
 # Blender looks only at a name's last suffix, so .raw.gz is offered as .gz and judged again when it is opened.
@@ -103,6 +104,8 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
     def _draw_raw(self, layout):
         for name in ("shape", "dtype", "byte_order", "header_bytes", "spacing"):
             layout.prop(self, name)
+        if all(self.shape) and self.dtype != "AUTO":
+            layout.label(text=f"In memory: {facts.memory_text(source_options.bytes_of(self))}", icon="MEMORY")
         if self.guess_text:
             box = layout.box().column(align=True)
             box.scale_y = 0.8
@@ -136,7 +139,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         if os.path.isfile(path) and format_of(path) is RAW:
             self._complete(path, options)
         volume = volumes.read_file(path, source_options.read_options(options))
-        new_volume.checked_for_picture(volume)
+        check_values(volume)
         transfer_function, reason = chosen_transfer(self.preset, volume)
         return path, options, volume, transfer_function, reason
 

@@ -8,6 +8,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..bridge import new_volume, source_options, volumes
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.volume.checks import check_values
 from .import_volume import LAST_SUFFIXES
 from .refusal import has_volume, refuse
 
@@ -31,7 +32,7 @@ class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
         before = owner.rle_splat.data_key
         try:
             volume = volumes.read_file(path, source_options.read_options(owner.rle_splat))
-            new_volume.checked_for_picture(volume)
+            check_values(volume)
         except RleSplatError as problem:
             return refuse(self, problem)
         new_volume.fill_volume(context.scene, owner, path, volume)

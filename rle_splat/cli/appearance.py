@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..classify.default import default_transfer_function
 from ..classify.presets import fit_preset, preset
 from ..classify.transfer_function import TransferFunction
-from ..scene import RleSplatError
 
 
 def read_transfer_function(args):
@@ -27,11 +24,3 @@ def choose_transfer_function(args, volume, given):
         function, remark = fit_preset(args.preset, volume)
         return function, remark or f"the preset {args.preset}"
     return default_transfer_function(volume)
-
-
-def check_values(volume) -> None:
-    """Refuse a volume in which no voxel holds a number: whatever the transfer function, nothing could be seen."""
-    if volume.voxels.dtype.kind == "f" and not any(np.isfinite(plane).any() for plane in volume.voxels):
-        raise RleSplatError(
-            "No voxel of the volume holds a finite number, all are NaN or infinite; check --dtype and --byte-order."
-        )

@@ -6,7 +6,8 @@ from pathlib import Path
 from time import perf_counter
 
 from ..scene import RleSplatError
-from .appearance import check_values, choose_transfer_function, read_transfer_function
+from ..volume.checks import check_values
+from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
     add_light_options,
     add_placement_options,

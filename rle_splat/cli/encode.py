@@ -7,7 +7,8 @@ from time import perf_counter
 
 from ..axes import AXIS_NAMES
 from ..scene import RleSplatError
-from .appearance import check_values, choose_transfer_function, read_transfer_function
+from ..volume.checks import check_values
+from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
     DEFAULT_SIZE,
     add_light_options,

@@ -9,7 +9,8 @@ from time import perf_counter
 import numpy as np
 
 from ..scene import Quality, RleSplatError, Scene
-from .appearance import check_values, choose_transfer_function, read_transfer_function
+from ..volume.checks import check_values
+from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .options import (
     add_image_options,

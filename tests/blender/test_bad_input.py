@@ -167,6 +167,31 @@ def test_numba_asked_for_and_missing(volume, core, monkeypatch):
     assert "numba cannot be loaded" in refusal("render_image")
 
 
+def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
+    """The same picture is made without it, and both places say why it took so long."""
+    scenes.add_camera((4.0, 4.0, 30.0))
+    bpy.ops.rle_splat.render_image()
+    compiled = scenes.image_pixels(bpy.context.scene.rle_splat.image)
+    monkeypatch.setattr(core("jit"), "numba", None)
+    for module in ("jit", "render"):
+        monkeypatch.setattr(core(module), "NUMBA_PROBLEM", "ImportError: no numba here")
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    settings = bpy.context.scene.rle_splat
+    for shown in (settings.last_report, settings.last_report_json):
+        assert "without compiled kernels (ImportError: no numba here)" in shown
+    np.testing.assert_allclose(scenes.image_pixels(settings.image), compiled, atol=1e-5)
+
+
+@pytest.mark.parametrize("content", ['{"opacity": [], "color": [[0, 1, 1, 1]]}', "{}", "{not json"])
+def test_an_empty_transfer_function(volume, tmp_path, content):
+    path = tmp_path / "empty.json"
+    path.write_text(content)
+    before = volume.rle_splat.transfer_name
+    sentence = refusal("load_transfer", filepath=str(path))
+    assert "empty.json" in sentence or "opacity" in sentence
+    assert volume.rle_splat.transfer_name == before
+
+
 def test_registering_again_leaves_no_trace(addon):
     handlers = {name: list(getattr(bpy.app.handlers, name)) for name in dir(bpy.app.handlers)
                 if isinstance(getattr(bpy.app.handlers, name), list)}

@@ -10,6 +10,8 @@ import bpy
 import numpy as np
 import pytest
 
+NO_NUMBER = "No voxel of the volume holds a finite number"  # the command line's words too, see tests/cli
+
 
 def import_volume(**options):
     return bpy.ops.rle_splat.import_volume(**options)
@@ -140,7 +142,8 @@ def test_bad_files_are_refused_in_a_sentence(tmp_path, refused):
     (tmp_path / "cut.raw.gz").write_bytes(packed[: len(packed) // 2])
     refused(import_volume, "cut.raw.gz", filepath=str(tmp_path / "cut.raw.gz"), shape=(16, 16, 16), dtype="uint8")
     (tmp_path / "nan_4x4x4_float32.raw").write_bytes(np.full(64, np.nan, np.float32).tobytes())
-    refused(import_volume, "NaN", filepath=str(tmp_path / "nan_4x4x4_float32.raw"), shape=(4, 4, 4), dtype="float32")
+    refused(
+        import_volume, NO_NUMBER, filepath=str(tmp_path / "nan_4x4x4_float32.raw"), shape=(4, 4, 4), dtype="float32")
     refused(import_volume, "missing.raw", filepath=str(tmp_path / "missing.raw"), shape=(4, 4, 4), dtype="uint8")
     (tmp_path / "odd.xyz").write_bytes(bytes(64))
     refused(import_volume, "odd.xyz", filepath=str(tmp_path / "odd.xyz"))
@@ -167,6 +170,19 @@ def test_vdb_without_numbers_and_broken_vdb_are_refused(tmp_path, refused):
     refused(import_volume, "wind", filepath=str(tmp_path / "wind.vdb"))
     (tmp_path / "broken.vdb").write_bytes(b"not a grid")
     refused(import_volume, "broken.vdb", filepath=str(tmp_path / "broken.vdb"))
+    write_vdb(tmp_path / "cut.vdb", ("density", "FloatGrid", np.ones((9, 9, 9), np.float32)))
+    whole = (tmp_path / "cut.vdb").read_bytes()
+    (tmp_path / "cut.vdb").write_bytes(whole[:-50])
+    refused(import_volume, "cut.vdb is damaged", filepath=str(tmp_path / "cut.vdb"))
+
+
+def test_the_command_line_refuses_a_vdb_without_numbers_too(tmp_path, core, capsys):
+    write_vdb(tmp_path / "wind.vdb", ("wind", "Vec3SGrid", np.ones((3, 3, 3, 3), np.float32)))
+    (tmp_path / "broken.vdb").write_bytes(b"not a grid")
+    for name, words in (("wind.vdb", "no grid of numbers"), ("broken.vdb", "not an OpenVDB file")):
+        assert core("cli.main").main(["info", str(tmp_path / name)]) == 2
+        sentence = capsys.readouterr().err
+        assert words in sentence and len(sentence.strip().splitlines()) == 1
 
 
 def test_moved_file_gives_one_sentence_and_relocate_heals_it(volume_object, phantom, tmp_path, bridge, core):
