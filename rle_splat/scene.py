@@ -180,10 +180,10 @@ class Light:
 
 
 # One table of names for the command line, the panel and the reports: what each quality preset sets.
-# Values were chosen by measurement; see docs/quality.md.
+# Their errors against the truth are asserted in tests/truths/test_ladder.py, their times printed by bench stages.
 QUALITY_PRESETS = {
     "draft": dict(depth_rule="slice", sheet_density=0.75, warp_filter="bilinear", termination=1 / 256),
-    "standard": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 512),
+    "standard": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 1024),
     "fine": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 2048),
     "strict": dict(depth_rule="simpson", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),
 }
@@ -214,7 +214,7 @@ class Quality:
     kernel: str = "tent"
     minification: str = "off"
     warp_filter: str = "cubic"
-    termination: float = 1 / 512
+    termination: float = 1 / 1024
     model: str = "extinction"
     length_correction: bool = True
     threads: int = 0
