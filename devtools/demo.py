@@ -93,6 +93,8 @@ def demo(volumes) -> int:
         report = json.loads((folder / "report.json").read_text())
         taken = ", ".join(f"{key.replace('_', ' ')} {value:.1f} s" for key, value in report["seconds"].items())
         say(f"  {taken}")
+        for remark in report.get("remarks", ()):
+            say(f"  {remark}")
         for file, what in (
             ("render.png", "the scan among the meshes, rendered by Cycles and composited"),
             ("splat.png", "the scan alone"),
