@@ -10,7 +10,7 @@ import numpy as np
 from .sheet_row import BLOCK
 from .voxel_scanline import VOXEL_BLOCK
 
-BAND = 8  # rows that share the scanlines they are splatted from: few enough to stay in cache
+BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
 class Scratch(NamedTuple):

@@ -15,7 +15,7 @@ from ..jit import kernel
 from ..lanes import add4, mix2x2
 from ..view.footprints import first_tap, footprint_weight
 
-BLOCK = 32  # pixels handled together; a multiple of every SIMD width in use
+BLOCK = 16  # pixels handled together; a multiple of every SIMD width in use
 
 RED, GREEN, BLUE, CLEAR = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block of the row; CLEAR is transmittance
 

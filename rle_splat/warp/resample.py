@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..jit import kernel, prange
-from ..lanes import sum4x4
+from ..lanes import mix2x2, sum4x4
 
 # Half depths that differ by more than this many voxels lie on different surfaces and are not interpolated.
 SAME_SURFACE = 2.0
@@ -23,12 +23,6 @@ def _bspline_weights(t):
     w3 = _SIXTH * t * t * t
     w1 = _SIXTH * (np.float32(4.0) + t * t * (np.float32(3.0) * t - np.float32(6.0)))
     return w0, w1, one - w0 - w1 - w3, w3
-
-
-@kernel
-def _tent_weights(t):
-    """The tent's two taps, in the middle of four."""
-    return np.float32(0.0), np.float32(1.0) - t, t, np.float32(0.0)
 
 
 @kernel
@@ -87,11 +81,11 @@ def resample(pixels, half, to_sheet, directions, axis, sign, cubic, most_colour,
                 continue
             u0, v0 = int(u), int(v)
             fu, fv = np.float32(u - u0), np.float32(v - v0)
-            at = 4 * ((v0 - 1) * sheet_width + u0 - 1)
             if cubic:
-                sum4x4(flat, at, 4 * sheet_width, _bspline_weights(fu), _bspline_weights(fv), sample, 0)
+                first_tap = 4 * ((v0 - 1) * sheet_width + u0 - 1)
+                sum4x4(flat, first_tap, 4 * sheet_width, _bspline_weights(fu), _bspline_weights(fv), sample, 0)
             else:
-                sum4x4(flat, at, 4 * sheet_width, _tent_weights(fu), _tent_weights(fv), sample, 0)
+                mix2x2(flat, 4 * (v0 * sheet_width + u0), 4 * sheet_width, fu, fv, sample, 0)
             alpha = min(max(sample[3], zero), one)
             for channel in range(3):
                 rgba[r, c, channel] = min(max(sample[channel], zero), most_colour * alpha)
