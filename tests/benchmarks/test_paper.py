@@ -63,9 +63,12 @@ def test_covered_fractions_of_one_voxel(small):
     nx, ny, nz = volume.shape_xyz
     cells = [(nx + 1) * (ny + 1) * nz, (nx + 1) * (nz + 1) * ny, (ny + 1) * (nz + 1) * nx]
     assert covered["pixels"] == pytest.approx(np.mean([4 / n for n in cells]))
-    assert BLOCK > max(nx, ny, nz), "one block a scanline in what follows"
-    blocks = [(ny + 1) * nz, (nz + 1) * ny, (nz + 1) * nx]
-    assert covered["blocks"] == pytest.approx(np.mean([2 / n for n in blocks]))
+    # The footprint covers cells 10 and 11 along x (for principal z and y), 12 and 13 along y (for principal x).
+    shares = []
+    for length, at, others in ((nx, 10, (ny + 1) * nz), (nx, 10, (nz + 1) * ny), (ny, 12, (nz + 1) * nx)):
+        reached = 2 * len({at // BLOCK, (at + 1) // BLOCK})
+        shares.append(reached / (-(-(length + 1) // BLOCK) * others))
+    assert covered["blocks"] == pytest.approx(np.mean(shares))
 
 
 def test_tables_hold_the_papers_figures_and_ours(row):
