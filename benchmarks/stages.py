@@ -9,8 +9,9 @@ from pathlib import Path
 from statistics import median
 
 from rle_splat.kept import Kept
-from rle_splat.render import STAGES, render
+from rle_splat.render import render
 from rle_splat.scene import QUALITY_PRESETS, Quality, Scene
+from rle_splat.steps import STAGES
 from rle_splat.view.turntable import turntable
 
 from .scenes import scenes

@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 
 from .axes import AXES, AXIS_NAMES
-from .encode.encode import encode
 from .encode.store import StoredVolume
 from .kept import Kept
-from .render import Clock, Progress, classify_and_shade
+from .medium import axis_steps, look_steps
 from .scene import Quality, Scene
+from .steps import Clock, drain, portion
 
 
 def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
@@ -19,12 +19,7 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
 
     Of ``quality`` only the model and what does the work matter.  ``source``: see ``encode_scene_steps``.
     """
-    steps = encode_scene_steps(scene, quality or Quality.preset("standard"), axes, source)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as finished:
-            return finished.value[0]
+    return drain(encode_scene_steps(scene, quality or Quality.preset("standard"), axes, source))[0]
 
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
@@ -32,16 +27,14 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
 
     ``source``: name of the file the volume was read from, for whoever opens the result.
     """
-    clock = Clock()
-    yield Progress(0.0, "Classifying")
-    classified, colors, _ = classify_and_shade(scene, quality, Kept(0), clock)
-    encoded = {}
-    for done, axis in enumerate(axes):
-        yield Progress(0.4 + 0.6 * done / len(axes), f"Encoding along {AXIS_NAMES[axis]}")
-        with clock.stage("encode"):
-            encoded[axis] = encode(
-                classified, colors, axis, quality.model, backend=quality.backend, threads=quality.threads
-            )
+    clock, job = Clock(), Kept(0).job()
+    look = yield from look_steps(scene, quality, job, clock)
+    classified = look.classified
+    encoded, begun, share = {}, 0.1, 0.9 / len(axes)
+    for axis in axes:
+        steps = axis_steps(look, quality, axis, job, clock)
+        encoded[axis] = yield from portion(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
+        begun += share
     volume = scene.volume
     stored = StoredVolume(
         encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),

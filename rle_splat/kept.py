@@ -1,7 +1,8 @@
 """What is kept between frames, in one place: results of stages, keyed by the content they were made from.
 
 A key names everything a result depends on, so nothing kept can go stale: not by undo, not by loading another
-file, not by a job that was cancelled half-way (a result enters only when it is whole).
+file.  A job sees what is kept, and hands over what it made only when all of it is done, so a job that was cancelled
+or failed half-way leaves everything as it was.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 from collections import OrderedDict
 
 MOST_BYTES = 1 << 30
+# Stages whose results replace one another as a light or a camera is dragged about: how many are worth their memory.
+MOST_RESULTS = {"records": 6}
 
 
 class Kept:
@@ -23,20 +26,23 @@ class Kept:
         self._results: OrderedDict = OrderedDict()
         self._bytes = 0
 
-    def get(self, stage: str, key, make, size):
-        """The result of ``stage`` for ``key``: the kept one, or ``make()``, whose bytes ``size(result)`` tells."""
-        place = (stage, key)
-        if place in self._results:
-            self._results.move_to_end(place)
-            return self._results[place][0]
-        result = make()
-        self.made[stage] = self.made.get(stage, 0) + 1
-        self._results[place] = (result, size(result))
-        self._bytes += self._results[place][1]
-        while self._bytes > self.most_bytes and len(self._results) > 1:
-            _, (_, freed) = self._results.popitem(last=False)
-            self._bytes -= freed
-        return result
+    @property
+    def keeps(self) -> bool:
+        """Whether there is any use in keys: a store without room forgets at once."""
+        return self.most_bytes > 0
+
+    @property
+    def nbytes(self) -> int:
+        return self._bytes
+
+    @property
+    def contents(self) -> tuple:
+        """(stage, key) of every result, the least recently used first."""
+        return tuple(self._results)
+
+    def job(self) -> Job:
+        """A job's view of the store; see the module."""
+        return Job(self)
 
     def has(self, stage: str, key) -> bool:
         return (stage, key) in self._results
@@ -44,3 +50,59 @@ class Kept:
     def clear(self) -> None:
         self._results.clear()
         self._bytes = 0
+
+    def _add(self, place, result, size: int) -> None:
+        self._drop(place)
+        self._results[place] = (result, size)
+        self._bytes += size
+        alike = [other for other in self._results if other[0] == place[0]]
+        for oldest in alike[: -MOST_RESULTS.get(place[0], len(alike))]:
+            self._drop(oldest)
+        while self._bytes > self.most_bytes and len(self._results) > 1:
+            self._drop(next(iter(self._results)))
+
+    def _drop(self, place) -> None:
+        _, size = self._results.pop(place, (None, 0))
+        self._bytes -= size
+
+
+class Job:
+    """One picture's or one file's work: results of stages by content, those kept and those made by itself."""
+
+    def __init__(self, kept: Kept):
+        self.kept = kept
+        self._used: OrderedDict = OrderedDict()
+
+    def get(self, stage: str, key, make, size=None):
+        """The result of ``stage`` for ``key``: the kept one, or ``make()``.
+
+        ``size(result)`` tells its bytes; without it, its own ``nbytes`` do.
+        """
+        place = (stage, key)
+        if not self._find(place):
+            self._made(place, make(), size)
+        return self._used[place][0]
+
+    def steps(self, stage: str, key, make_steps, size=None):
+        """Generator form of ``get``: ``make_steps()`` is a generator of fractions done that returns the result."""
+        place = (stage, key)
+        if not self._find(place):
+            self._made(place, (yield from make_steps()), size)
+        return self._used[place][0]
+
+    def keep(self) -> None:
+        """Hand over to the store everything that the job used; call it when the job is done."""
+        if self.kept.keeps:
+            for place, (result, size) in self._used.items():
+                self.kept._add(place, result, size)
+
+    def _find(self, place) -> bool:
+        if place not in self._used and place in self.kept._results:
+            self._used[place] = self.kept._results[place]
+        if place in self._used:
+            self._used.move_to_end(place)
+        return place in self._used
+
+    def _made(self, place, result, size) -> None:
+        self.kept.made[place[0]] = self.kept.made.get(place[0], 0) + 1
+        self._used[place] = (result, result.nbytes if size is None else size(result))

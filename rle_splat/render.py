@@ -5,72 +5,27 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from .axes import AXIS_NAMES
-from .classify.classification import ClassifiedVolume, classify, unit_length
-from .classify.shading import follows_view, is_shaded, normals, shade
-from .classify.transfer_function import TransferFunction
 from .effects.depth_layers import DepthLayers, depth_layers
 from .effects.mesh_depth import mesh_depth
-from .encode.encode import encode
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
 from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
+from .medium import Medium, medium_steps
 from .scene import Quality, Rendering, RleSplatError, Scene
 from .splat.splat import splat_steps
+from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
-from .view.projection import world_to_camera
 from .view.ray_limits import box_depths, ray_limits
 from .warp.warp import warp
-
-STAGES = ("classify", "shade", "encode", "occlusion", "splat", "warp")
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a long job is: ``fraction`` in [0, 1], and what it is doing, in words for a person."""
-
-    fraction: float
-    message: str
-
-
-class Clock:
-    """Milliseconds spent per stage."""
-
-    def __init__(self):
-        self.started = time.perf_counter()
-        self.stages = dict.fromkeys(STAGES, 0.0)
-
-    @contextmanager
-    def stage(self, name: str):
-        begun = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.stages[name] += 1e3 * (time.perf_counter() - begun)
-
-    def report(self) -> dict:
-        return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
-
-
-@dataclass(frozen=True, eq=False)
-class Medium:
-    """A source of tables: what the splatter needs to know of a volume, however it came to be encoded."""
-
-    shape_xyz: tuple[int, int, int]
-    tables: object  # axis -> RunLengthVolume
-    length_unit: float  # world length in which path lengths are counted
-    most_colour: float
-    visible_voxels: int
 
 
 def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Kept | None = None) -> Rendering:
@@ -102,17 +57,12 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     quality = replace(quality, backend=backend)
     view, planes = _look(scene, quality, refuse_empty_view)
 
-    if isinstance(scene.volume, StoredVolume):
-        medium, classified, shaded = _stored_medium(scene, quality), None, None
-        held: dict[int, RunLengthVolume] = dict(scene.volume.axes)
-    else:
-        yield Progress(0.02, "Classifying")
-        classified, shaded, color_key = classify_and_shade(scene, quality, kept, clock)
-        held = {}
-        medium = _fresh_medium(classified, shaded, color_key, quality, kept, held)
-        yield Progress(0.15, "Encoding")
-    with clock.stage("encode"):
-        encodings = {plane.axis: medium.tables(plane.axis) for plane in planes}
+    job = kept.job()
+    medium = yield from medium_steps(scene, quality, job, clock)
+    encodings: dict[int, RunLengthVolume] = {}
+    for axis in dict.fromkeys(plane.axis for plane in planes):
+        encodings[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
+    held = dict(scene.volume.axes) if isinstance(scene.volume, StoredVolume) else encodings
 
     with clock.stage("occlusion"):
         layers = _mesh_layers(scene, view, quality)
@@ -120,15 +70,16 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
 
     report = {
         "image": {"width": scene.width, "height": scene.height},
-        "volume": _volume_report(scene, medium, classified),
+        "volume": _volume_report(medium),
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
         "plan": _plan_report(quality, planes),
-        "effects": _effects_report(scene, classified, layers, clock, _clipped(scene, view)),
+        "effects": _effects_report(scene, medium.classified, layers, clock, _clipped(scene, view)),
         "error": {"tolerance": None, "predicted": None, "measured": None, "truth": "T1", "probes": 0},
         "threads": thread_count(quality.threads) if backend == "numba" else 1,
-        "remarks": _remarks(scene, medium, classified, backend),
+        "remarks": _remarks(scene, medium, backend),
     }
+    job.keep()
     yield Progress(1.0, "Done")
     return Rendering(rgba, depth, report)
 
@@ -154,99 +105,6 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
     return view, planes
-
-
-def _array_key(*arrays) -> tuple:
-    return tuple(np.ascontiguousarray(array).tobytes() for array in arrays)
-
-
-def classify_and_shade(scene: Scene, quality: Quality, kept: Kept, clock: Clock):
-    """Classified voxels, their shaded colours, and a key that names both."""
-    volume, tf, matrix = scene.volume, scene.transfer_function, scene.index_to_world
-    arguments = dict(backend=quality.backend, threads=quality.threads)
-    key = (volume.key, tf.classification_key, unit_length(volume, matrix), quality.backend)
-    with clock.stage("classify"):
-        classified = kept.get(
-            "classify", key, lambda: classify(volume, tf, matrix, **arguments),
-            lambda c: c.column.nbytes + c.extinction.nbytes + c.opacity.nbytes + c.color.nbytes + c.row_start.nbytes,
-        )
-    to_camera = world_to_camera(scene.camera)
-    headlight = -to_camera[2, :3] if scene.headlight else None
-    with clock.stage("shade"):
-        if not is_shaded(tf.shade, scene.lights, headlight):
-            return classified, classified.color, (key, "unshaded")
-        normals_key = (*key, _array_key(matrix[:3, :3]))
-        directions = kept.get(
-            "normals", normals_key, lambda: normals(classified, volume, matrix, **arguments), lambda n: n.nbytes
-        )
-        eye = np.append(-to_camera[2, :3], 0.0) * -1.0
-        if scene.camera.type == "PERSP":
-            eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
-        lights = tuple(
-            (light.type, light.color, light.energy, light.radius, light.size, light.size_y, light.shape,
-             light.spot_size, light.spot_blend, *_array_key(light.matrix_world)) for light in scene.lights
-        )
-        seen_from = _array_key(eye, headlight if headlight is not None else np.zeros(0))
-        color_key = (
-            normals_key, _array_key(matrix), tuple(asdict(tf.shade).values()), lights,
-            seen_from if follows_view(tf.shade, scene.lights, headlight) else None,
-        )
-        colors = kept.get(
-            "shade", color_key,
-            lambda: shade(
-                classified, directions, matrix, tf.shade, scene.lights, headlight_direction=headlight, eye=eye,
-                **arguments,
-            ),
-            lambda c: c.nbytes,
-        )
-    return classified, colors, color_key
-
-
-def _fresh_medium(classified: ClassifiedVolume, colors, color_key, quality: Quality, kept: Kept, held) -> Medium:
-    """Tables made when an axis is first asked for, and kept."""
-
-    def tables(axis: int) -> RunLengthVolume:
-        encoded = kept.get(
-            "encode", (color_key, quality.model, axis),
-            lambda: encode(
-                classified, colors, axis, quality.model, backend=quality.backend, threads=quality.threads
-            ),
-            lambda e: e.nbytes,
-        )
-        held[axis] = encoded
-        return encoded
-
-    return Medium(
-        classified.shape_xyz, tables, classified.opacity_distance if quality.model == "opacity" else 1.0,
-        float(colors.max(initial=0.0)), classified.visible_voxels,
-    )
-
-
-def _stored_medium(scene: Scene, quality: Quality) -> Medium:
-    """The medium of a `.rle` file, whose classification, colours and model are what they are."""
-    stored: StoredVolume = scene.volume
-    if quality.model != stored.model:
-        raise RleSplatError(
-            f"This .rle file holds the {stored.model} model; render it with --model {stored.model}, or encode it again."
-        )
-
-    def tables(axis: int) -> RunLengthVolume:
-        if axis not in stored.axes:
-            raise RleSplatError(
-                f"This view needs principal axis {AXIS_NAMES[axis]}, which the .rle file does not hold; "
-                "encode the volume again with all three axes."
-            )
-        return stored.axes[axis]
-
-    length = unit_length(stored, scene.index_to_world) / stored.unit_length
-    if stored.model == "opacity":
-        function = TransferFunction.from_json(stored.transfer_function)
-        distance = function.opacity_unit_distance or np.linalg.norm(stored.affine[:3, :3], axis=0).min()
-        length *= distance * stored.unit_length
-    encoded = next(iter(stored.axes.values()))
-    data = encoded.voxel_data
-    most = float((data[:, :3].max(axis=1, initial=0.0) / np.maximum(data[:, 3], 1e-37)).max(initial=0.0))
-    return Medium(stored.shape_xyz, tables, length, most, encoded.visible_voxels)
 
 
 def _clipped(scene: Scene, view: IndexView) -> bool:
@@ -277,6 +135,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
     if layers is not None:
         surfaces = [layers.near, layers.far] if layers.has_silhouettes else [layers.near]
     pictures = []
+    most_color = max((encoded.most_color for encoded in encodings.values()), default=0.0)
     parts = max(len(surfaces) * len(planes), 1)
     for s, surface in enumerate(surfaces):
         images = []
@@ -295,7 +154,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                     break
                 yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, "Splatting")
         with clock.stage("warp"):
-            pictures.append(warp(images, view, quality, medium.most_colour))
+            pictures.append(warp(images, view, quality, most_color))
     rgba, depth = pictures[0]
     if len(pictures) == 2:
         with clock.stage("warp"):
@@ -308,13 +167,13 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
 # --- the report -----------------------------------------------------------------------------------------------
 
 
-def _volume_report(scene: Scene, medium: Medium, classified) -> dict:
+def _volume_report(medium: Medium) -> dict:
     total = int(np.prod([int(n) for n in medium.shape_xyz]))
     return {
         "shape_xyz": [int(n) for n in medium.shape_xyz],
         "visible_voxels": medium.visible_voxels,
         "visible_fraction": medium.visible_voxels / total,
-        "nan_voxels": 0 if classified is None else classified.nan_voxels,
+        "nan_voxels": 0 if medium.classified is None else medium.classified.nan_voxels,
     }
 
 
@@ -366,12 +225,12 @@ def _effects_report(scene: Scene, classified, layers, clock: Clock, clipped: boo
     ]
 
 
-def _remarks(scene: Scene, medium: Medium, classified, backend: str) -> list[str]:
+def _remarks(scene: Scene, medium: Medium, backend: str) -> list[str]:
     remarks = list(scene.volume.remarks)
     if medium.visible_voxels == 0:
         remarks.append("The transfer function makes every voxel transparent, so the picture is empty.")
-    if classified is not None and classified.nan_voxels:
-        remarks.append(f"{classified.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
+    if medium.classified is not None and medium.classified.nan_voxels:
+        remarks.append(f"{medium.classified.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
     if backend == "numpy":
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")

@@ -1,7 +1,8 @@
-"""The two passes of classification, count and fill, parallel over rows (paper 2.1; twins in classification.py).
+"""The passes of classification, parallel over rows (paper 2.1; twins in visible.py and classification.py).
 
-Throughout: ``rows`` (nz * ny, nx) stored values; ``row_start`` (nz * ny + 1,) int64; ``column`` (m,), x of each
-visible voxel; ``extinction`` (m,) float32 in 1 / world length; ``opacity`` (m,) float32; ``color`` (m, 3) float32.
+Throughout: ``rows`` (planes * ny, nx) stored values of some planes; ``relevant`` (blocks along z, y, x) uint8, which
+blocks may hold a visible voxel; ``row_start`` (rows + 1,) int64 places in the lists; ``column`` (m,), x of each visible
+voxel; ``stored`` (m,), its value.
 """
 
 from __future__ import annotations
@@ -9,36 +10,53 @@ from __future__ import annotations
 import numpy as np
 
 from ..jit import kernel, prange
+from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z
 from .points import LARGEST, height_at, piece_of
 
 
 @kernel(parallel=True)
-def count_by_table(rows, visible, counts):
-    """``rows`` as unsigned bit patterns index ``visible`` (256 or 65536,) bool; writes ``counts`` per row."""
+def count_by_table(rows, n_y, relevant, visible, counts, pieces):
+    """``rows`` as unsigned bit patterns index ``visible`` (256 or 65536,) uint8; writes the visible voxels of each
+    row and the number of connected pieces they come in."""
+    width = rows.shape[1]
     for row in prange(rows.shape[0]):
+        z, y = row // n_y, row % n_y
         count = 0
-        for x in range(rows.shape[1]):
-            count += visible[rows[row, x]]
+        piece = 0
+        for b in range(relevant.shape[2]):
+            if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
+                continue
+            first = b * BLOCK_X
+            before = visible[rows[row, first - 1]] if first > 0 else np.uint8(0)
+            for x in range(first, min(first + BLOCK_X, width)):
+                seen = visible[rows[row, x]]
+                count += seen
+                piece += seen & (before ^ 1)
+                before = seen
         counts[row] = count
+        pieces[row] = piece
 
 
 @kernel(parallel=True)
-def fill_by_table(rows, visible, records, row_start, column, extinction, opacity, color):
-    """``records`` (256 or 65536, 5) float32: extinction, opacity, red, green, blue per bit pattern."""
+def fill_by_table(rows, n_y, relevant, visible, row_start, column, stored):
+    """Writes ``column`` and ``stored``; see ``count_by_table``."""
+    width = rows.shape[1]
     for row in prange(rows.shape[0]):
-        at = row_start[row]
-        if row_start[row + 1] == at:
-            continue
-        for x in range(rows.shape[1]):
-            pattern = rows[row, x]
-            if visible[pattern]:
+        at, end = row_start[row], row_start[row + 1]
+        z, y = row // n_y, row % n_y
+        for b in range(relevant.shape[2]):
+            if at == end:
+                break
+            if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
+                continue
+            for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, width)):
+                if at == end:
+                    break
+                # Written whether visible or not, kept by moving on: no branch to mispredict.
+                pattern = rows[row, x]
                 column[at] = x
-                extinction[at] = records[pattern, 0]
-                opacity[at] = records[pattern, 1]
-                color[at, 0] = records[pattern, 2]
-                color[at, 1] = records[pattern, 3]
-                color[at, 2] = records[pattern, 4]
-                at += 1
+                stored[at] = pattern
+                at += visible[pattern]
 
 
 @kernel(exact=True, inline="always")
@@ -62,41 +80,60 @@ def _is_shown(value, intervals):
 
 
 @kernel(parallel=True, exact=True)
-def count_by_points(rows, slope, intercept, intervals, counts, nan_counts):
-    """Visible voxels and NaN voxels of each row; ``intervals`` (k, 2) physical values with an opacity above 0."""
+def count_by_points(rows, n_y, relevant, slope, intercept, intervals, counts, pieces):
+    """As ``count_by_table``; ``intervals`` (k, 2): the physical values with an opacity above 0."""
+    width = rows.shape[1]
     for row in prange(rows.shape[0]):
+        z, y = row // n_y, row % n_y
         count = 0
-        nans = 0
-        for x in range(rows.shape[1]):
-            value = _physical(rows[row, x], slope, intercept)
-            if _is_shown(value, intervals):
-                count += 1
-            elif value != value:
-                nans += 1
+        piece = 0
+        end = -1  # one past the last visible voxel
+        for b in range(relevant.shape[2]):
+            if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
+                continue
+            for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, width)):
+                if _is_shown(_physical(rows[row, x], slope, intercept), intervals):
+                    count += 1
+                    piece += x != end
+                    end = x + 1
         counts[row] = count
-        nan_counts[row] = nans
+        pieces[row] = piece
 
 
 @kernel(parallel=True, exact=True)
-def fill_by_points(
-    rows, slope, intercept, intervals, opacity_values, opacity_heights, opacity_rates,
-    color_values, color_heights, color_rates, alpha_cap, distance, row_start, column, extinction, opacity, color,
-):
-    """Points as in ``points.Pieces``; ``distance``: world length that opacity refers to."""
+def fill_by_points(rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored):
+    """Writes ``column`` and ``stored``; see ``count_by_points``."""
+    width = rows.shape[1]
     for row in prange(rows.shape[0]):
         at = row_start[row]
         if row_start[row + 1] == at:
             continue
-        for x in range(rows.shape[1]):
-            value = _physical(rows[row, x], slope, intercept)
-            if not _is_shown(value, intervals):
+        z, y = row // n_y, row % n_y
+        for b in range(relevant.shape[2]):
+            if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
                 continue
-            piece = piece_of(opacity_values, value)
-            alpha = height_at(opacity_heights, opacity_rates, opacity_values, piece, value, 0)
-            column[at] = x
-            opacity[at] = alpha
-            extinction[at] = -np.log1p(-min(alpha, alpha_cap)) / distance
-            piece = piece_of(color_values, value)
-            for channel in range(3):
-                color[at, channel] = height_at(color_heights, color_rates, color_values, piece, value, channel)
-            at += 1
+            for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, width)):
+                if _is_shown(_physical(rows[row, x], slope, intercept), intervals):
+                    column[at] = x
+                    stored[at] = rows[row, x]
+                    at += 1
+
+
+@kernel(parallel=True, exact=True)
+def looks_by_points(
+    stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights, color_rates,
+    alpha_cap, distance, looks,
+):
+    """``looks`` (m, 5) float32 of (m,) stored values: extinction in 1 / world length, opacity, red, green, blue.
+
+    Points as in ``points.Pieces``; ``distance``: world length that opacity refers to.
+    """
+    for i in prange(stored.size):
+        value = _physical(stored[i], slope, intercept)
+        piece = piece_of(opacity_values, value)
+        alpha = height_at(opacity_heights, opacity_rates, opacity_values, piece, value, 0)
+        looks[i, 0] = -np.log1p(-min(alpha, alpha_cap)) / distance
+        looks[i, 1] = alpha
+        piece = piece_of(color_values, value)
+        for channel in range(3):
+            looks[i, 2 + channel] = height_at(color_heights, color_rates, color_values, piece, value, channel)

@@ -1,7 +1,8 @@
 """Run-length encoding of a classified, shaded volume along one principal axis (paper 2.2, algorithm.md 1.1).
 
-Two passes: count runs and voxels per scanline, then write each scanline at the place the counts give it.  The
-result does not depend on the number of threads.
+In two halves: the tables that say where voxels are, and the voxel records that go with them.  The second half takes
+some planes of the volume at a time, so that shaded colours never exist for all voxels at once, and is all that a
+change of light redoes.  The result does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -9,16 +10,21 @@ from __future__ import annotations
 import numpy as np
 
 from ..axes import AXES
+from ..classify.visible import VisibleVoxels
 from ..jit import compiled, parallel_call, read_only
 from ..scene import MODELS, RleSplatError
+from ..steps import drain
 from . import encode_kernels as passes
 from .tables import (
     RunLengthVolume,
+    RunTables,
     data_pointers_from_scanlines,
     pointers_from_counts,
     run_type,
     scanline_pointers_from_counts,
 )
+
+VOXELS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two chances to cancel, some 50 ms
 
 
 def encode(
@@ -29,77 +35,139 @@ def encode(
     ``colors``: (m, 3) float32, the shaded colour of each of its voxels, unassociated.
     ``model``: "extinction" stores (extinction * RGB, extinction), "opacity" (alpha * RGB, alpha).
     """
-    if axis not in AXES:
-        raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
     if model not in MODELS:
         raise RleSplatError(f"There is no model called {model!r}; choose {' or '.join(MODELS)}.")
     density = classified.extinction if model == "extinction" else classified.opacity
-    colors = read_only(np.ascontiguousarray(colors, dtype=np.float32))
+    colors = np.asarray(colors, dtype=np.float32)
     if colors.shape != (len(density), 3):
         raise RleSplatError(f"There must be one RGB colour per visible voxel, {len(density)}, not {colors.shape}.")
+
+    def write(first, last, records):
+        records[:, 3] = density[first:last]
+        records[:, :3] = records[:, 3:] * colors[first:last]
+        return float(colors[first:last].max(initial=0.0))
+
+    tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
+    return drain(record_steps(tables, classified.voxels, write, model, backend=backend, threads=threads))
+
+
+def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
+    """Where the visible voxels are, for principal ``axis``."""
+    if axis not in AXES:
+        raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
     if not compiled(backend):
-        tables = _encode_numpy(classified, density, colors, axis)
+        tables = _tables_numpy(voxels, axis)
     elif axis == 0:
-        tables = _encode_across(classified, density, colors, threads)
+        tables = _tables_across(voxels, threads)
     else:
-        tables = _encode_rows(classified, density, colors, axis, threads)
-    return RunLengthVolume(axis, classified.shape_xyz, model, *tables)
+        tables = _tables_of_rows(voxels, axis, threads)
+    return RunTables(axis, voxels.shape_xyz, *tables)
 
 
-def _encode_rows(classified, density, colors, axis, threads):
-    """Principal y or z: a scanline is a row of the classified volume, so whole rows are copied."""
-    nx, ny, nz = classified.shape_xyz
+def record_steps(
+    tables: RunTables, voxels: VisibleVoxels, write, model: str, *, backend: str = "auto", threads: int = 0
+):
+    """Generator: yields the fraction done; returns the RunLengthVolume of ``tables`` with its voxel records.
+
+    ``write(first, last, records)`` puts the records of voxels [first, last), counted as in ``voxels``, into
+    (last - first, 4) float32, and returns the largest channel of their colours.
+    """
+    _, ny, nz = voxels.shape_xyz
+    voxel_data = np.empty((tables.n_voxels, 4), np.float32)
+    scratch = np.empty((0, 4), np.float32)
+    most_color = 0.0
+    for first_plane, last_plane in _slabs(voxels.row_start[::ny]):
+        yield first_plane / nz
+        starts = voxels.row_start[first_plane * ny : last_plane * ny + 1]
+        first, last = int(starts[0]), int(starts[-1])
+        if tables.axis == 2:  # the voxels' own order
+            most_color = max(most_color, write(first, last, voxel_data[first:last]))
+            continue
+        if len(scratch) < last - first:
+            scratch = np.empty((last - first, 4), np.float32)
+        records = scratch[: last - first]
+        most_color = max(most_color, write(first, last, records))
+        data_starts = np.ascontiguousarray(tables.scanline_data_pointers[:, first_plane:last_plane].T)
+        _place(tables.axis, starts, voxels.column[first:last], data_starts, records, voxel_data, backend, threads)
+    return tables.with_voxels(model, voxel_data, most_color)
+
+
+def _slabs(plane_start):
+    """(first, last) plane of pieces of about VOXELS_AT_ONCE visible voxels; ``plane_start`` (nz + 1,)."""
+    first = 0
+    while first < len(plane_start) - 1:
+        last = int(np.searchsorted(plane_start, plane_start[first] + VOXELS_AT_ONCE, side="right")) - 1
+        last = min(max(last, first + 1), len(plane_start) - 1)
+        yield first, last
+        first = last
+
+
+def _place(axis, row_start, column, data_starts, records, voxel_data, backend, threads):
+    """Copy the records of some planes to the scanlines of the tables; ``data_starts`` (planes, rows or columns)."""
+    n_rows = (len(row_start) - 1) // len(data_starts)
+    if not compiled(backend):
+        row = np.repeat(np.arange(len(row_start) - 1), np.diff(row_start))
+        if axis == 1:
+            line = row
+        else:
+            line = (row // n_rows) * data_starts.shape[1] + column
+        order = np.argsort(line, kind="stable")
+        line = line[order]
+        in_line = np.arange(len(line)) - np.searchsorted(line, line, side="left")
+        voxel_data[data_starts.reshape(-1)[line] + in_line] = records[order]
+        return
+    with parallel_call(threads):
+        if axis == 1:
+            passes.place_rows(row_start, data_starts.reshape(-1), records, voxel_data)
+        else:
+            passes.place_across(row_start, read_only(column), n_rows, data_starts, records, voxel_data)
+
+
+def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
+    """Principal y or z: a scanline is a row of the visible voxels."""
+    nx, ny, nz = voxels.shape_xyz
     # Row z * ny + y belongs to slice z, scanline y for principal z; to slice y, scanline z for principal y.
     rows = np.arange(nz * ny, dtype=np.int64).reshape(nz, ny)
-    rows = np.ascontiguousarray(rows if axis == 2 else rows.T)
-    voxel_counts = np.diff(classified.row_start)[rows]
-    run_counts = np.empty(rows.shape, dtype=np.int64)
+    rows = rows if axis == 2 else np.ascontiguousarray(rows.T)
+    starts, ends = voxels.row_start[:-1], voxels.row_start[1:]
+    last = np.zeros(len(starts), np.int64)  # one past the last visible voxel of each row
+    seen = ends > starts
+    last[seen] = voxels.column[ends[seen] - 1].astype(np.int64) + 1
+    run_counts = 2 * voxels.row_pieces.astype(np.int64) + (seen & (last < nx))
+    scanline_pointers, n_runs = scanline_pointers_from_counts(run_counts[rows])
+    scanline_data_pointers, n_voxels = pointers_from_counts((ends - starts)[rows])
+    runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
     with parallel_call(threads):
-        passes.count_row_runs(rows, classified.row_start, classified.column, nx, run_counts)
-        scanline_pointers, n_runs = scanline_pointers_from_counts(run_counts)
-        scanline_data_pointers, n_voxels = pointers_from_counts(voxel_counts)
-        runs = np.empty(n_runs, dtype=run_type(classified.shape_xyz))
-        voxel_data = np.empty((n_voxels, 4), dtype=np.float32)
-        passes.fill_rows(
-            rows, classified.row_start, classified.column, density, colors, nx,
-            scanline_pointers, scanline_data_pointers, runs, voxel_data,
-        )
+        passes.fill_row_runs(rows, voxels.row_start, voxels.column, nx, scanline_pointers, runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
-    return scanline_pointers, data_pointers, runs, voxel_data, scanline_data_pointers
+    return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
 
-def _encode_across(classified, density, colors, threads):
-    """Principal x: scanlines run along y, so each plane z scatters its voxels to nx scanlines at once."""
-    nx, ny, nz = classified.shape_xyz
+def _tables_across(voxels: VisibleVoxels, threads):
+    """Principal x: scanlines run along y, so each plane z crosses nx of them at once."""
+    nx, ny, nz = voxels.shape_xyz
     run_counts, voxel_counts = np.zeros((2, nz, nx), dtype=np.int64)
     with parallel_call(threads):
-        passes.count_across(classified.row_start, classified.column, ny, run_counts, voxel_counts)
+        passes.count_across(voxels.row_start, voxels.column, ny, run_counts, voxel_counts)
         scanline_pointers, n_runs = scanline_pointers_from_counts(np.ascontiguousarray(run_counts.T))
         scanline_data_pointers, n_voxels = pointers_from_counts(np.ascontiguousarray(voxel_counts.T))
-        runs = np.empty(n_runs, dtype=run_type(classified.shape_xyz))
-        voxel_data = np.empty((n_voxels, 4), dtype=np.float32)
-        passes.fill_across(
-            classified.row_start, classified.column, density, colors, ny,
-            np.array(scanline_pointers.T, dtype=np.int64, order="C"),
-            np.array(scanline_data_pointers.T, order="C"), runs, voxel_data,
-        )
+        runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
+        cursors = np.array(scanline_pointers.T, dtype=np.int64, order="C")
+        passes.fill_across_runs(voxels.row_start, voxels.column, ny, cursors, runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
-    return scanline_pointers, data_pointers, runs, voxel_data, scanline_data_pointers
+    return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
 
-def _encode_numpy(classified, density, colors, axis):
+def _tables_numpy(voxels: VisibleVoxels, axis):
     """Twin of all the passes: sort the voxels by scanline, then find where runs begin."""
-    _, ny, nz = classified.shape_xyz
-    row = np.repeat(np.arange(nz * ny, dtype=np.int64), np.diff(classified.row_start))
-    x, y, z = classified.column.astype(np.int64), row % ny, row // ny
+    _, ny, nz = voxels.shape_xyz
+    row = np.repeat(np.arange(nz * ny, dtype=np.int64), np.diff(voxels.row_start))
+    x, y, z = voxels.column.astype(np.int64), row % ny, row // ny
     along, across, principal = (np.array((x, y, z))[list(AXES[axis])])
-    width, n_scanlines, n_slices = (classified.shape_xyz[i] for i in AXES[axis])
+    width, n_scanlines, n_slices = (voxels.shape_xyz[i] for i in AXES[axis])
     scanline = principal * n_scanlines + across
     order = np.argsort(scanline, kind="stable")  # keeps y, and x, ascending within a scanline
     scanline, position = scanline[order], along[order]
-    voxel_data = np.empty((len(order), 4), dtype=np.float32)
-    voxel_data[:, 3] = density[order]
-    voxel_data[:, :3] = voxel_data[:, 3:] * colors[order]
     voxel_counts = np.bincount(scanline, minlength=n_slices * n_scanlines).reshape(n_slices, n_scanlines)
     scanline_data_pointers, n_voxels = pointers_from_counts(voxel_counts)
 
@@ -117,10 +185,10 @@ def _encode_numpy(classified, density, colors, axis):
     run_counts = 2 * pairs
     run_counts[line[closes]] += tail > 0
     scanline_pointers, n_runs = scanline_pointers_from_counts(run_counts.reshape(n_slices, n_scanlines))
-    runs = np.empty(n_runs, dtype=run_type(classified.shape_xyz))
+    runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
     pair_of_line = np.arange(len(first)) - np.flatnonzero(opens)[np.cumsum(opens) - 1]
     at = scanline_pointers.reshape(-1)[line] + 2 * pair_of_line
     runs[at], runs[at + 1] = start - previous_end, length
     runs[at[closes][tail > 0] + 2] = tail[tail > 0]
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
-    return scanline_pointers, data_pointers, runs, voxel_data, scanline_data_pointers
+    return scanline_pointers, data_pointers, runs, scanline_data_pointers

@@ -1,7 +1,7 @@
-"""The passes of the encoder, parallel over scanlines or planes (algorithm.md 1.1; twin in encode.py).
+"""The passes of the encoder, parallel over scanlines or planes (algorithm.md 1.1; twins in encode.py).
 
-Throughout: ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,) are the classified volume's; ``density`` (m,)
-and ``colors`` (m, 3) float32; ``runs`` and ``voxel_data`` as in ``tables.RunLengthVolume``.
+Throughout: ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,) are the visible voxels'; ``runs`` as in
+``tables.RunLengthVolume``.
 """
 
 from __future__ import annotations
@@ -12,28 +12,8 @@ from ..jit import kernel, prange
 
 
 @kernel(parallel=True)
-def count_row_runs(rows, row_start, column, width, run_counts):
-    """``rows`` (n_slices, n_scanlines) int64: the classified row of each scanline; writes ``run_counts`` (same)."""
-    n_scanlines = rows.shape[1]
-    for line in prange(rows.size):
-        row = rows[line // n_scanlines, line % n_scanlines]
-        count = 0
-        end = np.int64(-1)  # one past the last voxel seen; -1 before the first
-        for i in range(row_start[row], row_start[row + 1]):
-            x = np.int64(column[i])
-            if x != end:
-                count += 2
-            end = x + 1
-        if count > 0 and end < width:
-            count += 1
-        run_counts[line // n_scanlines, line % n_scanlines] = count
-
-
-@kernel(parallel=True)
-def fill_rows(
-    rows, row_start, column, density, colors, width, scanline_pointers, scanline_data_pointers, runs, voxel_data
-):
-    """Writes the runs and voxel records of each scanline at its pointers (both (n_slices, n_scanlines))."""
+def fill_row_runs(rows, row_start, column, width, scanline_pointers, runs):
+    """Writes the runs of each scanline that is a row; ``rows`` (n_slices, n_scanlines) int64: which row."""
     n_scanlines = rows.shape[1]
     for line in prange(rows.size):
         k, j = line // n_scanlines, line % n_scanlines
@@ -41,7 +21,6 @@ def fill_rows(
             continue
         row = rows[k, j]
         run = np.int64(scanline_pointers[k, j]) - 1
-        at = scanline_data_pointers[k, j]
         start = np.int64(0)  # first voxel of the current non-transparent run
         end = np.int64(0)
         for i in range(row_start[row], row_start[row + 1]):
@@ -53,12 +32,6 @@ def fill_rows(
                 run += 2
                 start = x
             end = x + 1
-            thickness = density[i]
-            voxel_data[at, 0] = thickness * colors[i, 0]
-            voxel_data[at, 1] = thickness * colors[i, 1]
-            voxel_data[at, 2] = thickness * colors[i, 2]
-            voxel_data[at, 3] = thickness
-            at += 1
         runs[run] = end - start
         if end < width:
             runs[run + 1] = width - end
@@ -82,11 +55,11 @@ def count_across(row_start, column, n_rows, run_counts, voxel_counts):
 
 
 @kernel(parallel=True)
-def fill_across(row_start, column, density, colors, n_rows, run_cursors, data_cursors, runs, voxel_data):
-    """Scatters each plane z to its nx scanlines along y.
+def fill_across_runs(row_start, column, n_rows, run_cursors, runs):
+    """Writes the runs of the nx scanlines along y that each plane z crosses.
 
-    ``run_cursors`` and ``data_cursors`` (nz, nx) int64 hold where each scanline starts (-1 when transparent) and
-    are moved along while it is written.
+    ``run_cursors`` (nz, nx) int64 hold where each scanline starts (-1 when transparent) and are moved along while it
+    is written.
     """
     n_columns = run_cursors.shape[1]
     for z in prange(run_cursors.shape[0]):
@@ -105,13 +78,39 @@ def fill_across(row_start, column, density, colors, n_rows, run_cursors, data_cu
                         run_cursors[z, x] += 2
                     runs[run_cursors[z, x]] = 1
                 end[x] = y + 1
-                at = data_cursors[z, x]
-                data_cursors[z, x] = at + 1
-                thickness = density[i]
-                voxel_data[at, 0] = thickness * colors[i, 0]
-                voxel_data[at, 1] = thickness * colors[i, 1]
-                voxel_data[at, 2] = thickness * colors[i, 2]
-                voxel_data[at, 3] = thickness
         for x in range(n_columns):
             if 0 < end[x] < n_rows:
                 runs[run_cursors[z, x] + 1] = n_rows - end[x]
+
+
+@kernel(parallel=True)
+def place_rows(row_start, data_starts, words, voxel_words):
+    """Copies voxel records to where their scanlines begin, each scanline a row.
+
+    ``row_start``: of these rows, and of one more; ``data_starts`` (rows,) int64; ``words`` (n, w): the records of
+    these rows as words; ``voxel_words`` (m, w): all records in the order of the tables.
+    """
+    first = row_start[0]
+    for row in prange(data_starts.size):
+        count = row_start[row + 1] - row_start[row]
+        if count > 0:
+            source = words[row_start[row] - first : row_start[row + 1] - first]
+            target = voxel_words[data_starts[row] : data_starts[row] + count]
+            for i in range(count):
+                for w in range(words.shape[1]):
+                    target[i, w] = source[i, w]
+
+
+@kernel(parallel=True)
+def place_across(row_start, column, n_rows, data_starts, words, voxel_words):
+    """Copies voxel records to scanlines along y.  ``column``: of these rows' voxels; ``data_starts`` (planes, nx)
+    int64; the others as in ``place_rows``."""
+    first = row_start[0]
+    for z in prange(data_starts.shape[0]):
+        cursors = data_starts[z].copy()
+        for i in range(row_start[z * n_rows] - first, row_start[(z + 1) * n_rows] - first):
+            x = np.int64(column[i])
+            at = cursors[x]
+            cursors[x] = at + 1
+            for w in range(words.shape[1]):
+                voxel_words[at, w] = words[i, w]

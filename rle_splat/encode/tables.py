@@ -3,12 +3,48 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..axes import AXES
 
+CHUNK = 1 << 18  # voxels looked at together, so that no second copy of all of them is made
+LEAST_DENSITY = 1e-37  # keeps 0 / 0 out of colour = associated colour / density
 TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's four, in its order
+
+
+@dataclass(frozen=True, eq=False)
+class RunTables:
+    """Where the non-transparent voxels are, for one principal axis: a RunLengthVolume without its voxel data.
+
+    It depends on what a transfer function shows, not on how, nor on lights.
+    """
+
+    axis: int
+    shape_xyz: tuple[int, int, int]
+    scanline_pointers: np.ndarray
+    data_pointers: np.ndarray
+    runs: np.ndarray
+    scanline_data_pointers: np.ndarray
+
+    @property
+    def n_voxels(self) -> int:
+        return int(self.data_pointers[-1])
+
+    @property
+    def nbytes(self) -> int:
+        return (
+            self.scanline_pointers.nbytes + self.data_pointers.nbytes + self.runs.nbytes
+            + self.scanline_data_pointers.nbytes
+        )
+
+    def with_voxels(self, model: str, voxel_data, most_color: float) -> RunLengthVolume:
+        """The whole set, with (m, 4) records in the order of the tables."""
+        return RunLengthVolume(
+            self.axis, self.shape_xyz, model, self.scanline_pointers, self.data_pointers, self.runs, voxel_data,
+            self.scanline_data_pointers, most_color,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +62,7 @@ class RunLengthVolume:
     (alpha * RGB, alpha) per opacity unit distance; non-transparent voxels only.
     ``scanline_data_pointers``: (n_slices, n_scanlines) int64, index into ``voxel_data`` of a scanline's first
     voxel.  Derived: it lets image bands start at any scanline, and is never stored.
+    ``given_most_color``: the largest channel of any unassociated colour, where whoever made the tables knows it.
     """
 
     axis: int
@@ -36,6 +73,7 @@ class RunLengthVolume:
     runs: np.ndarray
     voxel_data: np.ndarray
     scanline_data_pointers: np.ndarray
+    given_most_color: float | None = None
 
     def __post_init__(self):
         for name in (*TABLES, "scanline_data_pointers"):
@@ -57,6 +95,17 @@ class RunLengthVolume:
     @property
     def visible_voxels(self) -> int:
         return len(self.voxel_data)
+
+    @cached_property
+    def most_color(self) -> float:
+        """The largest channel of any voxel's unassociated colour."""
+        if self.given_most_color is not None:
+            return self.given_most_color
+        most = 0.0
+        for first in range(0, len(self.voxel_data), CHUNK):
+            data = self.voxel_data[first : first + CHUNK]
+            most = max(most, float((data[:, :3].max(axis=1) / np.maximum(data[:, 3], LEAST_DENSITY)).max()))
+        return most
 
     @property
     def table_bytes(self) -> dict[str, int]:

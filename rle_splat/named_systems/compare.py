@@ -6,8 +6,8 @@ import time
 
 from ..accuracy.metrics import difference
 from ..jit import thread_count
-from ..render import Progress
 from ..scene import Quality, RleSplatError, Scene
+from ..steps import Progress
 from .judge import probe_truth
 from .medium import Medium, scene_medium
 from .system import System

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..classify.classification import ClassifiedVolume, classify, row_offsets
+from ..classify.classification import ClassifiedVolume, classify
 from ..classify.points import LARGEST, pieces, positive_intervals
+from ..classify.visible import row_offsets
 from ..encode.encode import encode
 from ..scene import Quality
 from ..volume.volume import Volume
@@ -102,7 +103,7 @@ def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index
     place = np.concatenate([k * (ny * nx) + places for k, places in enumerate(shown)])[seen[kept]]
     per_row = np.bincount(place // nx, minlength=nz * ny)
     lists = (found.extinction[kept], found.opacity[kept], found.color[kept])
-    return ClassifiedVolume(
+    return ClassifiedVolume.from_lists(
         (nx, ny, nz), row_offsets(per_row), (place % nx).astype(np.uint16 if nx <= 65536 else np.int32), *lists,
         int(nz * ny * nx - index.numbers.sum()), found.unit_length, found.opacity_distance,
     )

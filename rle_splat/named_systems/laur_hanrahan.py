@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from ..classify.classification import ClassifiedVolume, row_offsets
+from ..classify.classification import ClassifiedVolume
+from ..classify.visible import row_offsets
 from ..encode.encode import encode
 from ..jit import kernel, parallel_call, prange, read_only
 from ..render import render
@@ -151,7 +152,7 @@ def classified_nodes(means: np.ndarray, finest: ClassifiedVolume) -> tuple[Class
     column = np.nonzero(seen)[2].astype(np.uint16 if nx <= 65536 else np.int32)
     extinction = np.ascontiguousarray(records[:, 3])
     opacity = -np.expm1(-extinction * np.float32(finest.opacity_distance))
-    classified = ClassifiedVolume(
+    classified = ClassifiedVolume.from_lists(
         (nx, ny, nz), row_offsets(seen.sum(axis=2).ravel()), column, extinction, opacity, colors, 0,
         finest.unit_length, finest.opacity_distance,
     )

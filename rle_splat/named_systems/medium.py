@@ -10,9 +10,9 @@ import numpy as np
 
 from ..classify.classification import ClassifiedVolume
 from ..encode.store import StoredVolume
-from ..kept import Kept
-from ..render import Clock, classify_and_shade
+from ..medium import classify_and_shade
 from ..scene import Quality, RleSplatError, Scene
+from ..steps import Clock
 from ..view.eye import IndexView, index_view
 from ..view.principal_axis import dominant_axis
 from ..view.ray_limits import box_depths
@@ -88,7 +88,7 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()
-    classified, colors, _ = classify_and_shade(scene, quality, Kept(0), clock)
+    classified, colors = classify_and_shade(scene, quality, clock)
     return Medium(scene, classified, colors, {name: clock.stages[name] for name in ("classify", "shade")})
 
 

@@ -17,6 +17,7 @@ from ..jit import compiled, kernel, parallel_call, prange, read_only
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
+SMOOTHING = 16.0  # sum of the smoothing weights; the span of a difference is 2, or 1 at a face
 CHUNK = 1 << 18  # voxels that the numpy twin works on at once
 
 
@@ -39,7 +40,11 @@ def unit_normals(
     normals = np.empty((len(column), 3), dtype=np.float32)
     if compiled(backend):
         with parallel_call(threads):
-            (_sobel if is_integer else _central)(voxels, row_start, column, covector, floor, normals)
+            if is_integer:
+                sum_type = np.empty(0, np.int32 if voxels.dtype.itemsize <= 2 else np.int64)
+                _sobel(voxels, row_start, column, covector, floor, sum_type, normals)
+            else:
+                _central(voxels, row_start, column, covector, floor, normals)
     else:
         _normals_numpy(voxels, row_start, column, covector, floor, is_integer, normals)
     return normals
@@ -55,36 +60,50 @@ def _write_normal(gx, gy, gz, floor, covector, normals, i):
         wz = covector[2, 0] * gx + covector[2, 1] * gy + covector[2, 2] * gz
         length = np.sqrt(wx * wx + wy * wy + wz * wz)
         if 0.0 < length < np.inf:
-            nx, ny, nz = wx / length, wy / length, wz / length
+            scale = 1.0 / length
+            nx, ny, nz = wx * scale, wy * scale, wz * scale
     normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
 
 
 @kernel(parallel=True)
-def _sobel(voxels, row_start, column, covector, floor, normals):
-    """Integer ``voxels`` (nz, ny, nx); ``covector`` (3, 3); writes ``normals`` (m, 3) float32, unit, world."""
+def _sobel(voxels, row_start, column, covector, floor, sum_type, normals):
+    """Integer ``voxels`` (nz, ny, nx); ``covector`` (3, 3); ``sum_type``: an array of the type that holds 16 times
+    any voxel exactly; writes ``normals`` (m, 3) float32, unit, world.
+
+    Along a row the sums over the 3 x 3 voxels across it are formed once for the span of its visible voxels, in long
+    SIMD loops; a voxel then takes three of them.
+    """
     n_z, n_y, n_x = voxels.shape
     for row in prange(n_z * n_y):
-        if row_start[row] == row_start[row + 1]:
+        begin, end = row_start[row], row_start[row + 1]
+        if begin == end:
             continue
         z, y = row // n_y, row % n_y
-        for i in range(row_start[row], row_start[row + 1]):
+        z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
+        first = max(np.int64(column[begin]) - 1, 0)
+        count = min(np.int64(column[end - 1]) + 1, n_x - 1) + 1 - first
+        # Smoothed over y and z; difference along y, smoothed over z; difference along z, smoothed over y.
+        smooth = np.empty(count, sum_type.dtype)
+        along_y = np.empty(count, sum_type.dtype)
+        along_z = np.empty(count, sum_type.dtype)
+        one = smooth.dtype.type  # arithmetic stays in this type: with plain integers it would be twice as wide
+        two, four = one(2), one(4)
+        for i in range(count):
+            x = first + i
+            nw, nn, ne = one(voxels[z0, y0, x]), one(voxels[z0, y, x]), one(voxels[z0, y1, x])
+            ww, here, ee = one(voxels[z, y0, x]), one(voxels[z, y, x]), one(voxels[z, y1, x])
+            sw, ss, se = one(voxels[z1, y0, x]), one(voxels[z1, y, x]), one(voxels[z1, y1, x])
+            smooth[i] = nw + ne + sw + se + two * (nn + ww + ee + ss) + four * here
+            along_y[i] = ne + se - nw - sw + two * (ee - ww)
+            along_z[i] = sw + se - nw - ne + two * (ss - nn)
+        scale_y, scale_z = 1.0 / (SMOOTHING * max(y1 - y0, 1)), 1.0 / (SMOOTHING * max(z1 - z0, 1))
+        for i in range(begin, end):
             x = np.int64(column[i])
-            gx = gy = gz = 0.0
-            for c in range(-1, 2):
-                zc = min(max(z + c, 0), n_z - 1)
-                for b in range(-1, 2):
-                    yb = min(max(y + b, 0), n_y - 1)
-                    before = np.float64(voxels[zc, yb, max(x - 1, 0)])
-                    middle = np.float64(voxels[zc, yb, x])
-                    after = np.float64(voxels[zc, yb, min(x + 1, n_x - 1)])
-                    across = before + 2.0 * middle + after
-                    gx += (2 - abs(b)) * (2 - abs(c)) * (after - before)
-                    gy += b * (2 - abs(c)) * across
-                    gz += c * (2 - abs(b)) * across
-            # Sixteen is the sum of the smoothing weights; the span is 2, or 1 at a face.
-            gx /= 16.0 * max(min(x + 1, n_x - 1) - max(x - 1, 0), 1)
-            gy /= 16.0 * max(min(y + 1, n_y - 1) - max(y - 1, 0), 1)
-            gz /= 16.0 * max(min(z + 1, n_z - 1) - max(z - 1, 0), 1)
+            x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
+            b, h, a = x0 - first, x - first, x1 - first
+            gx = np.float64(smooth[a] - smooth[b]) * (1.0 / (2 * SMOOTHING) if x1 - x0 == 2 else 1.0 / SMOOTHING)
+            gy = np.float64(along_y[b] + two * along_y[h] + along_y[a]) * scale_y
+            gz = np.float64(along_z[b] + two * along_z[h] + along_z[a]) * scale_z
             _write_normal(gx, gy, gz, floor, covector, normals, i)
 
 
@@ -165,5 +184,5 @@ def _sobel_numpy(voxels, place):
                 wa, wb, wc = 2 - abs(a), 2 - abs(b), 2 - abs(c)
                 gradient += value[:, None] * (a * wb * wc, b * wa * wc, c * wa * wb)
     for axis, component in ((2, 0), (1, 1), (0, 2)):
-        gradient[:, component] /= 16.0 * steps[axis][2]
+        gradient[:, component] /= SMOOTHING * steps[axis][2]
     return gradient, 1.0

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rle_splat.classify.classification import classify, row_offsets
+from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.visible import row_offsets
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import Volume
 

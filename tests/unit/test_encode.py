@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from rle_splat.axes import AXES
-from rle_splat.classify.classification import ClassifiedVolume, row_offsets
+from rle_splat.classify.classification import ClassifiedVolume
+from rle_splat.classify.visible import row_offsets
 from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import encode
 from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from_counts
@@ -21,7 +22,7 @@ def classified_from(mask, seed=0):
     rng = np.random.default_rng(seed)
     nz, ny, nx = mask.shape
     count = int(mask.sum())
-    return ClassifiedVolume(
+    return ClassifiedVolume.from_lists(
         shape_xyz=(nx, ny, nz), row_start=row_offsets(mask.reshape(nz * ny, nx).sum(axis=1)),
         column=np.nonzero(mask)[2].astype(np.uint16 if nx <= 65536 else np.int32),
         extinction=rng.random(count, dtype=np.float32) * 3 + np.float32(2.0**-149),

@@ -8,7 +8,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from rle_splat.classify.classification import ClassifiedVolume, row_offsets
+from rle_splat.classify.classification import ClassifiedVolume
+from rle_splat.classify.visible import row_offsets
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.tables import TABLES
@@ -21,7 +22,7 @@ def encoded(axis=2, density=0.4, shape=(5, 4, 6)):
     mask = rng.random(shape) < density
     nz, ny, nx = shape
     n = int(mask.sum())
-    classified = ClassifiedVolume(
+    classified = ClassifiedVolume.from_lists(
         (nx, ny, nz), row_offsets(mask.reshape(nz * ny, nx).sum(axis=1)), np.nonzero(mask)[2].astype(np.uint16),
         rng.random(n, dtype=np.float32), rng.random(n, dtype=np.float32), rng.random((n, 3), dtype=np.float32),
         0, 1.0, 1.0,

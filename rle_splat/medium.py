@@ -1,0 +1,187 @@
+"""The first half of the road: a scene's volume -> the tables that the splatter walks, each stage kept.
+
+What depends on what, so that a change redoes no more than it must:
+
+    blocks    the voxels
+    visible   blocks, and which values the transfer function shows
+    looks     visible, and the transfer function's points
+    normals   visible, and how the volume lies in the world
+    runs      visible, and the principal axis
+    records   runs, looks, normals, lights; the view too if a highlight or a headlight follows it
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from .axes import AXIS_NAMES
+from .classify.classification import ClassifiedVolume, classified, unit_length
+from .classify.shading import Lighting, follows_view, is_shaded, light_records, lighting, normals, shaded_colors
+from .classify.transfer_function import TransferFunction
+from .classify.visible import Visibility, count_steps, fill_steps
+from .encode.encode import record_steps, run_tables
+from .encode.store import StoredVolume
+from .kept import Job, Kept
+from .scene import Quality, RleSplatError, Scene
+from .steps import Clock, drain, portion, timed
+from .view.projection import world_to_camera
+from .volume.blocks import block_steps
+
+
+@dataclass(frozen=True, eq=False)
+class Medium:
+    """What the splatter needs to know of a volume, however it came to be encoded.
+
+    ``encode_steps(axis)``: generator of fractions done, returns the RunLengthVolume of a principal axis.
+    ``length_unit``: world length in which path lengths are counted.  ``classified``: None for a `.rle` file.
+    """
+
+    shape_xyz: tuple[int, int, int]
+    encode_steps: Callable
+    length_unit: float
+    visible_voxels: int
+    classified: ClassifiedVolume | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A volume classified, and what falls on its voxels; ``key`` names all their records depend on.
+
+    ``normals``: (m, 3) float32, None without ``falling``.
+    """
+
+    classified: ClassifiedVolume
+    normals: np.ndarray | None
+    falling: Lighting | None
+    visible_key: tuple
+    key: tuple
+
+    def write_records(self, model: str, backend: str, threads: int) -> Callable:
+        """For ``encode.record_steps``: a function that writes the records of a range of voxels."""
+
+        def write(first, last, records):
+            return light_records(
+                self.classified, self.normals, self.falling, model, first, last, records, backend=backend,
+                threads=threads,
+            )
+
+        return write
+
+
+def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock):
+    """Generator of Progress: the Medium of a scene, its tables still to be made."""
+    if isinstance(scene.volume, StoredVolume):
+        return _stored_medium(scene, quality)
+    look = yield from look_steps(scene, quality, job, clock)
+    found = look.classified
+
+    def encode_steps(axis: int):
+        return axis_steps(look, quality, axis, job, clock)
+
+    length = found.opacity_distance if quality.model == "opacity" else 1.0
+    return Medium(found.shape_xyz, encode_steps, length, found.visible_voxels, found)
+
+
+def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock):
+    """Generator of Progress: the Look of a scene's volume."""
+    volume, tf, matrix = scene.volume, scene.transfer_function, scene.index_to_world
+    machine = dict(backend=quality.backend, threads=quality.threads)
+    length = unit_length(volume, matrix)
+    shown = Visibility(volume, tf)
+    # A store without room needs no content key, and large volumes no second reading for it.
+    voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
+    visible_key = (voxels_key, shown.key)
+    looks_key = (visible_key, tf.classification_key, length)
+
+    def visible():
+        blocks = yield from job.steps("blocks", voxels_key, lambda: block_steps(volume, **machine))
+        counted = yield from count_steps(shown, blocks, **machine)
+        return (yield from fill_steps(shown, blocks, counted, **machine))
+
+    steps = timed(job.steps("visible", visible_key, visible), clock, "classify")
+    voxels = yield from portion(steps, 0.02, 0.1, "Classifying")
+    with clock.stage("classify"):
+        found = job.get(
+            "looks", looks_key, lambda: classified(shown, voxels, length, **machine), lambda c: c.looks.nbytes
+        )
+    with clock.stage("shade"):
+        to_camera = world_to_camera(scene.camera)
+        headlight = -to_camera[2, :3] if scene.headlight else None
+        if not is_shaded(tf.shade, scene.lights, headlight):
+            return Look(found, None, None, visible_key, (looks_key, "unshaded"))
+        directions = job.get(
+            "normals", (visible_key, _array_key(matrix[:3, :3])), lambda: normals(voxels, volume, matrix, **machine)
+        )
+        eye = np.append(to_camera[2, :3], 0.0)
+        if scene.camera.type == "PERSP":
+            eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
+        falling = lighting(matrix, tf.shade, scene.lights, headlight_direction=headlight, eye=eye)
+        seen_from = _array_key(falling.eye) if follows_view(tf.shade, scene.lights, headlight) else None
+        key = (looks_key, _array_key(matrix), tuple(asdict(tf.shade).values()), _array_key(falling.rows), seen_from)
+    return Look(found, directions, falling, visible_key, key)
+
+
+def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
+    """Generator of fractions done: the RunLengthVolume of one principal axis."""
+    machine = dict(backend=quality.backend, threads=quality.threads)
+    voxels = look.classified.voxels
+    with clock.stage("encode"):
+        tables = job.get("runs", (look.visible_key, axis), lambda: run_tables(voxels, axis, **machine))
+
+    def records():
+        write = look.write_records(quality.model, **machine)
+
+        def timed_write(*arguments):
+            with clock.stage("shade"):
+                return write(*arguments)
+
+        return record_steps(tables, voxels, timed_write, quality.model, **machine)
+
+    shaded_before = clock.stages["shade"]
+    made = yield from timed(
+        job.steps("records", (look.key, quality.model, axis), records, lambda e: e.voxel_data.nbytes), clock, "encode"
+    )
+    clock.stages["encode"] -= clock.stages["shade"] - shaded_before
+    return made
+
+
+def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
+    """(ClassifiedVolume, (m, 3) float32 shaded colours) of a scene, nothing kept."""
+    look = drain(look_steps(scene, quality, Kept(0).job(), clock))
+    with clock.stage("shade"):
+        machine = dict(backend=quality.backend, threads=quality.threads)
+        colors = shaded_colors(look.classified, look.normals, look.falling, **machine)
+    return look.classified, colors
+
+
+def _array_key(*arrays) -> tuple:
+    return tuple(np.ascontiguousarray(array).tobytes() for array in arrays)
+
+
+def _stored_medium(scene: Scene, quality: Quality) -> Medium:
+    """The medium of a `.rle` file, whose classification, colours and model are what they are."""
+    stored: StoredVolume = scene.volume
+    if quality.model != stored.model:
+        raise RleSplatError(
+            f"This .rle file holds the {stored.model} model; render it with --model {stored.model}, or encode it again."
+        )
+
+    def encode_steps(axis: int):
+        if axis not in stored.axes:
+            raise RleSplatError(
+                f"This view needs principal axis {AXIS_NAMES[axis]}, which the .rle file does not hold; "
+                "encode the volume again with all three axes."
+            )
+        yield 1.0
+        return stored.axes[axis]
+
+    length = unit_length(stored, scene.index_to_world) / stored.unit_length
+    if stored.model == "opacity":
+        function = TransferFunction.from_json(stored.transfer_function)
+        distance = function.opacity_unit_distance or np.linalg.norm(stored.affine[:3, :3], axis=0).min()
+        length *= distance * stored.unit_length
+    visible = next(iter(stored.axes.values())).visible_voxels
+    return Medium(stored.shape_xyz, encode_steps, length, visible)

@@ -1,0 +1,66 @@
+"""Long work as generators of steps, and what each stage of it takes."""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+STAGES = ("classify", "shade", "encode", "occlusion", "splat", "warp")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a long job is: ``fraction`` in [0, 1], and what it is doing, in words for a person."""
+
+    fraction: float
+    message: str
+
+
+class Clock:
+    """Milliseconds spent per stage."""
+
+    def __init__(self):
+        self.started = time.perf_counter()
+        self.stages = dict.fromkeys(STAGES, 0.0)
+
+    @contextmanager
+    def stage(self, name: str):
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.stages[name] += 1e3 * (time.perf_counter() - begun)
+
+    def report(self) -> dict:
+        return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
+
+
+def drain(steps):
+    """Run a generator of steps to its end; what it returns."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as finished:
+            return finished.value
+
+
+def portion(steps, start: float, end: float, message: str):
+    """Steps of fractions done as Progress from ``start`` to ``end``; generator, returns what they return."""
+    while True:
+        try:
+            done = next(steps)
+        except StopIteration as finished:
+            return finished.value
+        yield Progress(start + (end - start) * done, message)
+
+
+def timed(steps, clock: Clock, stage: str):
+    """The same steps with the time between them counted for ``stage``; generator, returns what they return."""
+    while True:
+        try:
+            with clock.stage(stage):
+                step = next(steps)
+        except StopIteration as finished:
+            return finished.value
+        yield step

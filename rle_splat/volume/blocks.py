@@ -1,0 +1,101 @@
+"""The smallest and the largest value of every block of voxels (algorithm.md 6: the min-max octree, flattened).
+
+A transfer function that hides all of [low, high] hides the block, so a change of the function looks only at the
+voxels of blocks that it shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..jit import compiled, kernel, parallel_call, prange, read_only
+
+# Voxels of a block along z, y, x: small enough to follow a surface, and a whole number of cache lines along x.
+BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32
+VOXELS_AT_ONCE = 1 << 25  # voxels between two chances to report progress or to cancel, some hundredths of a second
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """``low``, ``high``: (blocks along z, y, x) stored values, low > high where every voxel of a block is NaN.
+
+    ``nan_voxels``: how many voxels of the volume are NaN.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    nan_voxels: int
+
+    @property
+    def nbytes(self) -> int:
+        return self.low.nbytes + self.high.nbytes
+
+
+def slabs(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, multiple: int = 1):
+    """(first, last) plane of pieces of a volume: some ``multiple`` of whole planes, near ``at_once`` voxels."""
+    planes = max(at_once // max(plane_voxels, 1) // multiple, 1) * multiple
+    for first in range(0, n_planes, planes):
+        yield first, min(first + planes, n_planes)
+
+
+def block_steps(volume, *, backend: str = "auto", threads: int = 0):
+    """Generator: yields the fraction done, returns the Blocks of ``volume``.  Reads every voxel once."""
+    voxels = read_only(np.asarray(volume.voxels))
+    nz, ny, nx = voxels.shape
+    shape = (-(-nz // BLOCK_Z), -(-ny // BLOCK_Y), -(-nx // BLOCK_X))
+    low, high = np.empty((2, *shape), voxels.dtype)
+    limits = np.finfo(voxels.dtype) if voxels.dtype.kind == "f" else np.iinfo(voxels.dtype)
+    most = voxels.dtype.type(np.inf if voxels.dtype.kind == "f" else limits.max)
+    least = voxels.dtype.type(-np.inf if voxels.dtype.kind == "f" else limits.min)
+    nan_voxels = np.zeros(shape[:2], np.int64)
+    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
+        yield first / nz
+        part = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
+        arguments = (voxels[first:last], most, least, low[part], high[part], nan_voxels[part])
+        if compiled(backend):
+            with parallel_call(threads):
+                _extremes(*arguments)
+        else:
+            _extremes_numpy(*arguments)
+    return Blocks(low, high, int(nan_voxels.sum()))
+
+
+@kernel(parallel=True)
+def _extremes(voxels, most, least, low, high, nan_voxels):
+    """``voxels``: whole planes of blocks, the last may be cut off; ``most``, ``least``: the type's own extremes."""
+    n_z, n_y, n_x = voxels.shape
+    across, along = low.shape[1], low.shape[2]
+    for row in prange(low.shape[0] * across):
+        k, j = row // across, row % across
+        smallest = np.full(n_x, most)  # whole rows at a time: long loops become wide SIMD
+        largest = np.full(n_x, least)
+        nans = 0
+        for z in range(k * BLOCK_Z, min((k + 1) * BLOCK_Z, n_z)):
+            for y in range(j * BLOCK_Y, min((j + 1) * BLOCK_Y, n_y)):
+                for x in range(n_x):
+                    value = voxels[z, y, x]
+                    smallest[x] = value if value < smallest[x] else smallest[x]  # never for NaN
+                    largest[x] = value if value > largest[x] else largest[x]
+                    nans += value != value
+        nan_voxels[k, j] = nans
+        for b in range(along):
+            low[k, j, b] = smallest[b * BLOCK_X : (b + 1) * BLOCK_X].min()
+            high[k, j, b] = largest[b * BLOCK_X : (b + 1) * BLOCK_X].max()
+
+
+def _extremes_numpy(voxels, most, least, low, high, nan_voxels):
+    """Twin of ``_extremes``."""
+    starts = [np.arange(0, n, size) for n, size in zip(voxels.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X))]
+    nan = np.isnan(voxels) if voxels.dtype.kind == "f" else None
+    for reduce, filling, out in ((np.minimum, most, low), (np.maximum, least, high)):
+        reduced = voxels if nan is None else np.where(nan, filling, voxels)
+        for axis in (2, 1, 0):
+            reduced = reduce.reduceat(reduced, starts[axis], axis=axis)
+        out[...] = reduced
+    if nan is None:
+        nan_voxels[...] = 0
+    else:
+        per_row = nan.sum(axis=2)
+        nan_voxels[...] = np.add.reduceat(np.add.reduceat(per_row, starts[1], axis=1), starts[0], axis=0)

@@ -1,0 +1,137 @@
+"""Every edit redoes only what it must, and gives the picture that a fresh start gives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.kept import Kept
+from rle_splat.render import render, render_steps
+from rle_splat.scene import Light, Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+QUALITY = Quality.preset("draft")
+SUN = Light("SUN", energy=3.0, matrix_world=np.array([[1, 0, 0, 0], [0, 0.8, -0.6, 0], [0, 0.6, 0.8, 0], [0, 0, 0, 1]]))
+MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
+FUNCTION = TransferFunction(
+    opacity=((80, 0.0), (120, 0.3), (250, 0.6)), color=((80, 1.0, 0.3, 0.1), (250, 0.9, 0.9, 0.8))
+)
+
+
+def ball(dtype=np.uint8):
+    z, y, x = np.indices((24, 22, 26))
+    radius = np.sqrt((x - 12.0) ** 2 + (y - 11.0) ** 2 + (z - 12.0) ** 2)
+    return Volume((250.0 / (1.0 + np.exp(radius - 8.0))).astype(dtype), np.eye(4))
+
+
+BALL = ball()
+
+
+def scene(azimuth=20, function=FUNCTION, lights=(), headlight=False, volume=BALL):
+    camera, matrix = turntable(volume, azimuth, 10, width=40, height=40)
+    return Scene(volume, function, camera, 40, 40, matrix, lights=lights, headlight=headlight)
+
+
+def work_of(edited, first, quality=QUALITY):
+    """Which stages the edit ran again; its picture is held against a fresh one."""
+    kept = Kept()
+    render(first, quality, kept=kept)
+    before = dict(kept.made)
+    picture = render(edited, quality, kept=kept).rgba
+    np.testing.assert_array_equal(picture, render(edited, quality).rgba)
+    return {stage for stage, count in kept.made.items() if count > before.get(stage, 0)}
+
+
+def heights(function, factor):
+    return replace(function, opacity=tuple((v, a * factor) for v, a in function.opacity))
+
+
+MATT_FUNCTION = replace(FUNCTION, shade=MATT)
+PLAIN_FUNCTION = replace(FUNCTION, shade=None)
+WIDER = replace(FUNCTION, opacity=((60, 0.0), (120, 0.3), (250, 0.6)))
+WARMER = replace(FUNCTION, color=((80, 1.0, 0.1, 0.0), (250, 1.0, 0.8, 0.2)))
+EDITS = {
+    "camera, matt under a sun": (dict(azimuth=24, function=MATT_FUNCTION, lights=(SUN,)),
+                                 dict(function=MATT_FUNCTION, lights=(SUN,)), set()),
+    "camera, unshaded": (dict(azimuth=24, function=PLAIN_FUNCTION), dict(function=PLAIN_FUNCTION), set()),
+    "camera with a headlight": (dict(azimuth=24, headlight=True), dict(headlight=True), {"records"}),
+    "light": (dict(lights=(replace(SUN, energy=1.0),)), dict(lights=(SUN,)), {"records"}),
+    "shading": (dict(lights=(SUN,), function=MATT_FUNCTION), dict(lights=(SUN,)), {"records"}),
+    "light put out": (dict(), dict(lights=(SUN,)), {"records"}),
+    "name": (dict(lights=(SUN,), function=replace(FUNCTION, name="other")), dict(lights=(SUN,)), set()),
+    "opacities of the same values": (dict(lights=(SUN,), function=heights(FUNCTION, 0.5)), dict(lights=(SUN,)),
+                                     {"looks", "records"}),
+    "colours": (dict(lights=(SUN,), function=WARMER), dict(lights=(SUN,)), {"looks", "records"}),
+    "values shown": (dict(lights=(SUN,), function=WIDER), dict(lights=(SUN,)),
+                     {"visible", "looks", "normals", "runs", "records"}),
+    "values shown, unlit": (dict(function=WIDER), dict(), {"visible", "looks", "runs", "records"}),
+    "another principal axis": (dict(azimuth=70, function=MATT_FUNCTION, lights=(SUN,)),
+                               dict(function=MATT_FUNCTION, lights=(SUN,)), {"runs", "records"}),
+}
+
+
+@pytest.mark.parametrize("dtype", (np.uint8, np.float32))
+@pytest.mark.parametrize("name", EDITS)
+def test_an_edit_redoes_only_what_it_must(name, dtype):
+    edited, first, stages = EDITS[name]
+    volume = ball(dtype)
+    assert work_of(scene(volume=volume, **edited), scene(volume=volume, **first)) == stages
+
+
+def test_the_numpy_twins_are_kept_alike():
+    quality = replace(QUALITY, backend="numpy")
+    edited, first, stages = EDITS["light"]
+    assert work_of(scene(**edited), scene(**first), quality) == stages
+
+
+def test_the_tables_are_shared_between_lights():
+    kept = Kept()
+    render(scene(lights=(SUN,)), QUALITY, kept=kept)
+    runs = [size for (stage, _), (_, size) in kept._results.items() if stage == "runs"]
+    render(scene(lights=(replace(SUN, energy=1.0),)), QUALITY, kept=kept)
+    records = [result for (stage, _), (result, _) in kept._results.items() if stage == "records"]
+    assert len(runs) == 1 and len(records) == 2 and records[0].runs is records[1].runs
+
+
+def test_going_back_costs_nothing():
+    kept = Kept()
+    for energy in (1.0, 2.0, 1.0, 2.0):
+        render(scene(lights=(replace(SUN, energy=energy),)), QUALITY, kept=kept)
+    assert kept.made["records"] == 2
+
+
+def test_equal_voxels_are_the_same_content():
+    kept = Kept()
+    for volume in (ball(), ball()):
+        render(scene(volume=volume), QUALITY, kept=kept)
+    assert set(kept.made.values()) == {1}
+
+
+def test_without_a_store_no_voxel_is_hashed():
+    volume = ball()
+    render(scene(volume=volume), QUALITY)
+    assert "key" not in vars(volume)
+    render(scene(volume=volume), QUALITY, kept=Kept())
+    assert "key" in vars(volume)
+
+
+def test_a15_a_cancelled_job_leaves_what_is_kept_as_it_was():
+    kept = Kept()
+    first = render(scene(lights=(SUN,)), QUALITY, kept=kept).rgba
+    before, size = kept.contents, kept.nbytes
+    edited = scene(azimuth=70, function=WIDER, headlight=True)
+    steps = 0
+    while True:
+        work = render_steps(edited, QUALITY, kept)
+        messages = []
+        for _ in range(steps + 1):
+            messages.append(next(work).message)
+        work.close()
+        if messages[-1] == "Done":
+            break
+        assert kept.contents == before and kept.nbytes == size, messages[-1]
+        steps += 1
+    assert steps > 3 and "Splatting" in messages and "Encoding" in messages
+    np.testing.assert_array_equal(render(scene(lights=(SUN,)), QUALITY, kept=kept).rgba, first)
