@@ -87,7 +87,7 @@ def _why(row) -> str:
         f"The footprints of the kept {row['kept_fraction']:.1%} of the voxels reach {covered['pixels']:.1%} of the "
         f"sheets' pixels, a bound of {1.0 / covered['pixels']:.1f}; composited in blocks of {BLOCK} pixels, as both "
         f"sides do, they reach {covered['blocks']:.1%} of the blocks, a bound of {1.0 / covered['blocks']:.1f}. "
-        f"Without termination a voxel of the baseline costs {per_voxel:.1f} ns, because whole blocks suit it, and a "
+        f"Without termination a voxel of the baseline costs {per_voxel:.1f} ns, and a "
         f"kept voxel of ours {per_kept:.1f} ns, scanline pointers and run visits included. Termination spares the "
         f"baseline {spared_all:.0%} and ours {spared_rle:.0%}; without it the ratio is "
         f"{row['unlimited_splat_speedup']:.1f}. Against Westover's splatting, the baseline the paper more likely had, "
