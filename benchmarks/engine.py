@@ -24,10 +24,12 @@ from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import world_opacity_distance
 from rle_splat.encode.encode import encode
 from rle_splat.kept import Kept
+from rle_splat.medium import classify_and_shade
 from rle_splat.named_systems.judge import TOLERANCE, probe_truth
 from rle_splat.named_systems.medium import scene_medium
-from rle_splat.render import Clock, classify_and_shade, render
+from rle_splat.render import render
 from rle_splat.scene import Quality
+from rle_splat.steps import Clock
 
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
 from .scenes import REAL, scenes
@@ -94,7 +96,7 @@ def _preparation(scene, quality) -> dict:
     best = {}
     for _ in range(2):
         clock = Clock()
-        classified, colors, _ = classify_and_shade(scene, quality, Kept(0), clock)
+        classified, colors = classify_and_shade(scene, quality, clock)
         spent = {stage: clock.stages[stage] for stage in ("classify", "shade")}
         axes = []
         for axis in range(3):

@@ -18,13 +18,13 @@ import numpy as np
 from rle_splat.axes import AXES
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume
-from rle_splat.kept import Kept
+from rle_splat.medium import classify_and_shade
 from rle_splat.named_systems.medium import scene_medium
 from rle_splat.named_systems.unaccelerated import every_voxel
 from rle_splat.named_systems.westover import prepare as prepare_westover
-from rle_splat.render import Clock, classify_and_shade
 from rle_splat.scene import QUALITY_PRESETS, Quality
 from rle_splat.splat.sheet_row import BLOCK
+from rle_splat.steps import Clock
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import dominant_axis
 
@@ -47,7 +47,7 @@ def measure(
     """One data set's row of both tables, JSON-ready; milliseconds are medians over the views."""
     scenes = [view_scene(volume, tf, view, size) for view in views]
     clock = Clock()
-    classified, colors, _ = classify_and_shade(scenes[0], quality, Kept(0), clock)
+    classified, colors = classify_and_shade(scenes[0], quality, clock)
     arguments = dict(backend=quality.backend, threads=quality.threads)
     unlimited = replace(quality, termination=0.0)
     memory, times = {}, []

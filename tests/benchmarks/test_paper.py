@@ -9,9 +9,9 @@ from benchmarks import paper
 from benchmarks.data_sets import PAPER, stand_in
 from benchmarks.paper_words import explain, table_1, table_2
 from rle_splat.jit import compiled
-from rle_splat.kept import Kept
-from rle_splat.render import Clock, classify_and_shade
+from rle_splat.medium import classify_and_shade
 from rle_splat.splat.sheet_row import BLOCK
+from rle_splat.steps import Clock
 
 from benchmarks.frames import view_scene  # isort: skip
 
@@ -57,7 +57,7 @@ def test_covered_fractions_of_one_voxel(small):
     voxels = np.zeros_like(volume.voxels)
     voxels[9, 12, 10] = 255
     scene = view_scene(replace(volume, voxels=voxels), function, (0, 0), 16)
-    classified, _, _ = classify_and_shade(scene, paper.quality_of("paper", 1), Kept(0), Clock())
+    classified, _ = classify_and_shade(scene, paper.quality_of("paper", 1), Clock())
     assert classified.visible_voxels == 1
     covered = paper.covered_fractions(classified)
     nx, ny, nz = volume.shape_xyz
