@@ -38,14 +38,20 @@ def encode(
     if model not in MODELS:
         raise RleSplatError(f"There is no model called {model!r}; choose {' or '.join(MODELS)}.")
     density = classified.extinction if model == "extinction" else classified.opacity
-    colors = np.asarray(colors, dtype=np.float32)
+    colors = read_only(np.ascontiguousarray(colors, dtype=np.float32))
     if colors.shape != (len(density), 3):
         raise RleSplatError(f"There must be one RGB colour per visible voxel, {len(density)}, not {colors.shape}.")
 
+    most_color = float(colors.max(initial=0.0))
+
     def write(first, last, records):
-        records[:, 3] = density[first:last]
-        records[:, :3] = records[:, 3:] * colors[first:last]
-        return float(colors[first:last].max(initial=0.0))
+        if compiled(backend):
+            with parallel_call(threads):
+                passes.color_records(density[first:last], colors[first:last], records)
+        else:
+            records[:, 3] = density[first:last]
+            records[:, :3] = records[:, 3:] * colors[first:last]
+        return most_color
 
     tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
     return drain(record_steps(tables, classified.voxels, write, model, backend=backend, threads=threads))

@@ -12,6 +12,17 @@ from ..jit import kernel, prange
 
 
 @kernel(parallel=True)
+def color_records(density, colors, records):
+    """(n, 4) float32 ``records``: (density * RGB, density), from (n,) and (n, 3) float32."""
+    for i in prange(records.shape[0]):
+        thickness = density[i]
+        records[i, 0] = thickness * colors[i, 0]
+        records[i, 1] = thickness * colors[i, 1]
+        records[i, 2] = thickness * colors[i, 2]
+        records[i, 3] = thickness
+
+
+@kernel(parallel=True)
 def fill_row_runs(rows, row_start, column, width, scanline_pointers, runs):
     """Writes the runs of each scanline that is a row; ``rows`` (n_slices, n_scanlines) int64: which row."""
     n_scanlines = rows.shape[1]
