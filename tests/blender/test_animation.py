@@ -140,7 +140,7 @@ def test_what_did_not_change_is_not_made_again(volume, bridge, tmp_path):
     kept.clear()
     kept.made.clear()
     animated(tmp_path)
-    assert kept.made["classify"] == 1 and kept.made["encode"] == 1
+    assert {"visible", "records"} <= kept.made.keys() and set(kept.made.values()) == {1}
 
 
 def test_a_frame_that_does_not_see_the_volume_is_transparent_and_no_failure(volume, tmp_path):
