@@ -13,6 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.steps import drain
 from . import compositor, images, pictures, render_scene, volumes
 
 # Scenes whose volume is splatted for the frame being rendered; None while nothing is rendered (exporters change
@@ -97,7 +98,7 @@ def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, crop: 
             images.clear(image)
             return
         plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
-        rendering = render_scene.drain(render_scene.steps(plain, quality, refuse_empty_view=False))
+        rendering = drain(render_scene.steps(plain, quality, refuse_empty_view=False))
         rgba, depth = rendering.rgba, rendering.depth
         if crop:
             rgba, depth = render_scene.cropped(rendering, depsgraph.scene_eval.render)

@@ -57,14 +57,6 @@ def clear(image) -> None:
     _write(image, np.zeros((height, width, 4), dtype=np.float32))
 
 
-def read_pixels(image) -> np.ndarray:
-    """(H, W, 4) float32, row 0 on top."""
-    width, height = image.size
-    flat = np.empty(width * height * 4, dtype=np.float32)
-    image.pixels.foreach_get(flat)
-    return flat.reshape(height, width, 4)[::-1]
-
-
 def pack(image) -> None:
     """Keep the pixels inside the .blend (as a 32-bit EXR, exact), so that they survive save and reload."""
     image.pack()

@@ -1,9 +1,7 @@
 """Long work as one generator of steps, driven to its end at once or a little at a time from a timer.
 
-An operator that mixes in ``StepwiseOperator`` gives ``prepare`` (read everything, return the generator) and
-``commit`` (put the result into the .blend).  ``execute`` runs it at once: scripts and background mode need that.
-``invoke`` in a window works in small bites from a timer, shows progress and obeys Esc.  Success, failure and Esc
-all end in ``_finish``.
+``execute`` runs it at once: scripts and background mode need that.  ``invoke`` in a window works in small bites from
+a timer, shows progress and obeys Esc.  Success, failure and Esc all end in ``_finish``.
 """
 
 from __future__ import annotations
@@ -19,19 +17,15 @@ TICK = 0.01  # seconds between ticks
 
 
 class StepwiseOperator:
-    """Mix-in for operators whose work is a generator of Progress(fraction, message)."""
+    """Mix-in for operators whose work is a generator of Progress(fraction, message).
+
+    The operator brings ``prepare(context)``, which reads all that the work depends on and returns the generator (its
+    RleSplatErrors go to the user's report), and ``commit(context, result)``, which puts the result into the .blend.
+    """
 
     _running = False  # one job at a time, whatever the operator: they share the stages kept between pictures
     _generator = None
     _timer = None
-
-    def prepare(self, context):
-        """Read all that the work depends on; returns the generator.  RleSplatErrors go to the user's report."""
-        raise NotImplementedError
-
-    def commit(self, context, result) -> None:
-        """Put the finished result into the .blend."""
-        raise NotImplementedError
 
     def execute(self, context):
         return self._guarded(context, self._run_through)

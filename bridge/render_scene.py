@@ -73,15 +73,6 @@ def steps(plain: Scene, quality, *, refuse_empty_view: bool = True):
     return render_steps(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)
 
 
-def drain(generator):
-    """Run a generator of steps to its end; its return value."""
-    while True:
-        try:
-            next(generator)
-        except StopIteration as finished:
-            return finished.value
-
-
 def cropped(rendering: Rendering, render) -> tuple[np.ndarray, np.ndarray]:
     """The picture and the depth of the part of the frame that a cropped render region keeps."""
     crop = frame_crop(render)

@@ -66,7 +66,7 @@ def load_volume(owner, warn=None):
     key = _source_key(path, status, options)
     if key not in _kept:
         volume = read_file(path, options)
-        forget_unused()
+        _forget_unused()
         _kept[key] = (volume, hash_of_voxels(volume))
     volume, voxel_hash = _kept[key]
     if warn is not None and properties.data_key and voxel_hash != properties.data_key:
@@ -97,7 +97,8 @@ def _source_key(path: str, status, options: dict) -> tuple:
     return path, status.st_size, status.st_mtime_ns, tuple(sorted(options.items()))
 
 
-def forget_unused() -> None:
+def _forget_unused() -> None:
+    """Let go of voxels that no object reads any more."""
     used = {resolved_path(o) for o in bpy.data.objects if o.rle_splat.is_volume}
     for key in [key for key in _kept if key[0] not in used]:
         del _kept[key]

@@ -41,11 +41,6 @@ def load_openvdb():
     return openvdb
 
 
-def grid_names(path) -> tuple:
-    """((name, value type), ...) of every grid in the file, in OpenVDB's order, which is by name."""
-    return tuple((_label(grid, i), grid.valueTypeName) for i, grid in enumerate(_metadata(load_openvdb(), path)))
-
-
 def _label(grid, i: int) -> str:
     return grid.name or f"[{i}]"  # OpenVDB's own way of naming a grid without a name
 

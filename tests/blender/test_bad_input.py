@@ -190,14 +190,3 @@ def test_an_empty_transfer_function(volume, tmp_path, content):
     sentence = refusal("load_transfer", filepath=str(path))
     assert "empty.json" in sentence or "opacity" in sentence
     assert volume.rle_splat.transfer_name == before
-
-
-def test_registering_again_leaves_no_trace(addon):
-    handlers = {name: list(getattr(bpy.app.handlers, name)) for name in dir(bpy.app.handlers)
-                if isinstance(getattr(bpy.app.handlers, name), list)}
-    addon.unregister()
-    mine = [h for hooks in (getattr(bpy.app.handlers, name) for name in handlers) for h in hooks
-            if h.__module__.startswith(addon.__name__)]
-    assert not mine and not hasattr(bpy.types.Scene, "rle_splat")
-    addon.register()
-    assert {name: list(getattr(bpy.app.handlers, name)) for name in handlers} == handlers
