@@ -18,7 +18,7 @@ from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
 from .medium import Medium, medium_steps
 from .scene import Quality, Rendering, RleSplatError, Scene
-from .splat.splat import splat_steps
+from .splat.splat import LOADING, splat_steps
 from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
@@ -26,6 +26,8 @@ from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
 from .view.ray_limits import box_depths, ray_limits
 from .warp.warp import warp
+
+LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 
 
 def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Kept | None = None) -> Rendering:
@@ -145,14 +147,19 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                 with clock.stage("occlusion"):
                     limits = ray_limits(plane, scene.camera.clip_start, scene.camera.clip_end, surface)
             steps = splat_steps(encodings[plane.axis], plane, quality, medium.length_unit, limits)
+            stage, message = "splat", "Splatting"
+            done = 0.0
             while True:
                 try:
-                    with clock.stage("splat"):
-                        done = next(steps)
+                    with clock.stage(stage):
+                        step = next(steps)
                 except StopIteration as finished:
                     images.append(finished.value)
                     break
-                yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, "Splatting")
+                loading = step is LOADING
+                stage, message = ("kernels", LOADING_KERNELS) if loading else ("splat", "Splatting")
+                done = done if loading else step
+                yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, message)
         with clock.stage("warp"):
             pictures.append(warp(images, view, quality, most_color))
     rgba, depth = pictures[0]

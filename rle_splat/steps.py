@@ -6,7 +6,8 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-STAGES = ("classify", "shade", "encode", "occlusion", "splat", "warp")
+# "kernels" is loading the splat kernel, and compiling it the first time ever: once in a process, not per picture.
+STAGES = ("classify", "shade", "encode", "occlusion", "kernels", "splat", "warp")
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,18 @@ import numpy as np
 from .sheet_row import BLOCK
 from .voxel_scanline import VOXEL_BLOCK
 
+# Rows of scratch from one worker to the next: the shortest rows are a few bytes, and two workers that write to the
+# same cache line slow each other down (measured: two threads were no faster than one).  What is not touched costs
+# no memory.
+SPREAD = 16
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
 class Scratch(NamedTuple):
-    """What each worker writes on while it walks through the sheets: arrays with the worker as their first axis,
-    flat behind it unless a shape is given.
+    """What each worker writes on while it walks through the sheets: arrays with the worker (times SPREAD) as
+    their first axis, flat behind it unless a shape is given.
 
-    Voxel scanlines, one ``slot`` each: ``lines`` float32, ``touched`` uint8 marks, ``used`` uint8, ``reach``
+    Voxel scanlines, one ``slot`` each: ``lines`` float32, ``touched`` uint8 marks, ``used``, ``reach``
     (slots, 2) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
     Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, blocks),
     the last row for the band as a whole, ``bright`` (BAND, blocks) pixels above one half.
@@ -55,11 +59,11 @@ def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
     slots = math.ceil(BAND / coarsest[1]) + lines + 2
     shapes = {
         "lines": (4 * VOXEL_BLOCK * voxel_blocks * slots, np.float32), "touched": (voxel_blocks * slots, np.uint8),
-        "used": (slots, np.uint8), "reach": (slots, 2, np.int64), "live": (blocks, 2, np.int64),
+        "used": (slots, np.int64), "reach": (slots, 2, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, np.float32), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, blocks, np.uint8), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
         "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32), "length_inside": (BLOCK, np.float32),
         "before": (BLOCK, np.float32),
     }
-    return Scratch(**{name: np.zeros((workers, *shape), kind) for name, (*shape, kind) in shapes.items()})
+    return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..jit import kernel, prange
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
-from .scratch import BAND
+from .scratch import BAND, SPREAD
 from .sheet_row import (
     BLOCK,
     BLUE,
@@ -292,12 +292,13 @@ def _splat_band(
     kind, radius, widen = TENT, 1.0, False
     if wide is not None:
         kind, radius, widen = wide
-    lines, touched = scratch.lines[worker], scratch.touched[worker]
-    used, reach = scratch.used[worker], scratch.reach[worker]
-    live, state, length = scratch.live[worker], scratch.state[worker], scratch.length[worker]
-    alive, bright, placed = scratch.alive[worker], scratch.bright[worker], scratch.placed[worker]
-    cells, weights, samples = scratch.cells[worker], scratch.weights[worker], scratch.samples[worker]
-    length_inside, before = scratch.length_inside[worker], scratch.before[worker]
+    mine = worker * SPREAD
+    lines, touched = scratch.lines[mine], scratch.touched[mine]
+    used, reach = scratch.used[mine], scratch.reach[mine]
+    live, state, length = scratch.live[mine], scratch.state[mine], scratch.length[mine]
+    alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
+    cells, weights, samples = scratch.cells[mine], scratch.weights[mine], scratch.samples[mine]
+    length_inside, before = scratch.length_inside[mine], scratch.before[mine]
     n_scanlines = pointers.shape[1]
     image_width = path_length.shape[1]
     blocks = placed.size

@@ -19,12 +19,16 @@ from .sheet_buffer_numpy import splat_sheets_numpy
 OPAQUE = 1e-30
 # Pixel-sheets between two chances to report progress or to cancel, about a tenth of a second's work.
 WORK_AT_ONCE = 40_000_000
+LOADING = None
 
 
 def splat_steps(
     encoded: RunLengthVolume, plane: BasePlane, quality: Quality, length_unit: float = 1.0, limits=None
 ):
     """Generator: yields fractions done in [0, 1], returns an IntermediateImage.
+
+    Yields LOADING once before a kernel is loaded, or compiled the first time ever, so that the caller can tell that
+    time from the splat's own.
 
     ``length_unit``: world length in which path lengths are counted, 1 for extinction per world length, the
     opacity unit distance for the opacity model.  ``limits``: (2, H, W) float32, where each sheet pixel's ray
@@ -58,6 +62,9 @@ def splat_steps(
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
     scratch = scratch_for(workers, tables, sheets, rays, wide)
+    yield LOADING
+    with parallel_call(workers):
+        splat_rows(tables, sheets, rays, wide, *model, 0, 0, workers, scratch, pixels, half)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / max(BAND * plane.width * len(placed), 1)))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
