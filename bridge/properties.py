@@ -46,6 +46,11 @@ LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, LiveString = (
 )
 
 
+def _knob(name: str) -> str:
+    text = tables.KNOB_TEXTS[name]
+    return text[0].upper() + text[1:]
+
+
 def _items(names):
     return [(name, name.replace("_", " ").title(), "") for name in names]
 
@@ -104,29 +109,32 @@ class SceneSettings(bpy.types.PropertyGroup):
     quality: LiveEnum(
         name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default="standard")
     classification: LiveEnum(
-        name="Classification", description="When values become opacity and colour",
+        name="Classification", description=_knob("classification"),
         items=_items(tables.CLASSIFICATIONS), default=tables.Quality.classification)
     depth_rule: LiveEnum(
-        name="Depth Rule", description="How sheets are integrated along the view", items=_items(tables.DEPTH_RULES),
+        name="Depth Rule", description=_knob("depth_rule"), items=_items(tables.DEPTH_RULES),
         default=tables.Quality.depth_rule)
     kernel: LiveEnum(
-        name="Footprint", description="Reconstruction kernel of a voxel", items=_items(tables.FOOTPRINTS),
+        name="Footprint", description=_knob("kernel"), items=_items(tables.FOOTPRINTS),
         default=tables.Quality.kernel)
+    minification: LiveEnum(
+        name="Minification", description=_knob("minification"), items=_items(tables.MINIFICATIONS),
+        default=tables.Quality.minification)
     warp_filter: LiveEnum(
-        name="Warp Filter", description="Filter from the intermediate image to the picture",
+        name="Warp Filter", description=_knob("warp_filter"),
         items=_items(tables.WARP_FILTERS), default=tables.Quality.warp_filter)
     model: LiveEnum(
-        name="Model", description="What overlapping footprints add up", items=_items(tables.MODELS),
+        name="Model", description=_knob("model"), items=_items(tables.MODELS),
         default=tables.Quality.model)
     sheet_density: LiveFloat(
-        name="Sheet Density", description="Sheet pixels per image pixel; zero for one per voxel",
+        name="Sheet Density", description=_knob("sheet_density"),
         default=tables.Quality.sheet_density, min=0.0, max=8.0)
     termination: LiveFloat(
-        name="Termination", description="Transmittance below which a pixel counts as opaque",
+        name="Termination", description=_knob("termination"),
         default=tables.Quality.termination, min=0.0, max=0.499, precision=5)
     threads: LiveInt(name="Threads", description="Zero for one per core", default=0, min=0, soft_max=64)
     backend: LiveEnum(
-        name="Backend", description="What runs the loops", items=_items(tables.BACKENDS),
+        name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),
         default=tables.Quality.backend)
     lighting: LiveEnum(name="Lighting", description="What lights the volume", items=LIGHTING_ITEMS)
     meshes_occlude: LiveBool(

@@ -5,7 +5,7 @@ from .decimals import typed
 
 # A VDB states no unit; Blender takes its world units as metres.
 MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
-KNOBS = ("classification", "depth_rule", "kernel", "warp_filter", "model")
+KNOBS = ("classification", "depth_rule", "kernel", "minification", "warp_filter", "model")
 
 
 def quality_of(scene) -> Quality:

@@ -6,8 +6,8 @@ from ..rle_splat.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
-    "classification", "depth_rule", "sheet_density", "kernel", "warp_filter", "termination", "model", "threads",
-    "backend",
+    "classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "model",
+    "threads", "backend",
 )
 
 

@@ -195,6 +195,18 @@ MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "cubic")
 MODELS = ("extinction", "opacity")
 BACKENDS = ("auto", "numba", "numpy")
+# What each knob is, for the help of the command line and the tooltips of the panel.
+KNOB_TEXTS = {
+    "classification": "when values become opacity and colour",
+    "depth_rule": "how sheets are integrated along the view",
+    "sheet_density": "sheet pixels per image pixel; zero for one per voxel",
+    "kernel": "footprint of a voxel: its reconstruction kernel",
+    "minification": "widen footprints where several voxels share a sheet pixel, against shimmer; or show what is there",
+    "warp_filter": "filter from the intermediate image to the picture",
+    "termination": "transmittance below which a pixel counts as opaque",
+    "model": "what overlapping footprints add up",
+    "backend": "what runs the loops",
+}
 
 
 @dataclass(frozen=True)

@@ -9,22 +9,19 @@ from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
-    add_light_options,
-    add_placement_options,
     add_quality_options,
     add_report_options,
+    add_scene_options,
     add_size_option,
-    add_transfer_function_options,
-    add_turntable_options,
     add_volume_argument,
-    add_volume_options,
     quality_from,
+    scene_inputs,
     volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import write_report
-from .viewing import check_light_options, check_placement, make_scene, place, read_lights, read_placement
+from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 PROBES = 256
 REPEATS = 3
@@ -40,20 +37,15 @@ def add_arguments(parser) -> None:
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed ({REPEATS})")
     add_size_option(parser)
     add_report_options(parser)
-    add_volume_options(parser)
-    add_transfer_function_options(parser)
-    add_light_options(parser)
-    add_turntable_options(parser)
-    add_placement_options(parser)
+    add_scene_options(parser)
     add_quality_options(parser)
 
 
 def run(args) -> None:
     start = perf_counter()
     outputs = [args.json] if args.json else []
-    check_outputs(outputs, inputs=(args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix))
-    check_light_options(args)
-    check_placement(args)
+    check_outputs(outputs, inputs=scene_inputs(args))
+    check_scene_options(args)
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
     quality = quality_from(args)

@@ -11,22 +11,19 @@ from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
     DEFAULT_SIZE,
-    add_light_options,
     add_machine_options,
     add_model_option,
-    add_placement_options,
     add_report_options,
-    add_transfer_function_options,
-    add_turntable_options,
+    add_scene_options,
     add_volume_argument,
-    add_volume_options,
     encoding_quality,
+    scene_inputs,
     volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import bytes_text, write_report
-from .viewing import check_light_options, check_placement, make_scene, place, read_lights, read_placement
+from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 SUFFIX = ".rle"
 
@@ -36,11 +33,7 @@ def add_arguments(parser) -> None:
     parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="where the tables go")
     parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (all three)")
     add_report_options(parser)
-    add_volume_options(parser)
-    add_transfer_function_options(parser)
-    add_light_options(parser)
-    add_turntable_options(parser)
-    add_placement_options(parser)
+    add_scene_options(parser)
     add_model_option(parser)
     add_machine_options(parser)
     parser.set_defaults(size=DEFAULT_SIZE)  # a view has a size, though its colours do not depend on it
@@ -52,9 +45,8 @@ def run(args) -> None:
         raise RleSplatError(f"{args.output} has another suffix than {SUFFIX}; end its name in {SUFFIX}.")
     axes = _axes(args.axes)
     outputs = [args.output, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=(args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix))
-    check_light_options(args)
-    check_placement(args)
+    check_outputs(outputs, inputs=scene_inputs(args))
+    check_scene_options(args)
     quality = encoding_quality(args)
     placement = read_placement(args)
     given_function = read_transfer_function(args)

@@ -12,6 +12,8 @@ from ..scene import (
     CLASSIFICATIONS,
     DEPTH_RULES,
     FOOTPRINTS,
+    KNOB_TEXTS,
+    MINIFICATIONS,
     MODELS,
     QUALITY_PRESETS,
     WARP_FILTERS,
@@ -26,6 +28,7 @@ KNOBS = {
     "--depth-rule": ("depth_rule", str, "|".join(DEPTH_RULES)),
     "--sheet-density": ("sheet_density", float, "R"),
     "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
+    "--minification": ("minification", str, "|".join(MINIFICATIONS)),
     "--warp-filter": ("warp_filter", str, "|".join(WARP_FILTERS)),
     "--termination": ("termination", float, "T"),
     "--model": ("model", str, "|".join(MODELS)),
@@ -109,6 +112,20 @@ def add_placement_options(parser) -> None:
     group.add_argument("--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (1)")
 
 
+def add_scene_options(parser) -> None:
+    """What makes a scene of a volume: how it is read, its look, its lights, the view and its place."""
+    add_volume_options(parser)
+    add_transfer_function_options(parser)
+    add_light_options(parser)
+    add_turntable_options(parser)
+    add_placement_options(parser)
+
+
+def scene_inputs(args) -> tuple:
+    """The files that a command with the options of a scene reads; None for each that was not given."""
+    return args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix
+
+
 def add_size_option(parser) -> None:
     parser.add_argument("--size", type=image_size, default=DEFAULT_SIZE, metavar="W [H]", help="pixels (512)")
 
@@ -126,19 +143,19 @@ def add_quality_options(parser) -> None:
     group.add_argument("--quality", metavar="NAME", help=f"{'|'.join(QUALITY_PRESETS)} (default {DEFAULT_QUALITY})")
     group.add_argument("--paper", action="store_true", help="the paper's literal pipeline")
     for option, (name, kind, values) in KNOBS.items():
-        group.add_argument(option, dest=name, type=kind, metavar=values)
+        group.add_argument(option, dest=name, type=kind, metavar=values, help=KNOB_TEXTS[name])
     add_machine_options(parser)
 
 
 def add_model_option(parser) -> None:
     """The one knob of quality that tables are made for."""
-    parser.add_argument("--model", metavar="|".join(MODELS), help=f"what voxel data hold (default {MODELS[0]})")
+    parser.add_argument("--model", metavar="|".join(MODELS), help=f"{KNOB_TEXTS['model']} (default {MODELS[0]})")
 
 
 def add_machine_options(parser) -> None:
     group = parser.add_argument_group("machine")
     group.add_argument("--threads", type=int, default=0, metavar="N", help="0 (default): one per core")
-    group.add_argument("--backend", default="auto", metavar="|".join(BACKENDS), help="numba kernels or numpy")
+    group.add_argument("--backend", default="auto", metavar="|".join(BACKENDS), help=KNOB_TEXTS["backend"])
 
 
 def quality_from(args) -> Quality:

@@ -14,21 +14,18 @@ from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .options import (
     add_image_options,
-    add_light_options,
-    add_placement_options,
     add_quality_options,
     add_report_options,
-    add_transfer_function_options,
-    add_turntable_options,
+    add_scene_options,
     add_volume_argument,
-    add_volume_options,
     quality_from,
+    scene_inputs,
     volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import write_report
-from .viewing import check_light_options, check_placement, make_scene, place, read_lights, read_placement
+from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 ENCODED_SUFFIX = ".rle"
 
@@ -41,11 +38,7 @@ def add_arguments(parser) -> None:
     )
     add_image_options(parser)
     add_report_options(parser)
-    add_volume_options(parser)
-    add_transfer_function_options(parser)
-    add_light_options(parser)
-    add_turntable_options(parser)
-    add_placement_options(parser)
+    add_scene_options(parser)
     add_quality_options(parser)
 
 
@@ -64,10 +57,9 @@ def run(args) -> None:
     start = perf_counter()
     writers = [writer_for(path) for path in args.output]
     outputs = [*args.output, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=(args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix))
+    check_outputs(outputs, inputs=scene_inputs(args))
     _check_background(args.background)
-    check_light_options(args)
-    check_placement(args)
+    check_scene_options(args)
     quality = quality_from(args)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")

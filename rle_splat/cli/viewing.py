@@ -10,12 +10,12 @@ from ..scene import Camera, Light, RleSplatError, Scene, as_matrix, read_json
 from ..view.turntable import turntable
 
 LARGEST_SIDE = 65536  # pixels, as Scene has it
-# What the turntable takes, each by its name in the parsed arguments, with the default of interface.md.
+# What the turntable takes, each by its name in the parsed arguments, with its default.
 TURNTABLE_DEFAULTS = {"azimuth": 0.0, "elevation": 0.0, "fit": 1.25, "perspective": False, "fov": 40.0}
 
 
-def check_placement(args) -> None:
-    """Refuse contradictory or impossible view options before anything is read."""
+def check_scene_options(args) -> None:
+    """Refuse contradictory or impossible options of view and lights before anything is read."""
     given = [name for name in TURNTABLE_DEFAULTS if getattr(args, name) is not None]
     if args.camera is not None and given:
         raise RleSplatError(f"--camera and --{given[0]} contradict each other; give one of the two.")
@@ -25,10 +25,6 @@ def check_placement(args) -> None:
         raise RleSplatError("--scene-scale must be a finite number above zero.")
     if not all(1 <= side <= LARGEST_SIDE for side in args.size):
         raise RleSplatError(f"--size takes whole numbers of pixels from 1 to {LARGEST_SIDE}.")
-
-
-def check_light_options(args) -> None:
-    """Refuse contradictory options of lighting."""
     if args.no_shading and (args.lights is not None or args.headlight):
         other = "--lights" if args.lights is not None else "--headlight"
         raise RleSplatError(f"--no-shading and {other} contradict each other; give one of the two.")

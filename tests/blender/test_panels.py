@@ -129,7 +129,8 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
     assert ("prop", "depth_rule") not in draw_all(monkeypatch)
     settings.quality = "custom"
     log = draw_all(monkeypatch)
-    for name in ("classification", "depth_rule", "sheet_density", "kernel", "warp_filter", "termination", "model"):
+    for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
+                 "termination", "model"):
         assert ("prop", name) in log
 
 

@@ -212,6 +212,7 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
     [
         (("--quality", "perfect"), "standard"), (("--classification", "late"), "pre"),
         (("--depth-rule", "guess"), "simpson"), (("--kernel", "bspline9"), "tent"),
+        (("--minification", "blur"), "widen"), (("--classification", "post"), "pre"),
         (("--warp-filter", "sharp"), "bilinear"), (("--model", "light"), "extinction"), (("--backend", "gpu"), "numpy"),
         (("--sheet-density", "-1"), "density"), (("--termination", "0.9"), "termination"),
         (("--quality", "fine", "--paper"), "--paper"), (("--quality", "fine", "--model", "opacity"), "--model"),

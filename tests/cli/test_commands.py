@@ -133,6 +133,7 @@ def test_qualities_reach_the_plan(picture):
     plan = picture("--sheet-density", "2", "--termination", "0.01")[1]["plan"]
     assert (plan["quality"], plan["sheet_density"], plan["termination"]) == ("custom", 2.0, 0.01)
     assert picture("--backend", "numpy")[1]["plan"]["backend"] == "numpy"
+    assert picture("--minification", "widen")[1]["plan"]["minification"] == "widen"
 
 
 def test_the_default_look_is_explained_and_not_blank(picture, call, raw, raw_options, tmp_path):
