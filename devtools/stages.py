@@ -106,10 +106,10 @@ def counted(name: str, command, seconds: float, environ) -> Stage:
 def summary(stages: list[Stage]) -> int:
     """Print the table of stages and the plain line of totals, last; returns the exit code."""
     passed, failed, skipped = (sum(getattr(s, key) for s in stages) for key in ("passed", "failed", "skipped"))
-    say("\n" + "stage".ljust(20) + "result    passed  failed  skipped   seconds")
+    say("\n" + "stage".ljust(26) + "result    passed  failed  skipped   seconds")
     for stage in stages:
         counts = f"{stage.passed:6d}  {stage.failed:6d}  {stage.skipped:7d}  {stage.seconds:8.1f}"
-        say(f"{stage.name:<20}{stage.verdict:<8}  {counts}")
+        say(f"{stage.name:<26}{stage.verdict:<8}  {counts}")
         for remark in stage.remarks:
             say(f"    {remark}")
     say()

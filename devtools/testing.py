@@ -10,7 +10,7 @@ from .build import build
 from .environments import BPY, CORE, ensure, ensure_bpy
 from .places import BUILD, OUT, ROOT, Failure, clean_environ, say
 from .pythons import find_python
-from .real_blender_tests import WHOLE, real_blender_stage
+from .real_blender_tests import WHOLE, real_blender_stage, window_stage
 from .stages import Stage, broken, judged, skipped, summary
 from .wheels import this_platform
 
@@ -91,11 +91,14 @@ def test(arguments, quick: bool = False) -> int:
         else:
             stages.append(_bpy(version, zip_path, [*(blender or [BLENDER_TESTS]), *options]))
     if zip_path and everything:
-        stages.append(skipped("real blender", "left out by --quick") if quick else real_blender_stage(zip_path))
+        if quick:
+            stages.append(skipped("real blender", "left out by --quick"))
+        else:
+            stages += [real_blender_stage(zip_path), window_stage(zip_path)]
     return summary(stages)
 
 
 def test_real_blender() -> int:
-    """The whole of tests/blender inside the real Blender."""
+    """The whole of tests/blender inside the real Blender, and what needs its window."""
     zip_path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
-    return summary([real_blender_stage(zip_path, WHOLE)])
+    return summary([real_blender_stage(zip_path, WHOLE), window_stage(zip_path)])

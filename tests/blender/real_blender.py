@@ -84,6 +84,16 @@ def pixels_of(image) -> np.ndarray:
     return flat.reshape(image.size[1], image.size[0], 4)[::-1]
 
 
+def write_exr(path: Path) -> None:
+    """Have renders written to ``path`` as 32-bit EXR."""
+    render = bpy.context.scene.render
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format, render.image_settings.color_mode = "OPEN_EXR", "RGBA"
+    render.image_settings.color_depth = "32"
+    render.filepath = str(path)
+
+
 def column_of(x: float) -> int:
     return int((x - (N - 1) / 2) / VIEW * SIZE + SIZE / 2)
 
@@ -118,15 +128,10 @@ def check_composite(folder: Path) -> None:
     add_strip(2.0, 3.5, 2.3, inside)
     add_strip(6.0, 7.0, -5.0, behind)
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}
-    render = bpy.context.scene.render
-    assert render.use_lock_interface
-    if hasattr(render.image_settings, "media_type"):
-        render.image_settings.media_type = "IMAGE"
-    render.image_settings.file_format, render.image_settings.color_mode = "OPEN_EXR", "RGBA"
-    render.image_settings.color_depth = "32"
-    render.filepath = str(folder / "out.exr")
+    assert bpy.context.scene.render.use_lock_interface
+    write_exr(folder / "out.exr")
     bpy.ops.render.render(write_still=True)
-    picture = pixels_of(bpy.data.images.load(render.filepath))
+    picture = pixels_of(bpy.data.images.load(str(folder / "out.exr")))
     row = picture[SIZE // 2]
     expected = {0.8: over(0.0, front, 1.0), 2.8: over(N - 0.5 - 2.3, inside, 1.0), 4.8: over(N),
                 6.5: over(N, behind, 1.0)}
@@ -161,4 +166,5 @@ def main() -> None:
     print(f"REAL BLENDER PASSED {bpy.app.version_string} with {kernels}", flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,177 @@
+"""The extension in a real Blender with a window, on a virtual screen: what only a window does.
+
+    blender --factory-startup --enable-event-simulate --python-exit-code 1 --python tests/blender/window.py
+
+F12 renders off the main thread there, long work runs from a timer, and Esc stops it.  RLE_SPLAT_EXTENSION_ZIP names
+the zip to install.  Steps run from a timer, since a window does its work between them.
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+import threading
+import traceback
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parent))
+from real_blender import (
+    MODULE,
+    SIZE,
+    TOLERANCE,
+    N,
+    add_strip,
+    column_of,
+    import_cube,
+    install,
+    over,
+    pixels_of,
+    set_up_scene,
+    write_exr,
+)
+
+PAUSE = 0.3  # seconds between steps
+LARGE = 4096  # pixels a side of a picture that takes longer than a step
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_window_"))
+on_main_thread: list[bool] = []  # of each splatting for a render
+completed: list[bool] = []
+
+
+def in_the_view():
+    """What an operator needs to be run as from the 3D view."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    return bpy.context.temp_override(window=window, area=area, region=region)
+
+
+def watch_renders() -> None:
+    handlers = import_module(f"{MODULE}.bridge.handlers")
+    splat = handlers.splat_over_render
+
+    def watched(*arguments):
+        on_main_thread.append(threading.current_thread() is threading.main_thread())
+        splat(*arguments)
+
+    handlers.splat_over_render = watched
+    bpy.app.handlers.render_complete.append(lambda *_: completed.append(True))
+
+
+def until(condition, seconds=60.0):
+    """Step back into the window's own loop until the condition holds."""
+    for _ in range(int(seconds / PAUSE)):
+        if condition():
+            return
+        yield
+    raise AssertionError(f"waited {seconds} s in vain")
+
+
+def check_f12():
+    """Predicted pixels of a still that was rendered off the main thread, with meshes before, in and behind."""
+    scene = bpy.context.scene
+    strips = [(0.0, 1.5, 15.0, (1.0, 0.1, 0.1)), (2.0, 3.5, 2.3, (0.1, 1.0, 0.1)), (6.0, 7.0, -5.0, (0.1, 0.1, 1.0))]
+    for strip in strips:
+        add_strip(*strip)
+    write_exr(FOLDER / "still.exr")
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.render.render("INVOKE_DEFAULT", write_still=True) == {"RUNNING_MODAL"}
+    yield from until(lambda: completed)
+    row = pixels_of(bpy.data.images.load(str(FOLDER / "still.exr")))[SIZE // 2]
+    lengths = (0.0, N - 0.5 - 2.3, N)
+    for (x0, _x1, _z, color), length in zip(strips, lengths):
+        np.testing.assert_allclose(row[column_of(x0 + 0.8)], over(length, color, 1.0), atol=TOLERANCE)
+    np.testing.assert_allclose(row[column_of(4.8)], over(N), atol=TOLERANCE)
+    assert on_main_thread == [False] and scene.rle_splat.message == ""
+
+
+def check_animation():
+    """Each frame is splatted anew: between the two the volume leaves the picture."""
+    scene = bpy.context.scene
+    for strip in [other for other in bpy.data.objects if other.name.startswith("strip")]:
+        bpy.data.objects.remove(strip)
+    volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
+    for frame, x in ((1, 0.0), (2, 100.0)):
+        volume.location.x = x
+        volume.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 2
+    write_exr(FOLDER / "frame_#.exr")
+    completed.clear()
+    on_main_thread.clear()
+    with in_the_view():
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
+    yield from until(lambda: completed)
+    shown = [pixels_of(bpy.data.images.load(str(FOLDER / f"frame_{frame}.exr")))[SIZE // 2, SIZE // 2, 3]
+             for frame in (1, 2)]
+    np.testing.assert_allclose(shown, (over(N)[3], 0.0), atol=TOLERANCE)
+    assert on_main_thread == [False, False]
+    volume.animation_data_clear()
+    volume.location.x = 0.0
+
+
+def check_render_image():
+    """The picture made little by little is the one made at once."""
+    settings = bpy.context.scene.rle_splat
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+        at_once = pixels_of(settings.image).copy()
+        settings.image.pixels.foreach_set(np.zeros(SIZE * SIZE * 4, np.float32))
+        assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield from until(lambda: pixels_of(settings.image).any())
+    np.testing.assert_array_equal(pixels_of(settings.image), at_once)
+
+
+def check_escape():
+    """Esc stops a large picture and leaves the one of before."""
+    scene, window = bpy.context.scene, bpy.context.window_manager.windows[0]
+    before = pixels_of(scene.rle_splat.image).copy()
+    scene.render.resolution_x = scene.render.resolution_y = LARGE
+    scene.rle_splat.quality = "strict"
+    operators = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    assert operators._running
+    window.event_simulate(type="ESC", value="PRESS")
+    window.event_simulate(type="ESC", value="RELEASE")
+    yield from until(lambda: not operators._running)
+    np.testing.assert_array_equal(pixels_of(scene.rle_splat.image), before)
+
+
+def steps():
+    install()
+    watch_renders()
+    with in_the_view():
+        set_up_scene()
+        import_cube(FOLDER)
+    yield
+    for check in (check_f12, check_animation, check_render_image, check_escape):
+        yield from check()
+        print(f"{check.__name__} passed", flush=True)
+        passed.append(check)
+        yield
+
+
+passed: list = []
+running = steps()
+
+
+def tick():
+    try:
+        next(running)
+        return PAUSE
+    except StopIteration:
+        failed = 0
+    except Exception:
+        traceback.print_exc()
+        failed = 1
+    print(f"{len(passed)} passed, {failed} failed, 0 skipped", flush=True)
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    os._exit(failed)  # quitting in the ordinary way would ask to save
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.app.timers.register(tick, first_interval=1.0)
