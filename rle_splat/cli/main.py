@@ -8,7 +8,9 @@ them, and happen inside ``main`` so that the policy covers them too.
 from __future__ import annotations
 
 import os
+import re
 import sys
+from decimal import Decimal
 from importlib import import_module
 
 DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -22,6 +24,8 @@ COMMANDS = {
     "convert": "copy a volume from one format to another",
     "compare": "hold the systems that the paper names side by side: time, memory, error",
 }
+
+NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
 
 
 def _sentence(message) -> str:
@@ -42,6 +46,11 @@ def _join_size(argv: list[str]) -> list[str]:
         else:
             joined.append(word)
     return joined
+
+
+def _plain_negatives(argv: list[str]) -> list[str]:
+    """Negative numbers without exponents, since argparse would take ``-1e3`` for an option; all else as it is."""
+    return [format(Decimal(word), "f") if NEGATIVE_NUMBER.fullmatch(word) else word for word in argv]
 
 
 def _build_parser():
@@ -82,7 +91,7 @@ def _run(argv: list[str]) -> None:
     first = next((word for word in argv if not word.startswith("-")), None)
     if first is not None and first not in COMMANDS:
         raise RleSplatError(f"There is no command {first!r}; choose {', '.join(COMMANDS)}.")
-    args, unknown = parser.parse_known_args(_join_size(argv))
+    args, unknown = parser.parse_known_args(_plain_negatives(_join_size(argv)))
     if args.command is None:
         raise RleSplatError(f"Say what to do: {', '.join(COMMANDS)}; see rle-splat --help.")
     if unknown:

@@ -261,6 +261,13 @@ def test_info_counts_right(call, raw, raw_options, voxels, shape_xyz, tmp_path):
         assert text in result.out
 
 
+@pytest.mark.parametrize("written", ["-1.5e3", "-15E+2", "-1500.", "-.15e4"])
+def test_negative_numbers_are_numbers_however_they_are_written(call, raw, raw_options, tmp_path, written):
+    report_file = tmp_path / "i.json"
+    assert call("info", raw, *raw_options, "--intercept", written, "--json", report_file).code == 0
+    assert json.loads(report_file.read_text())["intercept"] == -1500.0
+
+
 def test_info_sees_what_is_odd(call, tmp_path, raw_options):
     values = np.zeros((4, 5, 6), dtype=np.float32)
     values[0, 0, :3] = np.nan
