@@ -125,5 +125,5 @@ def any_bpy() -> str:
     ready = [version for version, environment in BPY.items() if _is_ready(environment)]
     possible = ready or [version for version, python in BPY_PYTHON.items() if find_python(python)]
     if not possible:
-        raise Failure("Blender's Python module needs Python 3.11 or 3.13, and neither was found.")
+        raise Failure("Blender's Python module needs Python 3.11 or 3.13 with its venv module; install one of them.")
     return "5.0" if "5.0" in possible else possible[-1]

@@ -65,9 +65,9 @@ def read_json(path, what: str):
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as problem:
-        raise RleSplatError(f"Cannot read {what} {path}: {problem.strerror or problem}.") from None
+        raise RleSplatError(f"Cannot read {what} {path}: {problem.strerror or problem}; check the path.") from None
     except ValueError as problem:
-        raise RleSplatError(f"{what} {path} is not valid JSON: {problem}.") from None
+        raise RleSplatError(f"{what} {path} is not valid JSON: {problem}; mend it there.") from None
 
 
 def _positive(value, name: str) -> float:

@@ -108,7 +108,9 @@ def write_volume(volume: Volume, path) -> dict:
     path = Path(path)
     chosen = format_of(path)
     if chosen is None or chosen.writer is None:
-        raise RleSplatError(f"{path.name} is of no format that is written ({', '.join(suffixes(writable=True))}).")
+        raise RleSplatError(
+            f"{path.name} is of no format that is written; end its name in {', '.join(suffixes(writable=True))}."
+        )
     with staged(path) as unfinished:
         return chosen.writer(volume, unfinished)
 
@@ -121,6 +123,6 @@ def staged(path: Path):
         yield unfinished
         os.replace(unfinished, path)
     except OSError as problem:
-        raise RleSplatError(f"Cannot write {path}: {problem.strerror or problem}.") from None
+        raise RleSplatError(f"Cannot write {path}: {problem.strerror or problem}; choose another place.") from None
     finally:
         unfinished.unlink(missing_ok=True)

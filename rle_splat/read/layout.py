@@ -122,7 +122,8 @@ def unreadable(path, problem) -> RleSplatError:
         return RleSplatError(f"{name} is named .gz but is not an intact gzip file; rename it, or copy it again.")
     if isinstance(problem, zlib.error):
         return RleSplatError(f"{name} is a damaged gzip file; copy or download it again.")
-    return RleSplatError(f"Cannot read {path}: {getattr(problem, 'strerror', None) or problem}.")
+    reason = getattr(problem, "strerror", None) or problem
+    return RleSplatError(f"Cannot read {path}: {reason}; check its place and permissions.")
 
 
 UNREADABLE = (OSError, EOFError, zlib.error)  # BadGzipFile is an OSError

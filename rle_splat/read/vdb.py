@@ -55,7 +55,9 @@ def _metadata(openvdb, path) -> list:
 
 def _damaged(path, problem) -> RleSplatError:
     reason = str(problem).strip().rstrip(".")
-    return RleSplatError(f"{Path(path).name} is damaged or of a kind that this OpenVDB cannot read ({reason}).")
+    return RleSplatError(
+        f"{Path(path).name} is damaged or of a kind that this OpenVDB cannot read ({reason}); copy or export it again."
+    )
 
 
 def _choose(grids: list, wanted: str | None, path) -> int:
@@ -73,7 +75,9 @@ def _choose(grids: list, wanted: str | None, path) -> int:
             )
         return i
     if not numeric:
-        raise RleSplatError(f"{Path(path).name} has no grid of numbers to show; its grids are: {there}.")
+        raise RleSplatError(
+            f"{Path(path).name} has no grid of numbers to show, its grids are: {there}; export one of numbers."
+        )
     return next((i for i in numeric if labels[i] == PREFERRED_GRID), numeric[0])
 
 
@@ -109,7 +113,9 @@ def read_vdb(
     except OPENVDB_PROBLEMS as problem:
         raise _damaged(path, problem) from None
     except MemoryError:
-        raise RleSplatError(f"The grid {label!r} does not fit into this machine's memory once dense.") from None
+        raise RleSplatError(
+            f"The grid {label!r} does not fit into this machine's memory once dense; crop or thin it."
+        ) from None
     if not source.transform.isLinear:
         raise RleSplatError(f"The grid {label!r} lies in a tapered frustum; resample it to a box of voxels first.")
     shift = np.eye(4)
@@ -132,7 +138,7 @@ def _densify(grid, label: str):
     """(voxels (nz, ny, nx), grid index (x, y, z) of voxel (0, 0, 0)): the active box dilated by one voxel."""
     low, high = (np.array(corner, dtype=np.int64) for corner in grid.evalActiveVoxelBoundingBox())
     if (high < low).any():
-        raise RleSplatError(f"The grid {label!r} is empty: it has no active voxel.")
+        raise RleSplatError(f"The grid {label!r} is empty, it has no active voxel; choose another or export it again.")
     low, high = low - 1, high + 1
     nx, ny, nz = (int(n) for n in high - low + 1)
     kind = np.dtype(NUMERIC[grid.valueTypeName])
@@ -200,5 +206,5 @@ def write_vdb(volume: Volume, path) -> dict:
     try:
         openvdb.write(str(path), grids=[grid])
     except RuntimeError as problem:
-        raise RleSplatError(f"Cannot write {path}: {problem}.") from None
+        raise RleSplatError(f"Cannot write {path}: {problem}; choose another place.") from None
     return {}

@@ -42,7 +42,9 @@ def check_header(path) -> None:
             "export it again."
         ) from None
     except OSError as problem:
-        raise RleSplatError(f"Cannot read {path}: {problem.strerror or problem}.") from None
+        raise RleSplatError(
+            f"Cannot read {path}: {problem.strerror or problem}; check its place and permissions."
+        ) from None
 
 
 def _walk(stream, size: int) -> None:
