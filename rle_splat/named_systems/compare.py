@@ -7,7 +7,7 @@ import time
 from ..accuracy.metrics import difference
 from ..jit import thread_count
 from ..scene import Quality, RleSplatError, Scene
-from ..steps import Progress
+from ..steps import Progress, drain
 from .judge import probe_truth
 from .medium import Medium, scene_medium
 from .system import System
@@ -19,12 +19,7 @@ REPEATS = 3  # frames timed, once compiled and warm; the best counts
 
 def compare(scene: Scene, quality: Quality, names=None, probes: int = PROBES, repeats: int = REPEATS) -> dict:
     """The report of ``compare_steps``, without progress."""
-    steps = compare_steps(scene, quality, names, probes, repeats)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as finished:
-            return finished.value
+    return drain(compare_steps(scene, quality, names, probes, repeats))
 
 
 def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROBES, repeats: int = REPEATS):
