@@ -26,6 +26,7 @@ QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name i
     ("paper", "Paper", "The paper's literal pipeline: opacities added in slice planes, one sheet pixel per voxel"),
     ("custom", "Custom", "Every knob by hand"),
 ]
+RECORD_ITEMS = [(str(size), f"{size} Bytes", "") for size in tables.RECORDS]
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "The lights of the scene; a headlight when there are none"),
     ("HEADLIGHT", "Headlight", "One white parallel light along the camera's axis"),
@@ -126,6 +127,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     model: LiveEnum(
         name="Model", description=_knob("model"), items=_items(tables.MODELS),
         default=tables.Quality.model)
+    record: LiveEnum(
+        name="Voxel Record", description=_knob("record"), items=RECORD_ITEMS, default=str(tables.Quality.record))
     sheet_density: LiveFloat(
         name="Sheet Density", description=_knob("sheet_density"),
         default=tables.Quality.sheet_density, min=0.0, max=8.0)

@@ -14,7 +14,7 @@ def quality_of(scene) -> Quality:
     Raises RleSplatError for a knob out of its range.
     """
     settings = scene.rle_splat
-    common = dict(threads=settings.threads, backend=settings.backend)
+    common = dict(threads=settings.threads, backend=settings.backend, record=int(settings.record))
     if settings.quality == "paper":
         return Quality.paper(**common)
     if settings.quality == "custom":

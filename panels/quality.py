@@ -31,6 +31,7 @@ class QualityPanel:
             column = layout.column()
             for name in KNOBS:
                 column.prop(settings, name)
+        layout.prop(settings, "record")
         layout.prop(settings, "scene_scale")
         layout.prop(settings, "meshes_occlude")
 

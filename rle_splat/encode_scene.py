@@ -17,7 +17,7 @@ from .steps import Clock, drain, portion
 def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
     """The tables of ``scene`` for the principal ``axes`` (0, 1, 2 for x, y, z); can be saved, and rendered as a volume.
 
-    Of ``quality`` only the model and what does the work matter.  ``source``: see ``encode_scene_steps``.
+    Of ``quality`` only the model, the record and what does the work matter.  ``source``: see ``encode_scene_steps``.
     """
     return drain(encode_scene_steps(scene, quality or Quality.preset("standard"), axes, source))[0]
 
@@ -50,6 +50,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
             "nan_voxels": classified.nan_voxels,
         },
         "model": quality.model,
+        "record": quality.record,
         "axes": {
             AXIS_NAMES[axis]: {
                 "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},

@@ -14,10 +14,13 @@ if numba is not None:
     from numba.extending import intrinsic
 
     _LANES = ir.VectorType(ir.FloatType(), 4)
+    _CODES = ir.VectorType(ir.IntType(32), 4)
+
+    def _pointer_to(context, builder, array_type, array, index):
+        return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
 
     def _pointer(context, builder, array_type, array, index):
-        data = context.make_array(array_type)(context, builder, array).data
-        return builder.bitcast(builder.gep(data, [index]), _LANES.as_pointer())
+        return builder.bitcast(_pointer_to(context, builder, array_type, array, index), _LANES.as_pointer())
 
     def _load(builder, pointer):
         value = builder.load(pointer)
@@ -32,6 +35,50 @@ if numba is not None:
         for lane in range(4):
             lanes = builder.insert_element(lanes, scalar, ir.Constant(ir.IntType(32), lane))
         return lanes
+
+    def _integers(values):
+        return ir.Constant(_CODES, list(values))
+
+    def _from_code(builder, bits, kind):
+        """A 16-bit float (or four), as an integer of 32 bits, to float32: shifted and brought to its exponent."""
+        shift, unbias = (ir.Constant(ir.IntType(32), 12), ir.Constant(ir.FloatType(), 2.0**96))
+        if kind is _LANES:
+            shift, unbias = _integers([12] * 4), _spread(builder, unbias)
+        return builder.fmul(builder.bitcast(builder.shl(bits, shift), kind), unbias)
+
+    def _decode_8(builder, code, scale, lanes, at, weight):
+        """weight * (density * RGB, density) from four 16-bit floats in one number."""
+        words = builder.bitcast(code(at), ir.VectorType(ir.IntType(16), 4))
+        values = _from_code(builder, builder.zext(words, _CODES), _LANES)
+        return builder.fmul(values, builder.fmul(_spread(builder, weight), lanes))
+
+    def _color_and_density(builder, bits, starts, steps, lanes, density):
+        """density * (RGB, 1) from linear codes of the colour; ``lanes``: the size of their steps."""
+        codes = ir.Constant(_CODES, ir.Undefined)
+        for lane in range(4):
+            codes = builder.insert_element(codes, bits, ir.Constant(ir.IntType(32), lane))
+        codes = builder.and_(builder.lshr(codes, _integers((*starts, 0))), _integers((*steps, 0)))
+        color = builder.fmul(builder.sitofp(codes, _LANES), lanes)
+        color = builder.insert_element(color, ir.Constant(ir.FloatType(), 1.0), ir.Constant(ir.IntType(32), 3))
+        return builder.fmul(color, _spread(builder, density))
+
+    def _decode_6(builder, code, scale, lanes, at, weight):
+        """weight * (density * RGB, density) from a 16-bit float and 11, 11 and 10 bits of colour."""
+        first = builder.mul(at, ir.Constant(at.type, 3))
+        density, low, high = (
+            builder.zext(code(builder.add(first, ir.Constant(at.type, word))), ir.IntType(32)) for word in range(3)
+        )
+        bits = builder.or_(low, builder.shl(high, ir.Constant(ir.IntType(32), 16)))
+        value = builder.fmul(_from_code(builder, density, ir.FloatType()), scale(ir.Constant(at.type, 3)))
+        value = builder.fmul(value, weight)
+        return _color_and_density(builder, bits, (0, 11, 22), (2047, 2047, 1023), lanes, value)
+
+    def _decode_4(builder, code, scale, lanes, at, weight):
+        """weight * (density * RGB, density) from 7 bits a channel and 11 bits that number a density of ``scales``."""
+        bits = code(at)
+        number = builder.zext(builder.lshr(bits, ir.Constant(ir.IntType(32), 21)), at.type)
+        value = builder.fmul(scale(builder.add(number, ir.Constant(at.type, 4))), weight)
+        return _color_and_density(builder, bits, (0, 7, 14), (127, 127, 127), lanes, value)
 
     @intrinsic
     def mix2x2(typing, source, at, pitch, across, down, target, to):
@@ -82,6 +129,37 @@ if numba is not None:
         return types.void(source, types.intp, types.float32, target, types.intp), generate
 
     @intrinsic
+    def add_coded(typing, codes, at, scales, weight, target, to):
+        """target[to:to+4] += weight * record number ``at`` of ``codes``, coded as ``encode.records`` says.
+
+        ``codes``: flat, uint64 (8 bytes a record), uint16 (6, three numbers each) or uint32 (4).  ``scales``: float32,
+        the record's decoding.  No bounds checks.
+        """
+        decode = {types.uint64: _decode_8, types.uint16: _decode_6, types.uint32: _decode_4}.get(
+            getattr(codes, "dtype", None)
+        )
+        if decode is None:
+            return None
+
+        def generate(context, builder, signature, arguments):
+            codes, at, scales, weight, target, to = arguments
+            codes_type, scales_type, target_type = signature.args[0], signature.args[2], signature.args[4]
+
+            def code(place):
+                return builder.load(_pointer_to(context, builder, codes_type, codes, place))
+
+            def scale(place):
+                return builder.load(_pointer_to(context, builder, scales_type, scales, place))
+
+            lanes = _load(builder, _pointer(context, builder, scales_type, scales, ir.Constant(at.type, 0)))
+            record = decode(builder, code, scale, lanes, at, weight)
+            place = _pointer(context, builder, target_type, target, to)
+            _store(builder, builder.fadd(_load(builder, place), record, flags=["contract"]), place)
+            return context.get_dummy_value()
+
+        return types.void(codes, types.intp, scales, types.float32, target, types.intp), generate
+
+    @intrinsic
     def sum4x4(typing, source, at, pitch, across, down, target, to):
         """target[to:to+4] = sum over 4x4 taps of down[r] * across[c] * source[at + r * pitch + 4 * c:][:4].
 
@@ -115,5 +193,7 @@ else:  # never called: callers take the numpy twin
     def mix2x2(source, at, pitch, across, down, target, to): ...
 
     def add4(source, at, weight, target, to): ...
+
+    def add_coded(codes, at, scales, weight, target, to): ...
 
     def sum4x4(source, at, pitch, across, down, target, to): ...

@@ -19,10 +19,21 @@ import numpy as np
 
 from .axes import AXIS_NAMES
 from .classify.classification import ClassifiedVolume, classified, unit_length
-from .classify.shading import Lighting, follows_view, is_shaded, light_records, lighting, normals, shaded_colors
+from .classify.shading import (
+    DENSITY,
+    Lighting,
+    color_bound,
+    follows_view,
+    is_shaded,
+    light_records,
+    lighting,
+    normals,
+    shaded_colors,
+)
 from .classify.transfer_function import TransferFunction
 from .classify.visible import Visibility, count_steps, fill_steps
-from .encode.encode import record_steps, run_tables
+from .encode.encode import brightest_steps, record_steps, run_tables
+from .encode.records import decoding_of
 from .encode.store import StoredVolume
 from .kept import Job, Kept
 from .scene import Quality, RleSplatError, Scene
@@ -131,19 +142,27 @@ def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
     with clock.stage("encode"):
         tables = job.get("runs", (look.visible_key, axis), lambda: run_tables(voxels, axis, **machine))
 
+    write = look.write_records(quality.model, **machine)
+
+    def timed_write(*arguments):
+        with clock.stage("shade"):
+            return write(*arguments)
+
     def records():
-        write = look.write_records(quality.model, **machine)
-
-        def timed_write(*arguments):
-            with clock.stage("shade"):
-                return write(*arguments)
-
-        return record_steps(tables, voxels, timed_write, quality.model, **machine)
+        decoding = None
+        if quality.record != 16:
+            brightest = color_bound(look.classified, look.falling)
+            if brightest is None:
+                brightest = yield from brightest_steps(voxels, timed_write)
+            density = look.classified.looks[:, DENSITY[quality.model]].max(initial=0.0)
+            decoding = decoding_of(quality.record, float(density), brightest)
+        return (
+            yield from record_steps(tables, voxels, timed_write, quality.model, quality.record, decoding, **machine)
+        )
 
     shaded_before = clock.stages["shade"]
-    made = yield from timed(
-        job.steps("records", (look.key, quality.model, axis), records, lambda e: e.voxel_data.nbytes), clock, "encode"
-    )
+    key = (look.key, quality.model, quality.record, axis)
+    made = yield from timed(job.steps("records", key, records, lambda e: e.voxel_data.nbytes), clock, "encode")
     clock.stages["encode"] -= clock.stages["shade"] - shaded_before
     return made
 

@@ -194,6 +194,7 @@ FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
 MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "cubic")
 MODELS = ("extinction", "opacity")
+RECORDS = (16, 8, 6, 4)  # bytes of a voxel in the run-length tables; what each holds: encode/records.py
 BACKENDS = ("auto", "numba", "numpy")
 # What each knob is, for the help of the command line and the tooltips of the panel.
 KNOB_TEXTS = {
@@ -205,6 +206,7 @@ KNOB_TEXTS = {
     "warp_filter": "filter from the intermediate image to the picture",
     "termination": "transmittance below which a pixel counts as opaque",
     "model": "what overlapping footprints add up",
+    "record": "bytes of a voxel in the run-length tables; fewer save memory and lose accuracy",
     "backend": "what runs the loops",
 }
 
@@ -216,6 +218,7 @@ class Quality:
     ``kernel`` is the footprint; ``minification`` "widen" widens it where several voxels share a sheet pixel, for
     pictures without shimmer, "off" shows exactly what lies on each pixel's ray.
     ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
+    ``record`` is how many bytes a voxel of the run-length tables takes: fewer save memory and lose accuracy.
     ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
     paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
     """
@@ -229,6 +232,7 @@ class Quality:
     termination: float = 1 / 1024
     model: str = "extinction"
     length_correction: bool = True
+    record: int = 16
     threads: int = 0
     backend: str = "auto"
     name: str = "standard"
@@ -245,6 +249,8 @@ class Quality:
         ):
             if value not in allowed:
                 raise RleSplatError(f"There is no {what} called {value!r}; choose {' or '.join(allowed)}.")
+        if self.record not in RECORDS:
+            raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
         if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= 8.0):
             raise RleSplatError("The sheet density must be between 0 and 8 sheet pixels per image pixel.")
         if not (0.0 <= self.termination < 0.5):

@@ -118,6 +118,19 @@ def shaded_colors(
     return read_only(np.ascontiguousarray(records[:, :3]))
 
 
+def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float | None:
+    """A bound, never far off, of any channel of the shaded colours; None where lights stand among the voxels, so that
+    only shading them tells."""
+    most = float(classified.looks[:, RED:].max(initial=0.0))
+    if falling is None:
+        return most
+    if (falling.rows[:, KIND] != SUN).any():
+        return None
+    ambient, diffuse, specular, _ = falling.material
+    strongest = float(falling.rows[:, RGB:NEAREST].sum(axis=0).max())
+    return max(most, most * (ambient + diffuse * strongest) + specular * strongest)
+
+
 def light_records(
     classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, first: int, last: int, records,
     *, backend: str = "auto", threads: int = 0,

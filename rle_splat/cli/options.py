@@ -16,6 +16,7 @@ from ..scene import (
     MINIFICATIONS,
     MODELS,
     QUALITY_PRESETS,
+    RECORDS,
     WARP_FILTERS,
     Quality,
     RleSplatError,
@@ -155,13 +156,17 @@ def add_model_option(parser) -> None:
 def add_machine_options(parser) -> None:
     group = parser.add_argument_group("machine")
     group.add_argument("--threads", type=int, default=0, metavar="N", help="0 (default): one per core")
+    group.add_argument(
+        "--record", type=int, metavar="BYTES",
+        help=f"{'|'.join(map(str, RECORDS))}: {KNOB_TEXTS['record']}",
+    )
     group.add_argument("--backend", default="auto", metavar="|".join(BACKENDS), help=KNOB_TEXTS["backend"])
 
 
 def quality_from(args) -> Quality:
     """The Quality asked for; a RleSplatError when the options contradict each other."""
     knobs = {name: getattr(args, name) for name, _, _ in KNOBS.values() if getattr(args, name) is not None}
-    machine = {"threads": args.threads, "backend": args.backend}
+    machine = {"threads": args.threads, "backend": args.backend, "record": record_from(args)}
     if args.quality is not None and args.paper:
         raise RleSplatError("--quality and --paper contradict each other; give one of them.")
     if knobs and (args.quality is not None or args.paper):
@@ -176,8 +181,15 @@ def quality_from(args) -> Quality:
 
 
 def encoding_quality(args) -> Quality:
-    """The Quality that matters to encoding: the model, and what does the work."""
-    return Quality(model=args.model or MODELS[0], threads=args.threads, backend=args.backend)
+    """The Quality that matters to encoding: the model, the record, and what does the work."""
+    return Quality(
+        model=args.model or MODELS[0], threads=args.threads, backend=args.backend, record=record_from(args)
+    )
+
+
+def record_from(args) -> int:
+    """Bytes of a voxel's record; --record is no knob of a quality, so that it goes with any of them."""
+    return RECORDS[0] if args.record is None else args.record
 
 
 def image_size(text: str) -> tuple[int, int]:

@@ -131,6 +131,11 @@ def _prepare_tables(args, quality) -> Prepared:
     check_lighting(args, stored.lighting, lights, camera)
     if args.model is None and not args.paper:
         quality = replace(quality, model=stored.model)
+    if args.record not in (None, stored.record):
+        raise RleSplatError(
+            f"{args.volume} holds records of {stored.record} bytes; leave --record out, or encode the volume again."
+        )
+    quality = replace(quality, record=stored.record)
     scene = make_scene(args, stored, function, camera, matrix, (), False)
     remark = "Lit as it was encoded." if stored.lighting.get("shaded") else "Unshaded, as it was encoded."
     return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "baked into the .rle file"}, (remark,))

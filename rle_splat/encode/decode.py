@@ -5,20 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from ..axes import AXES
-from ..jit import compiled, kernel, parallel_call, prange
+from ..jit import compiled, kernel, parallel_call, prange, read_only
 from .tables import RunLengthVolume
 
 
 def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
     """(n_slices, n_scanlines, width, 4) float32 voxel records, zero where transparent."""
     dense = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width, 4), dtype=np.float32)
+    records = encoded.decoded()
     if compiled(backend):
         with parallel_call(threads):
             _decode_scanlines(
-                encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, encoded.voxel_data, dense
+                encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, read_only(records), dense
             )
     else:
-        dense[_visible_numpy(encoded)] = encoded.voxel_data
+        dense[_visible_numpy(encoded)] = records
     return dense
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from ..axes import AXES
 from ..classify.visible import VisibleVoxels
 from ..jit import compiled, parallel_call, read_only
-from ..scene import MODELS, RleSplatError
+from ..scene import MODELS, RECORDS, RleSplatError
 from ..steps import drain
 from . import encode_kernels as passes
+from .records import decoding_of, empty_records, pack, words_of
 from .tables import (
     RunLengthVolume,
     RunTables,
@@ -28,13 +29,17 @@ VOXELS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two ch
 
 
 def encode(
-    classified, colors, axis: int, model: str = "extinction", *, backend: str = "auto", threads: int = 0
+    classified, colors, axis: int, model: str = "extinction", *, record: int = 16, backend: str = "auto",
+    threads: int = 0,
 ) -> RunLengthVolume:
     """The four tables of ``classified`` for principal ``axis`` (0, 1, 2 for x, y, z).
 
     ``colors``: (m, 3) float32, the shaded colour of each of its voxels, unassociated.
     ``model``: "extinction" stores (extinction * RGB, extinction), "opacity" (alpha * RGB, alpha).
+    ``record``: bytes of a voxel's record, 16, 8, 6 or 4.
     """
+    if record not in RECORDS:
+        raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {record!r}.")
     if model not in MODELS:
         raise RleSplatError(f"There is no model called {model!r}; choose {' or '.join(MODELS)}.")
     density = classified.extinction if model == "extinction" else classified.opacity
@@ -54,7 +59,10 @@ def encode(
         return most_color
 
     tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
-    return drain(record_steps(tables, classified.voxels, write, model, backend=backend, threads=threads))
+    decoding = decoding_of(record, float(density.max(initial=0.0)), most_color)
+    return drain(
+        record_steps(tables, classified.voxels, write, model, record, decoding, backend=backend, threads=threads)
+    )
 
 
 def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
@@ -71,31 +79,55 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threa
 
 
 def record_steps(
-    tables: RunTables, voxels: VisibleVoxels, write, model: str, *, backend: str = "auto", threads: int = 0
+    tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *,
+    backend: str = "auto", threads: int = 0,
 ):
     """Generator: yields the fraction done; returns the RunLengthVolume of ``tables`` with its voxel records.
 
     ``write(first, last, records)`` puts the records of voxels [first, last), counted as in ``voxels``, into
-    (last - first, 4) float32, and returns the largest channel of their colours.
+    (last - first, 4) float32, and returns the largest channel of their colours.  ``record``, ``decoding``: bytes of
+    a record, and what ``records.decoding_of`` made for them.
     """
     _, ny, nz = voxels.shape_xyz
-    voxel_data = np.empty((tables.n_voxels, 4), np.float32)
-    scratch = np.empty((0, 4), np.float32)
+    voxel_data = empty_records(record, tables.n_voxels)
+    floats, codes = empty_records(16, 0), empty_records(record, 0)
     most_color = 0.0
     for first_plane, last_plane in _slabs(voxels.row_start[::ny]):
         yield first_plane / nz
         starts = voxels.row_start[first_plane * ny : last_plane * ny + 1]
         first, last = int(starts[0]), int(starts[-1])
-        if tables.axis == 2:  # the voxels' own order
-            most_color = max(most_color, write(first, last, voxel_data[first:last]))
-            continue
-        if len(scratch) < last - first:
-            scratch = np.empty((last - first, 4), np.float32)
-        records = scratch[: last - first]
-        most_color = max(most_color, write(first, last, records))
-        data_starts = np.ascontiguousarray(tables.scanline_data_pointers[:, first_plane:last_plane].T)
-        _place(tables.axis, starts, voxels.column[first:last], data_starts, records, voxel_data, backend, threads)
-    return tables.with_voxels(model, voxel_data, most_color)
+        in_order = tables.axis == 2  # the voxels' own order: nothing to place
+        target = voxel_data[first:last] if in_order else codes
+        if not in_order and len(codes) < last - first:
+            target = codes = empty_records(record, last - first)
+        made = target[: last - first]
+        if record == 16:
+            most_color = max(most_color, write(first, last, made))
+        else:
+            if len(floats) < last - first:
+                floats = empty_records(16, last - first)
+            most_color = max(most_color, write(first, last, floats[: last - first]))
+            pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
+        if not in_order:
+            data_starts = np.ascontiguousarray(tables.scanline_data_pointers[:, first_plane:last_plane].T)
+            column = voxels.column[first:last]
+            _place(tables.axis, starts, column, data_starts, words_of(made), words_of(voxel_data), backend, threads)
+    return tables.with_voxels(model, voxel_data, decoding, most_color)
+
+
+def brightest_steps(voxels: VisibleVoxels, write):
+    """Generator: yields the fraction done; returns the largest channel of any colour.  ``write``: see
+    ``record_steps``; what it writes is thrown away."""
+    _, ny, nz = voxels.shape_xyz
+    floats = empty_records(16, 0)
+    most_color = 0.0
+    for first_plane, last_plane in _slabs(voxels.row_start[::ny]):
+        yield first_plane / nz
+        first, last = int(voxels.row_start[first_plane * ny]), int(voxels.row_start[last_plane * ny])
+        if len(floats) < last - first:
+            floats = empty_records(16, last - first)
+        most_color = max(most_color, write(first, last, floats[: last - first]))
+    return most_color
 
 
 def _slabs(plane_start):
@@ -108,7 +140,7 @@ def _slabs(plane_start):
         first = last
 
 
-def _place(axis, row_start, column, data_starts, records, voxel_data, backend, threads):
+def _place(axis, row_start, column, data_starts, words, voxel_words, backend, threads):
     """Copy the records of some planes to the scanlines of the tables; ``data_starts`` (planes, rows or columns)."""
     n_rows = (len(row_start) - 1) // len(data_starts)
     if not compiled(backend):
@@ -120,13 +152,13 @@ def _place(axis, row_start, column, data_starts, records, voxel_data, backend, t
         order = np.argsort(line, kind="stable")
         line = line[order]
         in_line = np.arange(len(line)) - np.searchsorted(line, line, side="left")
-        voxel_data[data_starts.reshape(-1)[line] + in_line] = records[order]
+        voxel_words[data_starts.reshape(-1)[line] + in_line] = words[order]
         return
     with parallel_call(threads):
         if axis == 1:
-            passes.place_rows(row_start, data_starts.reshape(-1), records, voxel_data)
+            passes.place_rows(row_start, data_starts.reshape(-1), words, voxel_words)
         else:
-            passes.place_across(row_start, read_only(column), n_rows, data_starts, records, voxel_data)
+            passes.place_across(row_start, read_only(column), n_rows, data_starts, words, voxel_words)
 
 
 def _tables_of_rows(voxels: VisibleVoxels, axis, threads):

@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from ..axes import AXES, AXIS_NAMES
-from ..scene import RleSplatError, as_matrix
+from ..scene import RECORDS, RleSplatError, as_matrix
 from .tables import TABLES, RunLengthVolume
 from .validate import scanline_data_pointers
 
 FORMAT = "rle-splat"
-VERSION = 1
+VERSION = 2
 HEADER = "header"
+DECODING = "decoding"  # what the codes of short records are multiplied by
 CHUNK_BYTES = 1 << 24  # read at once, so that no table is ever held twice
 
 
@@ -61,16 +62,22 @@ class StoredVolume:
         return self._any_axis.model
 
     @property
+    def record(self) -> int:
+        """Bytes of a voxel's record."""
+        return self._any_axis.record
+
+    @property
     def _any_axis(self) -> RunLengthVolume:
         return next(iter(self.axes.values()))
 
 
 def save(path, stored: StoredVolume) -> None:
     """Write a `.rle` file; the old one stays until the new one is whole.  RleSplatError when it cannot be written."""
-    if len({(e.shape_xyz, e.model) for e in stored.axes.values()}) != 1:
-        raise RleSplatError("A .rle file holds at least one encoding, and all of the same volume and model.")
+    if len({(e.shape_xyz, e.model, e.record) for e in stored.axes.values()}) != 1:
+        raise RleSplatError("A .rle file holds at least one encoding, and all of the same volume, model and record.")
     header = {
         "format": FORMAT, "version": VERSION, "shape_xyz": list(stored.shape_xyz), "model": stored.model,
+        "record": stored.record,
         "axes": [AXIS_NAMES[axis] for axis in sorted(stored.axes)],
         "affine": np.asarray(stored.affine).tolist(), "unit": stored.unit, "unit_length": stored.unit_length,
         "transfer_function": stored.transfer_function, "lighting": stored.lighting, "source": stored.source,
@@ -79,6 +86,8 @@ def save(path, stored: StoredVolume) -> None:
     members = {HEADER: np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)}
     for axis in sorted(stored.axes):
         members.update({_member(axis, table): getattr(stored.axes[axis], table) for table in TABLES})
+        if stored.axes[axis].decoding is not None:
+            members[_member(axis, DECODING)] = stored.axes[axis].decoding
     path = Path(path)
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
@@ -115,8 +124,13 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
     axes = {}
     for axis in header["axes"]:
         tables = [_read_array(archive, _member(axis, table), file_bytes) for table in TABLES]
-        derived = scanline_data_pointers(axis, header["shape_xyz"], header["model"], *tables)
-        axes[axis] = RunLengthVolume(axis, header["shape_xyz"], header["model"], *tables, derived)
+        decoding = None
+        if header["record"] != 16:
+            decoding = _read_array(archive, _member(axis, DECODING), file_bytes)
+        derived = scanline_data_pointers(axis, header["shape_xyz"], header["model"], *tables, decoding)
+        axes[axis] = RunLengthVolume(axis, header["shape_xyz"], header["model"], *tables, derived, decoding)
+        if axes[axis].record != header["record"]:
+            raise ValueError("its voxel data are not of the kind it names")
     return StoredVolume(
         axes, header["affine"], header["unit"], header["unit_length"], header["transfer_function"],
         header["lighting"], header["source"], tuple(header["remarks"]),
@@ -157,6 +171,8 @@ def _read_header(stored: np.ndarray) -> dict:
         raise ValueError("its shape is not three whole numbers")
     if not (isinstance(names, list) and names and set(map(str, names)) <= set(AXIS_NAMES)):
         raise ValueError("it names no principal axis")
+    if header["record"] not in RECORDS:
+        raise ValueError("its voxel records have an unknown size")
     length = header["unit_length"]
     if not (isinstance(length, (int, float)) and math.isfinite(length) and length > 0.0):
         raise ValueError("its unit length is not a number above zero")

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..axes import AXES
+from .records import record_bytes, unpack
 
 CHUNK = 1 << 18  # voxels looked at together, so that no second copy of all of them is made
 LEAST_DENSITY = 1e-37  # keeps 0 / 0 out of colour = associated colour / density
@@ -39,11 +40,11 @@ class RunTables:
             + self.scanline_data_pointers.nbytes
         )
 
-    def with_voxels(self, model: str, voxel_data, most_color: float) -> RunLengthVolume:
-        """The whole set, with (m, 4) records in the order of the tables."""
+    def with_voxels(self, model: str, voxel_data, decoding, most_color: float) -> RunLengthVolume:
+        """The whole set, with records in the order of the tables."""
         return RunLengthVolume(
             self.axis, self.shape_xyz, model, self.scanline_pointers, self.data_pointers, self.runs, voxel_data,
-            self.scanline_data_pointers, most_color,
+            self.scanline_data_pointers, decoding, most_color,
         )
 
 
@@ -59,7 +60,8 @@ class RunLengthVolume:
     ``runs``: (n_runs,) uint16 or uint32, per scanline t0, n0, t1, n1, ...: transparent and non-transparent run
     lengths in turn; t0 may be 0, no other is; a trailing transparent run is written; they sum to ``width``.
     ``voxel_data``: (m, 4) float32, scene-linear (extinction * RGB, extinction) in 1 / world length, or
-    (alpha * RGB, alpha) per opacity unit distance; non-transparent voxels only.
+    (alpha * RGB, alpha) per opacity unit distance; non-transparent voxels only.  Or the same in 8, 6 or 4 bytes, as
+    codes that ``decoding`` turns into such numbers: see ``records``.
     ``scanline_data_pointers``: (n_slices, n_scanlines) int64, index into ``voxel_data`` of a scanline's first
     voxel.  Derived: it lets image bands start at any scanline, and is never stored.
     ``given_most_color``: the largest channel of any unassociated colour, where whoever made the tables knows it.
@@ -73,11 +75,14 @@ class RunLengthVolume:
     runs: np.ndarray
     voxel_data: np.ndarray
     scanline_data_pointers: np.ndarray
+    decoding: np.ndarray | None = None
     given_most_color: float | None = None
 
     def __post_init__(self):
         for name in (*TABLES, "scanline_data_pointers"):
             getattr(self, name).setflags(write=False)
+        if self.decoding is not None:
+            self.decoding.setflags(write=False)
 
     @property
     def width(self) -> int:
@@ -96,6 +101,15 @@ class RunLengthVolume:
     def visible_voxels(self) -> int:
         return len(self.voxel_data)
 
+    @property
+    def record(self) -> int:
+        """Bytes of a voxel's record."""
+        return record_bytes(self.voxel_data)
+
+    def decoded(self, first: int = 0, last: int | None = None) -> np.ndarray:
+        """(n, 4) float32 records of voxels [first, last)."""
+        return unpack(self.voxel_data[first:last], self.decoding)
+
     @cached_property
     def most_color(self) -> float:
         """The largest channel of any voxel's unassociated colour."""
@@ -103,7 +117,7 @@ class RunLengthVolume:
             return self.given_most_color
         most = 0.0
         for first in range(0, len(self.voxel_data), CHUNK):
-            data = self.voxel_data[first : first + CHUNK]
+            data = self.decoded(first, first + CHUNK)
             most = max(most, float((data[:, :3].max(axis=1) / np.maximum(data[:, 3], LEAST_DENSITY)).max()))
         return most
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..axes import AXES, AXIS_NAMES
 from ..scene import MODELS, RleSplatError
+from .records import TYPES, WORDS, decoding_size
 from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
 
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
@@ -18,7 +19,7 @@ def validate(encoded: RunLengthVolume) -> None:
     """RleSplatError unless the tables, the derived one too, are in the canonical form of algorithm.md 1.1."""
     derived = scanline_data_pointers(
         encoded.axis, encoded.shape_xyz, encoded.model, encoded.scanline_pointers, encoded.data_pointers,
-        encoded.runs, encoded.voxel_data,
+        encoded.runs, encoded.voxel_data, encoded.decoding,
     )
     if not np.array_equal(derived, encoded.scanline_data_pointers):
         raise _broken(encoded.axis, "the pointers to each scanline's voxels do not follow from its runs")
@@ -31,12 +32,15 @@ def _broken(axis, what: str) -> RleSplatError:
     )
 
 
-def scanline_data_pointers(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data) -> np.ndarray:
+def scanline_data_pointers(
+    axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data, decoding=None
+) -> np.ndarray:
     """The derived fifth table, (n_slices, n_scanlines) int64, from the four that are stored, all of them checked.
 
     Raises RleSplatError at the first thing that is not as ``RunLengthVolume`` describes it.
     """
-    _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data)
+    _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs)
+    _check_records(axis, voxel_data, decoding)
     width = shape_xyz[AXES[axis][0]]
     starts = scanline_pointers[scanline_pointers >= 0].astype(np.int64)
     if scanline_pointers.size and scanline_pointers.min() < -1:
@@ -69,8 +73,8 @@ def _visible_per_scanline(axis, starts, runs, width) -> np.ndarray:
     return np.add.reduceat(np.where(in_line % 2 == 1, runs, 0), starts, dtype=np.int64)
 
 
-def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data) -> None:
-    """Types, dimensions and sizes of the stored tables, and that the voxel data are numbers, not below zero."""
+def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs) -> None:
+    """Types, dimensions and sizes of the tables that say where voxels are."""
     if axis not in AXES:
         raise _broken(axis, "there is no such axis")
     if model not in MODELS:
@@ -84,11 +88,25 @@ def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs, 
         raise _broken(axis, f"the data pointers are not {n_slices + 1} whole numbers")
     if runs.dtype != run_type(shape_xyz) or runs.ndim != 1:
         raise _broken(axis, "the runs are not of the type this shape needs")
-    if voxel_data.dtype != np.float32 or voxel_data.ndim != 2 or voxel_data.shape[1] != 4:
-        raise _broken(axis, "the voxel data are not rows of four float32 numbers")
-    for table in (scanline_pointers, data_pointers, runs, voxel_data):
+    for table in (scanline_pointers, data_pointers, runs):
         if not table.flags.c_contiguous:
             raise _broken(axis, "a table is not contiguous in memory")
-    # One pass each and no copy: NaN fails both comparisons.
-    if voxel_data.size and not (voxel_data.min() >= 0.0 and voxel_data.max() < np.inf):
+
+
+def _check_records(axis, voxel_data, decoding) -> None:
+    """Type and size of the voxel data, and that they are numbers, not below zero."""
+    kinds = {np.dtype(kind): (WORDS[record], record) for record, kind in TYPES.items()}
+    words, record = kinds.get(voxel_data.dtype, (None, None))
+    if words is None or voxel_data.shape[1:] != words or voxel_data.ndim != 1 + len(words):
+        raise _broken(axis, "the voxel data are not rows of four float32 numbers, nor any of the shorter records")
+    if not voxel_data.flags.c_contiguous:
+        raise _broken(axis, "a table is not contiguous in memory")
+    if record == 16:
+        numbers = voxel_data
+    else:
+        numbers = decoding
+        if decoding is None or decoding.dtype != np.float32 or decoding.shape != (decoding_size(record),):
+            raise _broken(axis, "the scales of the voxel data are not the float32 numbers that they need")
+    # One pass each and no copy: NaN fails both comparisons.  Codes are numbers whatever their bits.
+    if numbers.size and not (numbers.min() >= 0.0 and numbers.max() < np.inf):
         raise _broken(axis, "the voxel data hold a value that is negative or not finite")

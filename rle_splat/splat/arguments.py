@@ -11,13 +11,15 @@ class Tables(NamedTuple):
     """The tables of one principal axis (``encode.tables.RunLengthVolume``).
 
     ``pointers``: (slices, scanlines) into ``runs``, -1 for an empty scanline.  ``data_starts``: (slices,
-    scanlines) into ``voxels``, flat float32, four channels a record.  ``width``: voxels on a scanline.
+    scanlines) into ``voxels``, flat float32, four channels a record, or codes that ``decoding`` turns into them (see
+    ``encode.records``).  ``width``: voxels on a scanline.
     """
 
     pointers: np.ndarray
     data_starts: np.ndarray
     runs: np.ndarray
     voxels: np.ndarray
+    decoding: np.ndarray | None
     width: int
 
 

@@ -89,8 +89,8 @@ def _live_voxels(alive, live, shift, step, radius):
 
 @kernel
 def _decode_sheet(
-    pointers, data_starts, runs, voxels, width, first_slice, slice_weights, kind, radius_u, radius_v, margin, shift_u,
-    step_u, shift, step, top_row, rows, lines, touched, used, reach, live, band_alive,
+    pointers, data_starts, runs, voxels, decoding, width, first_slice, slice_weights, kind, radius_u, radius_v, margin,
+    shift_u, step_u, shift, step, top_row, rows, lines, touched, used, reach, live, band_alive,
 ):
     """Blend the voxel scanlines that a band needs from the slices that reach a sheet.
 
@@ -132,7 +132,7 @@ def _decode_sheet(
                         return first_line, 0, False, True
                 add_runs(
                     lines, pitch * slot, touched, voxel_blocks * slot, reach[slot], margin, weight, runs, run, voxels,
-                    data_starts[k, line], width, live, live_count,
+                    decoding, data_starts[k, line], width, live, live_count,
                 )
                 used[slot] = 1
                 found = True
@@ -286,7 +286,7 @@ def _splat_band(
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
-    pointers, data_starts, runs, voxels, width = tables
+    pointers, data_starts, runs, voxels, decoding, width = tables
     first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
     path_length, limits = rays
     kind, radius, widen = TENT, 1.0, False
@@ -315,9 +315,9 @@ def _splat_band(
         if last_y <= -radius_v or first_y >= n_scanlines - 1 + radius_v:
             continue
         first_line, slots, found, opaque = _decode_sheet(
-            pointers, data_starts, runs, voxels, width, first_slice[sheet], slice_weights[sheet], kind, radius_u,
-            radius_v, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, lines, touched, used,
-            reach, live, band_alive,
+            pointers, data_starts, runs, voxels, decoding, width, first_slice[sheet], slice_weights[sheet], kind,
+            radius_u, radius_v, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, lines, touched,
+            used, reach, live, band_alive,
         )
         if opaque:
             break  # early termination

@@ -36,8 +36,11 @@ def splat_steps(
     Deterministic: the same bits for any number of threads.
     """
     placed = plane.sheets
+    voxels, decoding = encoded.voxel_data, encoded.decoding
+    if not compiled(quality.backend):
+        voxels, decoding = encoded.decoded(), None
     tables = Tables(
-        encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, encoded.voxel_data.reshape(-1),
+        encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, voxels.reshape(-1), decoding,
         encoded.width,
     )
     sheets = SheetList(

@@ -217,7 +217,7 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
         (("--sheet-density", "-1"), "density"), (("--termination", "0.9"), "termination"),
         (("--quality", "fine", "--paper"), "--paper"), (("--quality", "fine", "--model", "opacity"), "--model"),
         (("--paper", "--depth-rule", "slice"), "--depth-rule"), (("--tolerance", "1"), "--tolerance"),
-        (("--record", "4"), "--record"),
+        (("--record", "5"), "16, 8, 6, 4"), (("--record", "small"), "--record"),
     ],
 )  # fmt: skip
 def test_quality_that_does_not_exist_or_contradicts(render_refused, options, expected):

@@ -190,6 +190,22 @@ def test_encode_tells_the_sizes_of_the_tables(encoded, voxels, shape_xyz):
         assert word in text
 
 
+@pytest.mark.parametrize("record", ("16", "8", "6", "4"))
+def test_records_of_fewer_bytes(encoded, picture, call, tmp_path, voxels, record):
+    kept = int((voxels > 20).sum())
+    expected, report = picture("--quality", "draft", "--record", record)
+    assert report["memory_bytes"]["voxel_data"] == kept * int(record) and report["plan"]["record"] == int(record)
+    path, report, _ = encoded("--record", record)
+    assert report["record"] == int(record)
+    assert report["axes"]["y"]["memory_bytes"]["voxel_data"] == kept * int(record)
+    found, _ = picture("--quality", "draft", volume=path, options=(), function=False)
+    assert np.array_equal(found, expected)
+    result = call("render", path, "-o", tmp_path / "x.npy", "--record", "8" if record != "8" else "4")
+    assert result.code == 2 and f"records of {record} bytes" in result.err
+    result = call("encode", path, "-o", tmp_path / "x.rle", "--record", "7")
+    assert result.code == 2 and "16, 8, 6, 4" in result.err
+
+
 @pytest.mark.parametrize("view", [("--azimuth", "25", "--elevation", "30"), ("--azimuth", "80", "--perspective")])
 def test_rendering_the_tables_is_rendering_the_volume(encoded, picture, view):
     path, _, _ = encoded(*view)

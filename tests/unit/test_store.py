@@ -128,7 +128,8 @@ def header_of(path, **changes):
 
 
 @pytest.mark.parametrize("change", (
-    {"format": "other"}, {"version": 2}, {"shape_xyz": [6, 4, 6]}, {"shape_xyz": [4, 6, 5]}, {"shape_xyz": [0, 4, 5]},
+    {"format": "other"}, {"version": 1}, {"record": 8}, {"record": 5},
+    {"shape_xyz": [6, 4, 6]}, {"shape_xyz": [4, 6, 5]}, {"shape_xyz": [0, 4, 5]},
     {"shape_xyz": [10**9, 10**9, 10**9]}, {"shape_xyz": "big"}, {"model": "x"}, {"axes": []}, {"axes": ["w"]},
     {"axes": ["x"]}, {"affine": [[1, 2], [3, 4]]}, {"unit_length": -1}, {"unit_length": None}, {"unit": 3},
     {"remarks": None}, {"axes": 7},
