@@ -20,7 +20,7 @@ QUALITY_TEXTS = {
     "draft": ("Draft", "Slice planes and a coarser sheet: for moving about"),
     "standard": ("Standard", "Simpson's rule in depth, one sheet pixel per image pixel"),
     "fine": ("Fine", "Denser sheet: for final pictures"),
-    "strict": ("Strict", "The densest sheet: where errors must be as small as they get"),
+    "strict": ("Strict", "Four sheets a slice and the densest sheets: where errors must be as small as they get"),
 }
 QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name in tables.QUALITY_PRESETS] + [
     ("paper", "Paper", "The paper's literal pipeline: opacities added in slice planes, one sheet pixel per voxel"),

@@ -185,7 +185,7 @@ QUALITY_PRESETS = {
     "draft": dict(depth_rule="slice", sheet_density=0.75, warp_filter="bilinear", termination=1 / 256),
     "standard": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 1024),
     "fine": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 2048),
-    "strict": dict(depth_rule="simpson", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),
+    "strict": dict(depth_rule="midpoint-4", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),
 }
 # Names of the knobs' values, in the order shown to people.
 CLASSIFICATIONS = ("pre",)

@@ -4,28 +4,48 @@ The bounds are about one and a half times what was measured.
 """
 
 from functools import cache
+from itertools import pairwise
 
 import pytest
 
+from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import FIELDS, blobs
+from rle_splat.render import render
+from rle_splat.scene import QUALITY_PRESETS, Quality
 
 RUNGS = {
-    "draft": dict(depth_rule="slice", sheet_density=1.0, warp_filter="bilinear", termination=1 / 1024),
-    "preview": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 1024),
-    "standard": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 1024),
+    "slice": dict(depth_rule="slice", sheet_density=1.0, warp_filter="bilinear", termination=1 / 1024),
+    "simpson": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 1024),
+    "simpson 1.5": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 1024),
 }
 # RMSE and max in levels, orthographic and perspective; measured values and the table's beside them.  The table's
 # perspective maxima are 1.1 to 1.7 times the orthographic ones, and our colours change with the opacity.
 BOUNDS = {
-    ("smooth", "draft"): ((0.45, 3.0), (0.45, 3.2)),  # .35/2.1, .28/2.2; table .34/2.2 with a cubic warp
-    ("smooth", "preview"): ((0.10, 0.8), (0.11, 1.1)),  # .076/.57, .079/.78; table .064/.40
-    ("smooth", "standard"): ((0.10, 0.65), (0.11, 1.7)),  # .071/.45, .078/1.22; table .062/.36
-    ("thin", "draft"): ((1.8, 19.0), (1.7, 29.0)),  # 1.36/13.8, 1.20/20.8; table .81/11.4 with a cubic warp
-    ("thin", "preview"): ((0.45, 5.5), (0.45, 7.0)),  # .32/3.8, .23/4.8; table .33/5.9
-    ("thin", "standard"): ((0.24, 3.0), (0.30, 7.0)),  # .17/2.1, .21/4.9; table .076/1.1
-    ("binary", "draft"): ((4.0, 80.0), (4.6, 150.0)),  # 3.0/62, 3.3/114; table 2.1/52 with a cubic warp
-    ("binary", "preview"): ((1.7, 30.0), (1.7, 30.0)),  # 1.2/21, .54/16; table 1.3/31
-    ("binary", "standard"): ((0.55, 13.0), (0.65, 28.0)),  # .35/7.7, .46/20; table .41/10
+    ("smooth", "slice"): ((0.45, 3.0), (0.45, 3.2)),  # .35/2.1, .28/2.2; table .34/2.2 with a cubic warp
+    ("smooth", "simpson"): ((0.10, 0.8), (0.11, 1.1)),  # .076/.57, .079/.78; table .064/.40
+    ("smooth", "simpson 1.5"): ((0.10, 0.65), (0.11, 1.7)),  # .071/.45, .078/1.22; table .062/.36
+    ("thin", "slice"): ((1.8, 19.0), (1.7, 29.0)),  # 1.36/13.8, 1.20/20.8; table .81/11.4 with a cubic warp
+    ("thin", "simpson"): ((0.45, 5.5), (0.45, 7.0)),  # .32/3.8, .23/4.8; table .33/5.9
+    ("thin", "simpson 1.5"): ((0.24, 3.0), (0.30, 7.0)),  # .17/2.1, .21/4.9; table .076/1.1
+    ("binary", "slice"): ((4.0, 80.0), (4.6, 150.0)),  # 3.0/62, 3.3/114; table 2.1/52 with a cubic warp
+    ("binary", "simpson"): ((1.7, 30.0), (1.7, 30.0)),  # 1.2/21, .54/16; table 1.3/31
+    ("binary", "simpson 1.5"): ((0.55, 13.0), (0.65, 28.0)),  # .35/7.7, .46/20; table .41/10
+}
+
+# What each quality preset may err, in the same order.  What was measured is two thirds of it.
+PRESET_BOUNDS = {
+    ("smooth", "draft"): ((0.86, 5.7), (0.61, 4.2)),
+    ("smooth", "standard"): ((0.115, 0.86), (0.12, 1.2)),
+    ("smooth", "fine"): ((0.072, 0.54), (0.086, 1.85)),
+    ("smooth", "strict"): ((0.023, 0.11), (0.023, 0.15)),
+    ("thin", "draft"): ((3.0, 30.0), (2.0, 32.0)),
+    ("thin", "standard"): ((0.48, 5.8), (0.35, 7.3)),
+    ("thin", "fine"): ((0.26, 3.2), (0.32, 7.3)),
+    ("thin", "strict"): ((0.071, 0.66), (0.071, 0.98)),
+    ("binary", "draft"): ((6.8, 98.0), (5.3, 124.0)),
+    ("binary", "standard"): ((1.85, 32.0), (0.82, 25.0)),
+    ("binary", "fine"): ((0.53, 11.6), (0.69, 31.0)),
+    ("binary", "strict"): ((0.14, 2.8), (0.135, 4.9)),
 }
 
 
@@ -49,6 +69,18 @@ def test_error_of_a_rung(stage, judged, name, perspective, rung, record_property
     rmse, largest = BOUNDS[name, rung][perspective]
     assert found.rmse < rmse and found.largest < largest
     assert abs(found.bias) < 0.3 * rmse + 0.03  # a picture shifted or thinned as a whole shows here first
+
+
+@pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
+@pytest.mark.parametrize("name", FIELDS)
+def test_each_preset_keeps_its_error_and_the_next_has_less(stage, judged, name, perspective):
+    scene, true = judged(name, perspective)
+    found = {preset: difference(render(scene, Quality.preset(preset)).rgba, true) for preset in QUALITY_PRESETS}
+    for preset, error in found.items():
+        rmse, largest = PRESET_BOUNDS[name, preset][perspective]
+        assert error.rmse < rmse and error.largest < largest, preset
+    errors = [error.rmse for error in found.values()]
+    assert all(finer < 0.95 * coarser for coarser, finer in pairwise(errors)), errors
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
