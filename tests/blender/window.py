@@ -165,8 +165,8 @@ def tick():
         return PAUSE
     except StopIteration:
         failed = 0
-    except Exception:
-        traceback.print_exc()
+    except Exception as problem:
+        traceback.print_exception(problem)
         failed = 1
     print(f"{len(passed)} passed, {failed} failed, 0 skipped", flush=True)
     shutil.rmtree(FOLDER, ignore_errors=True)
