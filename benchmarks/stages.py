@@ -14,9 +14,9 @@ from rle_splat.scene import QUALITY_PRESETS, Quality, Scene
 from rle_splat.steps import STAGES
 from rle_splat.view.turntable import turntable
 
+from .frames import VIEWS
 from .scenes import scenes
 
-VIEWS = ((0, 0), (35, 25), (80, 10), (130, -20), (200, 50), (-60, 75))
 REPEATS = 3
 
 
