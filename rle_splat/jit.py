@@ -69,6 +69,10 @@ def _kernel_folder() -> Path:
     return folder
 
 
+# Where OpenMP is the threading layer, its idle threads would spin on a core between kernels, and take it from the
+# kernels of a single thread and from every other program.  Read once, when the first parallel kernel loads it.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 try:
     import numba
 

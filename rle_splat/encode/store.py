@@ -107,7 +107,7 @@ def load(path) -> StoredVolume:
             return _read(archive, os.fstat(file.fileno()).st_size)
     except RleSplatError as problem:
         raise RleSplatError(f"Cannot read {path}: {problem}") from None
-    except (zipfile.BadZipFile, EOFError, KeyError, ValueError, NotImplementedError, RuntimeError) as problem:
+    except (zipfile.BadZipFile, EOFError, KeyError, ValueError, RuntimeError) as problem:
         raise RleSplatError(
             f"Cannot read {path}: it is not a whole .rle file ({problem}); encode the volume again."
         ) from None

@@ -18,7 +18,7 @@ from .sheet_buffer_numpy import splat_sheets_numpy
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
 # Pixel-sheets between two chances to report progress or to cancel, about a tenth of a second's work.
-WORK_AT_ONCE = 40_000_000
+WORK_AT_ONCE = 150_000_000
 LOADING = None
 
 
