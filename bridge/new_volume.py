@@ -41,7 +41,7 @@ def fill_volume(scene, owner, path: str, volume) -> None:
     properties = owner.rle_splat
     properties.is_volume = True
     properties.filepath = source_paths.kept_path(os.path.abspath(path), bpy.data.filepath)
-    properties.data_key = volumes.hash_of_voxels(volume)
+    properties.data_key = volume.voxel_key
     write_facts(owner, volume)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
     volumes.keep_volume(owner, volume)

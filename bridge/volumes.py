@@ -4,7 +4,6 @@ Voxels stay outside the .blend.  They are read when first needed and kept in mem
 file, its size and time, and the options.  No reference to a Blender datablock is kept.
 """
 
-import hashlib
 import os
 
 import bpy
@@ -67,7 +66,7 @@ def load_volume(owner, warn=None):
     if key not in _kept:
         volume = read_file(path, options)
         _forget_unused()
-        _kept[key] = (volume, hash_of_voxels(volume))
+        _kept[key] = (volume, volume.voxel_key)
     volume, voxel_hash = _kept[key]
     if warn is not None and properties.data_key and voxel_hash != properties.data_key:
         warn(f"The voxels of {owner.name!r} are not those that were imported: {path} has changed since.")
@@ -83,14 +82,6 @@ def keep_volume(owner, volume) -> None:
 def forget_all() -> None:
     """Let go of all voxels."""
     _kept.clear()
-
-
-def hash_of_voxels(volume) -> str:
-    """A hash of the stored voxels and their arrangement, not of what the options make of them."""
-    digest = hashlib.blake2b(f"{volume.voxels.dtype.str}{volume.voxels.shape}".encode(), digest_size=16)
-    for plane in volume.voxels:
-        digest.update(plane)
-    return digest.hexdigest()
 
 
 def _source_key(path: str, status, options: dict) -> tuple:

@@ -26,6 +26,7 @@ _HOME = {
     "write_volume": ("read.formats", "write_volume"),
     "encode": ("encode_scene", "encode_scene"),
     "encode_steps": ("encode_scene", "encode_scene_steps"),
+    "estimate_memory": ("memory_estimate", "estimate"),
     "load_encoded": ("encode.store", "load"),
     "save_encoded": ("encode.store", "save"),
     "render": ("render", "render"),

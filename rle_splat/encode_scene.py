@@ -28,7 +28,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     ``source``: name of the file the volume was read from, for whoever opens the result.
     """
     clock, job = Clock(), Kept(0).job()
-    look = yield from look_steps(scene, quality, job, clock)
+    look = yield from look_steps(scene, quality, job, clock, len(axes))
     classified = look.classified
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)
     for axis in axes:
@@ -51,6 +51,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         },
         "model": quality.model,
         "record": quality.record,
+        "memory_estimate_bytes": look.estimate.report(),
         "axes": {
             AXIS_NAMES[axis]: {
                 "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},

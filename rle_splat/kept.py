@@ -9,7 +9,10 @@ from __future__ import annotations
 
 from collections import OrderedDict
 
-MOST_BYTES = 1 << 30
+from .memory import available_bytes, total_bytes
+
+LEAST_BYTES = 1 << 30  # kept on any machine
+SHARE = 0.25  # of a larger machine's memory
 # Stages whose results replace one another as a light or a camera is dragged about: how many are worth their memory.
 MOST_RESULTS = {"records": 6}
 
@@ -17,11 +20,12 @@ MOST_RESULTS = {"records": 6}
 class Kept:
     """A store of stage results, the least recently used leaving first when ``most_bytes`` are exceeded.
 
+    Left out, ``most_bytes`` is a quarter of the machine's memory, one GiB at least.
     ``made`` counts how often each stage really ran, so that tests can tell work from reuse.
     """
 
-    def __init__(self, most_bytes: int = MOST_BYTES):
-        self.most_bytes = most_bytes
+    def __init__(self, most_bytes: int | None = None):
+        self.most_bytes = max(LEAST_BYTES, int(SHARE * total_bytes())) if most_bytes is None else most_bytes
         self.made: dict[str, int] = {}
         self._results: OrderedDict = OrderedDict()
         self._bytes = 0
@@ -51,6 +55,11 @@ class Kept:
         self._results.clear()
         self._bytes = 0
 
+    def make_room(self, needed: int) -> None:
+        """Forget everything when ``needed`` bytes are more than the machine has free: a picture comes first."""
+        if self._bytes and needed > available_bytes():
+            self.clear()
+
     def _add(self, place, result, size: int) -> None:
         self._drop(place)
         self._results[place] = (result, size)
@@ -72,6 +81,10 @@ class Job:
     def __init__(self, kept: Kept):
         self.kept = kept
         self._used: OrderedDict = OrderedDict()
+
+    def has(self, stage: str, key) -> bool:
+        """Whether a result is at hand, kept or made by this job."""
+        return (stage, key) in self._used or self.kept.has(stage, key)
 
     def get(self, stage: str, key, make, size=None):
         """The result of ``stage`` for ``key``: the kept one, or ``make()``.

@@ -36,8 +36,10 @@ from .encode.encode import brightest_steps, record_steps, run_tables
 from .encode.records import decoding_of
 from .encode.store import StoredVolume
 from .kept import Job, Kept
+from .memory import bytes_text
+from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
 from .scene import Quality, RleSplatError, Scene
-from .steps import Clock, drain, portion, timed
+from .steps import Clock, Progress, drain, portion, timed
 from .view.projection import world_to_camera
 from .volume.blocks import block_steps
 
@@ -55,13 +57,14 @@ class Medium:
     length_unit: float
     visible_voxels: int
     classified: ClassifiedVolume | None = None
+    estimate: MemoryEstimate | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
     """A volume classified, and what falls on its voxels; ``key`` names all their records depend on.
 
-    ``normals``: (m, 3) float32, None without ``falling``.
+    ``normals``: (m, 3) float32, None without ``falling``.  ``estimate``: what all of it and its tables take.
     """
 
     classified: ClassifiedVolume
@@ -69,6 +72,7 @@ class Look:
     falling: Lighting | None
     visible_key: tuple
     key: tuple
+    estimate: MemoryEstimate
 
     def write_records(self, model: str, backend: str, threads: int) -> Callable:
         """For ``encode.record_steps``: a function that writes the records of a range of voxels."""
@@ -82,22 +86,26 @@ class Look:
         return write
 
 
-def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock):
-    """Generator of Progress: the Medium of a scene, its tables still to be made."""
+def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int = 1, picture: int = 0):
+    """Generator of Progress: the Medium of a scene, its tables still to be made; see ``look_steps``."""
     if isinstance(scene.volume, StoredVolume):
         return _stored_medium(scene, quality)
-    look = yield from look_steps(scene, quality, job, clock)
+    look = yield from look_steps(scene, quality, job, clock, axes, picture)
     found = look.classified
 
     def encode_steps(axis: int):
         return axis_steps(look, quality, axis, job, clock)
 
     length = found.opacity_distance if quality.model == "opacity" else 1.0
-    return Medium(found.shape_xyz, encode_steps, length, found.visible_voxels, found)
+    return Medium(found.shape_xyz, encode_steps, length, found.visible_voxels, found, look.estimate)
 
 
-def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock):
-    """Generator of Progress: the Look of a scene's volume."""
+def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int = 1, picture: int = 0):
+    """Generator of Progress: the Look of a scene's volume.
+
+    ``axes``: how many principal axes will be encoded; ``picture``: bytes that its pixels will take.  Says what memory
+    is about to be taken, and raises RleSplatError with what would fit when there is not enough.
+    """
     volume, tf, matrix = scene.volume, scene.transfer_function, scene.index_to_world
     machine = dict(backend=quality.backend, threads=quality.threads)
     length = unit_length(volume, matrix)
@@ -106,23 +114,34 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock):
     voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
     visible_key = (voxels_key, shown.key)
     looks_key = (visible_key, tf.classification_key, length)
+    to_camera = world_to_camera(scene.camera)
+    headlight = -to_camera[2, :3] if scene.headlight else None
+    shaded = is_shaded(tf.shade, scene.lights, headlight)
 
-    def visible():
-        blocks = yield from job.steps("blocks", voxels_key, lambda: block_steps(volume, **machine))
-        counted = yield from count_steps(shown, blocks, **machine)
-        return (yield from fill_steps(shown, blocks, counted, **machine))
+    def wanted(counted):
+        return estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture)
 
-    steps = timed(job.steps("visible", visible_key, visible), clock, "classify")
-    voxels = yield from portion(steps, 0.02, 0.1, "Classifying")
+    if not job.has("visible", visible_key):
+        steps = job.steps("blocks", voxels_key, lambda: block_steps(volume, **machine))
+        blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
+        steps = timed(count_steps(shown, blocks, **machine), clock, "classify")
+        counted = yield from portion(steps, 0.02, 0.06, "Counting")
+        needs = wanted(counted)
+        job.kept.make_room(needs.needed)
+        refuse_too_much(needs)
+        yield Progress(0.06, f"Classifying {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
+        steps = job.steps("visible", visible_key, lambda: fill_steps(shown, blocks, counted, **machine))
+        voxels = yield from portion(timed(steps, clock, "classify"), 0.06, 0.1, "Classifying")
+    else:
+        voxels = job.get("visible", visible_key, None)
+        needs = wanted((np.diff(voxels.row_start), voxels.row_pieces))
     with clock.stage("classify"):
         found = job.get(
             "looks", looks_key, lambda: classified(shown, voxels, length, **machine), lambda c: c.looks.nbytes
         )
     with clock.stage("shade"):
-        to_camera = world_to_camera(scene.camera)
-        headlight = -to_camera[2, :3] if scene.headlight else None
-        if not is_shaded(tf.shade, scene.lights, headlight):
-            return Look(found, None, None, visible_key, (looks_key, "unshaded"))
+        if not shaded:
+            return Look(found, None, None, visible_key, (looks_key, "unshaded"), needs)
         directions = job.get(
             "normals", (visible_key, _array_key(matrix[:3, :3])), lambda: normals(voxels, volume, matrix, **machine)
         )
@@ -132,7 +151,7 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock):
         falling = lighting(matrix, tf.shade, scene.lights, headlight_direction=headlight, eye=eye)
         seen_from = _array_key(falling.eye) if follows_view(tf.shade, scene.lights, headlight) else None
         key = (looks_key, _array_key(matrix), tuple(asdict(tf.shade).values()), _array_key(falling.rows), seen_from)
-    return Look(found, directions, falling, visible_key, key)
+    return Look(found, directions, falling, visible_key, key, needs)
 
 
 def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
@@ -149,6 +168,9 @@ def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
             return write(*arguments)
 
     def records():
+        needs = look.estimate.one_axis()
+        job.kept.make_room(needs.needed)
+        refuse_too_much(needs)
         decoding = None
         if quality.record != 16:
             brightest = color_bound(look.classified, look.falling)

@@ -17,6 +17,7 @@ from .encode.tables import TABLES, RunLengthVolume
 from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
 from .medium import Medium, medium_steps
+from .memory_estimate import picture_bytes, refuse_too_large
 from .scene import Quality, Rendering, RleSplatError, Scene
 from .splat.splat import LOADING, splat_steps
 from .steps import Clock, Progress, portion
@@ -59,10 +60,14 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     quality = replace(quality, backend=backend)
     view, planes = _look(scene, quality, refuse_empty_view)
 
-    job = kept.job()
-    medium = yield from medium_steps(scene, quality, job, clock)
+    picture = picture_bytes(planes, scene.width, scene.height, _clipped(scene, view) or scene.triangles is not None)
+    kept.make_room(picture)
+    refuse_too_large(picture, scene.width, scene.height)
+
+    job, axes = kept.job(), tuple(dict.fromkeys(plane.axis for plane in planes))
+    medium = yield from medium_steps(scene, quality, job, clock, len(axes), picture)
     encodings: dict[int, RunLengthVolume] = {}
-    for axis in dict.fromkeys(plane.axis for plane in planes):
+    for axis in axes:
         encodings[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
     held = dict(scene.volume.axes) if isinstance(scene.volume, StoredVolume) else encodings
 
@@ -75,6 +80,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
         "volume": _volume_report(medium),
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
+        "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(quality, planes),
         "effects": _effects_report(scene, medium.classified, layers, clock, _clipped(scene, view)),
         "error": {"tolerance": None, "predicted": None, "measured": None, "truth": "T1", "probes": 0},

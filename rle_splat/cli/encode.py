@@ -6,6 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..axes import AXIS_NAMES
+from ..memory import bytes_text
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -22,7 +23,7 @@ from .options import (
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
-from .report import bytes_text, write_report
+from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 SUFFIX = ".rle"

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..memory import available_bytes, bytes_text
+from ..memory_estimate import estimate
+from ..scene import RECORDS
 from ..volume.histogram import histogram, percentiles
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
@@ -17,7 +20,7 @@ from .options import (
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
-from .report import bytes_text, number_text, write_report
+from .report import number_text, write_report
 
 PERCENTS = (1.0, 25.0, 50.0, 75.0, 99.0, 99.9)
 # Bins of the histogram in the JSON report: one a value for 8-bit data, enough to see the peaks of the others.
@@ -26,10 +29,6 @@ REPORT_BINS = 256
 TEXT_ROWS, TEXT_COLUMNS = 16, 48
 # Above this share one value is worth a remark: a picture is then decided by the rest.
 MOSTLY_ONE_VALUE = 0.5
-# Bytes for each visible voxel: its place and colour while classified (uint16 column, float32 extinction, opacity,
-# colour and shaded colour), and its float32 record of four in the tables of one principal axis.
-CLASSIFIED_BYTES = 2 + 4 * (1 + 1 + 3 + 3)
-RECORD_BYTES = 16
 
 
 def add_arguments(parser) -> None:
@@ -49,7 +48,9 @@ def run(args) -> None:
         line.show(None, f"reading {Path(args.volume).name}")
         volume = read_volume(args.volume, **volume_options(args))
         line.show(None, "counting values")
-        report = describe(volume, choose_transfer_function(args, volume, given_function))
+        choice = choose_transfer_function(args, volume, given_function)
+        line.show(None, "counting visible voxels")
+        report = describe(volume, choice)
         report["command"] = "info"
         report["input"] = str(args.volume)
         with whole_files(outputs) as parts:
@@ -62,10 +63,8 @@ def describe(volume, choice) -> dict:
     """The report of a volume and of the (transfer function, reason) that would render it."""
     function, reason = choice
     counted = histogram(volume, bins=REPORT_BINS)
-    visible = counted.counts[function.alpha_at(counted.centers) > 0.0].sum() / max(1, counted.total)
+    memory = estimate(volume, function)
     low, high = volume.value_range
-    voxels = volume.voxels.size
-    kept = round(voxels * float(visible))
     return {
         "name": volume.name,
         "shape_xyz": volume.shape_xyz,
@@ -83,12 +82,18 @@ def describe(volume, choice) -> dict:
         "histogram": {"counts": counted.counts, "edges": counted.edges},
         "not_finite": counted.not_finite,
         "remarks": [*volume.remarks, *_odd(volume, counted)],
-        "transfer_function": {"name": function.name, "reason": reason, "visible_fraction": visible},
+        "transfer_function": {"name": function.name, "reason": reason, "visible_fraction": memory.visible_fraction},
         "memory_bytes": {
-            "voxels": volume.voxels.nbytes,
-            "classified": kept * CLASSIFIED_BYTES,
-            "tables_of_one_axis": kept * RECORD_BYTES,
-            "total": volume.voxels.nbytes + kept * (CLASSIFIED_BYTES + RECORD_BYTES),
+            "voxels": memory.volume,
+            "classified": memory.visible + memory.normals,
+            "tables_of_one_axis": memory.runs + memory.records,
+            "work": memory.work,
+            "total": memory.volume + memory.needed,
+            "available": available_bytes(),
+        },
+        "records": {
+            record: {"render": size.needed, "encode": size.three_axes().needed}
+            for record, size in ((record, memory.with_record(record)) for record in RECORDS)
         },
     }
 
@@ -129,6 +134,7 @@ def text_lines(report: dict) -> list[str]:
         ("default", f"transfer function {function['name']}: {function['reason']}"),
         ("visible", f"about {function['visible_fraction']:.1%} of the voxels with it"),
         ("memory", f"about {bytes_text(memory['total'])} to render, {bytes_text(memory['voxels'])} of it the voxels"),
+        ("", f"{_records_text(report['records'])}; {bytes_text(memory['available'])} are free"),
     ]
     lines = [str(report["input"])]
     lines += [f"  {name:<12}{text}" for name, text in facts]
@@ -136,6 +142,12 @@ def text_lines(report: dict) -> list[str]:
     lines += [f"  {'odd':<12}{remark}" for remark in report["remarks"]]
     lines.append("  histogram   (bars in proportion to the logarithm of the counts)")
     return lines + _bars(report["histogram"])
+
+
+def _records_text(records: dict) -> str:
+    """What each size of record takes, to encode all three axes."""
+    sizes = ", ".join(f"{record}: {bytes_text(needs['encode'])}" for record, needs in records.items())
+    return f"three axes encoded, by --record: {sizes}"
 
 
 def _bars(counted: dict) -> list[str]:

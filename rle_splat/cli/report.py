@@ -31,15 +31,6 @@ def write_report(path, report: dict) -> None:
     Path(path).write_text(json.dumps(plain(report), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def bytes_text(count: float) -> str:
-    """A byte count as people read it, in powers of 1024."""
-    for unit in ("bytes", "KiB", "MiB", "GiB"):
-        if count < 1024 or unit == "GiB":
-            break
-        count /= 1024
-    return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
-
-
 def number_text(value: float) -> str:
     """A number in at most six significant digits."""
     return f"{value:.6g}"

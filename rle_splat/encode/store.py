@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ..axes import AXES, AXIS_NAMES
+from ..memory import refuse_beyond
 from ..scene import RECORDS, RleSplatError, as_matrix
 from .tables import TABLES, RunLengthVolume
 from .validate import scanline_data_pointers
@@ -120,6 +121,7 @@ def _member(axis: int, table: str) -> str:
 
 
 def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
+    refuse_beyond(file_bytes, "its tables need", "encode fewer principal axes, or shorter voxel records")
     header = _read_header(_read_array(archive, HEADER, file_bytes))
     axes = {}
     for axis in header["axes"]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.volume import Volume
 from .guess import guess_raw
@@ -84,6 +85,10 @@ def _plain_name(path) -> str:
     return name.split(".")[0] or name
 
 
+def _refuse_beyond_memory(layout: RawLayout) -> None:
+    refuse_beyond(layout.voxel_bytes, f"{layout} need", "crop or thin the volume")
+
+
 def _read_plain(path, layout: RawLayout) -> np.ndarray:
     actual = os.path.getsize(path)
     if actual != layout.total_bytes:
@@ -94,6 +99,7 @@ def _read_plain(path, layout: RawLayout) -> np.ndarray:
     if native and aligned:  # kernels want aligned arrays, so an odd header costs a copy
         mapped = np.memmap(path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=grid)
         return np.asarray(mapped)  # a plain array that keeps the mapping alive
+    _refuse_beyond_memory(layout)
     with open(path, "rb") as stream:
         stream.seek(layout.header_bytes)
         voxels = np.fromfile(stream, dtype=layout.file_dtype, count=math.prod(grid)).reshape(grid)
@@ -103,6 +109,7 @@ def _read_plain(path, layout: RawLayout) -> np.ndarray:
 def _read_gzip(path, layout: RawLayout) -> np.ndarray:
     if layout.total_bytes > os.path.getsize(path) * DEFLATE_LIMIT:  # impossible: learn the true size, allocate nothing
         raise _wrong_gzip_size(path, layout)
+    _refuse_beyond_memory(layout)
     voxels = np.empty(layout.shape[::-1], dtype=layout.file_dtype)
     target = memoryview(voxels.reshape(-1).view(np.uint8))
     with gzip.open(path, "rb") as stream:

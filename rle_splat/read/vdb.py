@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.volume import Volume
 from .vdb_header import check_header
@@ -148,6 +149,7 @@ def _densify(grid, label: str):
             f"The active voxels of the grid {label!r} span {nx} x {ny} x {nz} voxels, {needed / 2**30:.1f} GiB once "
             f"dense, more than the {DENSE_LIMIT >> 30} GiB that are read; crop or thin it."
         )
+    refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels about the grid {label!r} need", "crop or thin it")
     voxels = np.empty((nz, ny, nx), dtype=kind)
     for z in range(0, nz, SLAB):  # OpenVDB fills C-ordered (x, y, z) arrays: a slab at a time, turned round into place
         slab = np.zeros((nx, ny, min(SLAB, nz - z)), dtype=kind)

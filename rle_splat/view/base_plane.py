@@ -23,6 +23,8 @@ MARGIN = 3
 # In strong perspective the densest corner does not decide the density of the whole sheet.
 DENSEST_CORNER = 2.0
 
+PIXELS_AT_ONCE = 1 << 18  # sheet pixels whose rays are followed together
+
 
 @dataclass(frozen=True, eq=False)
 class BasePlane:
@@ -72,9 +74,13 @@ class BasePlane:
     def path_length(self) -> np.ndarray:
         """(H, W) float32: world length of each sheet pixel's ray per voxel of depth along the axis."""
         x, y = self.points()
-        steps = self.ray_steps(x[None, :], y[:, None])
-        world = np.tensordot(self.view.to_world, steps, axes=1)
-        return np.sqrt((world**2).sum(axis=0)).astype(np.float32)
+        length = np.empty((len(y), len(x)), np.float32)
+        rows = max(PIXELS_AT_ONCE // max(len(x), 1), 1)
+        for first in range(0, len(y), rows):  # some rows at a time: what it takes is nine times its result
+            steps = self.ray_steps(x[None, :], y[first : first + rows, None])
+            world = np.tensordot(self.view.to_world, steps, axes=1)
+            length[first : first + rows] = np.sqrt((world**2).sum(axis=0))
+        return length
 
     def depth_along(self, x, y) -> tuple[np.ndarray, np.ndarray]:
         """Planar depth at axis position 0 and per voxel of axis position, of the rays through points (X, Y)."""

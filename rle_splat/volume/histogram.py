@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene import RleSplatError
+from .counts import counts_values, stored_values
 from .volume import Volume
 
 DIGIT_BITS = 16  # one pass of the radix selection fixes this many bits; 2^16 counters fit in the cache
@@ -57,6 +58,8 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
         if low == high:  # a constant volume: one value in the middle of a bin of width one
             low, high = low - 0.5, high + 0.5
         edges = np.linspace(low, high, bins + 1)
+    if counts_values(volume.voxels.dtype):
+        return _from_counts(volume, edges)
     counts = np.zeros(edges.size - 1, dtype=np.int64)
     below = above = not_finite = 0
     for stored in volume.voxels:
@@ -69,6 +72,15 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
         above += int((values > edges[-1]).sum())
         counts += np.histogram(values, bins=edges.size - 1, range=(edges[0], edges[-1]))[0]
     return Histogram(counts, edges, below, above, not_finite)
+
+
+def _from_counts(volume: Volume, edges: np.ndarray) -> Histogram:
+    """The same from how often each stored value occurs, without another look at the voxels."""
+    occurs = volume.value_counts
+    values = volume.physical(stored_values(volume.voxels.dtype))
+    counts = np.histogram(values, bins=edges.size - 1, range=(edges[0], edges[-1]), weights=occurs)[0]
+    below, above = int(occurs[values < edges[0]].sum()), int(occurs[values > edges[-1]].sum())
+    return Histogram(counts.astype(np.int64), edges, below, above)
 
 
 def _integer_edges(volume: Volume, bins: int, low: float, high: float) -> np.ndarray:
@@ -90,7 +102,10 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
     percents = np.atleast_1d(np.asarray(percents, dtype=np.float64))
     if not ((percents >= 0.0) & (percents <= 100.0)).all():
         raise RleSplatError("Percentiles are asked for by numbers from 0 to 100.")
-    total, first_counts = _digit_counts(volume, {0: 0}, 0)
+    if counts_values(volume.voxels.dtype):
+        total, first_counts = volume.voxels.size, volume.value_counts[None]
+    else:
+        total, first_counts = _digit_counts(volume, {0: 0}, 0)
     if total == 0:
         return np.zeros(percents.size)
     if volume.slope < 0.0:  # physical order is the stored order backwards

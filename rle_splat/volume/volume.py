@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..scene import RleSplatError, as_matrix
+from .counts import count_values, counts_values, stored_values
 
 STORED_TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
 
@@ -63,6 +64,9 @@ class Volume:
     @cached_property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest finite physical value; (0, 0) when no voxel is finite."""
+        if counts_values(self.voxels.dtype):
+            seen = stored_values(self.voxels.dtype)[self.value_counts > 0]
+            return self._range(seen[0], seen[-1])
         low, high = np.inf, -np.inf
         for stored in self.voxels:  # slice by slice: no second copy of a large volume
             if stored.dtype.kind == "f":
@@ -72,18 +76,30 @@ class Volume:
             low, high = min(low, stored.min()), max(high, stored.max())
         if low > high:
             return 0.0, 0.0
+        return self._range(low, high)
+
+    def _range(self, low, high) -> tuple[float, float]:
         ends = sorted((float(low) * self.slope + self.intercept, float(high) * self.slope + self.intercept))
         return ends[0], ends[1]
 
     @cached_property
-    def key(self) -> str:
-        """A hash of the voxels and of everything that gives them meaning, for content-keyed stages."""
-        digest = hashlib.blake2b(digest_size=16)
-        digest.update(repr((self.voxels.shape, self.voxels.dtype.str, self.slope, self.intercept)).encode())
-        digest.update(self.affine.tobytes())
+    def value_counts(self) -> np.ndarray:
+        """(256 or 65536,) int64: how often each stored value of an 8- or 16-bit volume occurs, ascending."""
+        return count_values(self.voxels)
+
+    @cached_property
+    def voxel_key(self) -> str:
+        """A hash of the stored voxels and their arrangement, whatever they mean.  Reads the whole volume, once."""
+        digest = hashlib.blake2b(f"{self.voxels.dtype.str}{self.voxels.shape}".encode(), digest_size=16)
         for plane in self.voxels:
             digest.update(plane)
         return digest.hexdigest()
+
+    @cached_property
+    def key(self) -> str:
+        """A hash of the voxels and of everything that gives them meaning, for content-keyed stages."""
+        meaning = repr((self.voxel_key, self.slope, self.intercept)).encode() + self.affine.tobytes()
+        return hashlib.blake2b(meaning, digest_size=16).hexdigest()
 
     def physical(self, stored) -> np.ndarray:
         """Stored values to physical values, float64."""

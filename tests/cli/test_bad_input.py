@@ -289,6 +289,22 @@ def test_no_memory_and_our_own_failures(refused, raw, raw_options, monkeypatch):
     assert refused("info", raw, *raw_options, code=130).startswith("Stopped")
 
 
+def test_too_little_memory_is_told_beforehand(render_refused, refused, raw, raw_options, tmp_path, monkeypatch):
+    def short_of_memory(free):
+        for module in ("memory_estimate", "kept", "memory", "cli.info"):
+            monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
+
+    short_of_memory(1 << 30)
+    sentence = render_refused("--size", "60000x50000")
+    assert "60000 x 50000 pixels" in sentence and "GiB" in sentence and "would fit" in sentence
+    short_of_memory(45_000)
+    assert "are free" in render_refused()
+    assert "are free" in refused("encode", raw, *raw_options, "-o", tmp_path / "x.rle")
+    short_of_memory(1000)
+    assert "crop or thin the volume" in refused("info", raw, *raw_options, "--header-bytes", "0", "--byte-order", "big",
+                                                "--dtype", "uint16", "--shape", "20", "16", "6")
+
+
 def test_debug_shows_the_traceback(call, tmp_path):
     for words in (("--debug", "info", tmp_path / "no.raw"), ("info", tmp_path / "no.raw", "--debug")):
         result = call(*words)

@@ -320,3 +320,20 @@ def test_convert_swaps_big_endian(call, tmp_path):
     shape = ("--shape", "4", "3", "2", "--dtype", "uint16", "--byte-order", "big")
     assert call("convert", source, target, *shape).code == 0
     assert np.array_equal(np.fromfile(target, dtype="<u2"), values.ravel())
+
+
+def test_memory_is_told_beforehand(call, raw, raw_options, function_file, tmp_path, voxels):
+    words = (*raw_options, "--transfer-function", function_file)
+    report = tmp_path / "info.json"
+    told = call("info", raw, *words, "--json", report)
+    assert told.code == 0 and "are free" in told.out and "by --record: 16:" in told.out
+    known = json.loads(report.read_text())
+    kept = int((voxels > 20).sum())
+    assert known["transfer_function"]["visible_fraction"] == kept / voxels.size
+    assert set(known["records"]) == {"16", "8", "6", "4"} and known["memory_bytes"]["available"] > 0
+    assert known["records"]["4"]["encode"] < known["records"]["16"]["encode"]
+    drawn = tmp_path / "render.json"
+    result = call("render", raw, *words, "-o", tmp_path / "x.npy", "--size", "32", "--json", drawn, "--progress")
+    assert result.code == 0 and f"Classifying {kept} voxels, about" in result.err
+    needed = json.loads(drawn.read_text())["memory_estimate_bytes"]
+    assert needed["volume"] == voxels.size and needed["records"] == 16 * kept and needed["needed"] > needed["picture"]

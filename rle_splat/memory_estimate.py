@@ -1,0 +1,205 @@
+"""What a picture or a file of tables will take of memory, reckoned before it is taken (algorithm.md 1.11).
+
+The voxels that a transfer function shows are counted first, which takes no memory for each of them; everything else
+follows from the count.  No kernels here: what only looks at a file does not wait for a compiler to load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from .axes import AXES
+from .memory import available_bytes, bytes_text
+from .scene import RECORDS, Quality, RleSplatError
+from .volume.counts import counts_values, stored_values
+
+# Bytes of a voxel's normal, and of its look where it has one of its own.
+NORMAL, LOOK = 12, 20
+# Bytes of a row of the visible voxels: where it starts, its pieces; of a scanline: its pointers, and what making them
+# takes meanwhile.
+ROW, SCANLINE = 28, 72
+VOXELS_AT_ONCE = 1 << 22  # voxels whose records are made together; the encoder's own number
+SAMPLED_PLANES = 32
+SHEET_PIXEL = 24  # colour, transmittance, half depth and ray length of a sheet pixel
+WARPED = 16  # a sheet pixel once more, as its picture is warped
+LIMITS = 40  # where the ray of a sheet pixel begins and ends, and what finding that takes
+PICTURE_PIXEL = 20  # colour and depth of a finished pixel
+WRITTEN = 48  # what putting it into a file takes meanwhile
+SPARE = 0.9  # of what is free may be asked for: the system and Python want some too
+
+
+@dataclass(frozen=True)
+class MemoryEstimate:
+    """Bytes, by what they are for.
+
+    ``volume``: the voxels themselves, already in memory or mapped from their file.  ``visible``: which voxels are
+    shown, and how they look.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes`` principal
+    axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.
+    """
+
+    visible_voxels: int
+    voxels: int
+    volume: int
+    visible: int
+    normals: int
+    runs: int
+    records: int
+    work: int
+    picture: int
+    axes: int
+    record: int
+
+    @property
+    def needed(self) -> int:
+        """Bytes that are still to be taken; the work is done when the picture is begun."""
+        return self.visible + self.normals + self.runs + self.records + max(self.work, self.picture)
+
+    @property
+    def visible_fraction(self) -> float:
+        return self.visible_voxels / self.voxels
+
+    def report(self) -> dict:
+        """JSON-ready."""
+        named = asdict(self)
+        return {**{name: named[name] for name in _PARTS}, "volume": self.volume, "needed": self.needed}
+
+    def with_axes(self, axes: int) -> MemoryEstimate:
+        """The same for another number of principal axes."""
+        return replace(
+            self, axes=axes, runs=self.runs // self.axes * axes, records=self.records // self.axes * axes
+        )
+
+    def three_axes(self) -> MemoryEstimate:
+        """The same with every principal axis held."""
+        return self.with_axes(len(AXES))
+
+    def one_axis(self) -> MemoryEstimate:
+        """What is still to be taken for one more principal axis, or for the same one under another light."""
+        return replace(self.with_axes(1), visible=0, normals=0, picture=0)
+
+    def with_record(self, record: int) -> MemoryEstimate:
+        """The same for records of another size."""
+        return replace(
+            self, record=record, records=self.axes * self.visible_voxels * record,
+            work=_work_bytes(self.visible_voxels, record),
+        )
+
+
+_PARTS = ("visible", "normals", "runs", "records", "work", "picture")
+
+
+def estimate(volume, tf, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None):
+    """The MemoryEstimate of tables of ``volume`` under ``tf``, quickly: counted for 8- and 16-bit volumes, else, and
+    for the number of runs, from a few planes.  Of a picture's own pixels it says nothing.
+
+    ``axes``: how many principal axes are held, mostly one.  ``shaded``: whether something shines; left out, as the
+    transfer function has it.
+    """
+    quality = quality or Quality.preset("standard")
+    planes = volume.voxels[:: max(len(volume.voxels) // SAMPLED_PLANES, 1)]
+    count = pieces = lines = 0
+    for plane in planes:
+        seen = tf.alpha_at(volume.physical(plane)) > 0.0
+        count += int(seen.sum())
+        pieces += int((seen[:, 1:] & ~seen[:, :-1]).sum() + seen[:, 0].sum())
+        lines += int(seen.any(axis=1).sum())
+    share = len(volume.voxels) / len(planes)
+    count, pieces, lines = round(share * count), round(share * pieces), round(share * lines)
+    if counts_values(volume.voxels.dtype):
+        values = volume.physical(stored_values(volume.voxels.dtype))
+        count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
+    shaded = tf.shade is not None if shaded is None else shaded
+    return _reckon(volume, count, pieces, lines, quality, axes, shaded, 0)
+
+
+def estimate_of(
+    volume, counted, quality: Quality, *, axes: int = 1, shaded: bool = True, picture: int = 0
+) -> MemoryEstimate:
+    """As ``estimate``, from ``counted``: visible voxels and connected pieces per row, (nz * ny,) each.
+
+    ``picture``: see ``picture_bytes``.
+    """
+    counts, pieces = counted
+    lines = int(np.count_nonzero(counts))
+    return _reckon(volume, int(counts.sum()), int(pieces.sum()), lines, quality, axes, shaded, picture)
+
+
+def _reckon(volume, count, pieces, lines, quality, axes, shaded, picture) -> MemoryEstimate:
+    shape = volume.shape_xyz
+    nx, ny, nz = shape
+    visible = count * ((2 if nx <= 65536 else 4) + volume.voxels.dtype.itemsize) + ROW * ny * nz
+    if not counts_values(volume.voxels.dtype):
+        visible += LOOK * count
+    # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
+    runs = (2 * pieces + lines) * (2 if max(shape) <= 65535 else 4)
+    scanlines = max(shape[across] * shape[principal] for _, across, principal in AXES.values())
+    return MemoryEstimate(
+        visible_voxels=count, voxels=nx * ny * nz, volume=volume.voxels.nbytes, visible=visible,
+        normals=NORMAL * count if shaded else 0, runs=axes * (runs + SCANLINE * scanlines),
+        records=axes * quality.record * count, work=_work_bytes(count, quality.record), picture=picture, axes=axes,
+        record=quality.record,
+    )
+
+
+def _work_bytes(count: int, record: int) -> int:
+    return min(count, VOXELS_AT_ONCE) * (16 + (record if record != 16 else 0))
+
+
+def picture_bytes(planes, width: int, height: int, limited: bool) -> int:
+    """What the sheets and the finished pixels of a picture take.
+
+    ``planes``: its base planes, each with a width and a height.  ``limited``: whether clip distances or meshes
+    shorten rays.
+    """
+    sheets = [plane.width * plane.height for plane in planes]
+    largest = max(sheets, default=0)
+    splatting = SHEET_PIXEL * sum(sheets) + (WARPED + LIMITS * limited) * largest
+    return PICTURE_PIXEL * width * height + max(splatting, WRITTEN * width * height)
+
+
+def refuse_too_large(picture: int, width: int, height: int) -> None:
+    """RleSplatError when the pixels of a picture alone, ``picture`` bytes, are more than there is memory for."""
+    free = SPARE * available_bytes()
+    if picture <= free:
+        return
+    fits = (free / picture) ** 0.5
+    raise RleSplatError(
+        f"A picture of {width} x {height} pixels needs about {bytes_text(picture)} of memory and {bytes_text(free)} "
+        f"are free; {max(int(width * fits), 1)} x {max(int(height * fits), 1)} pixels would fit."
+    )
+
+
+def refuse_too_much(wanted: MemoryEstimate) -> None:
+    """RleSplatError, with what would fit, when more memory is wanted than there is."""
+    free = SPARE * available_bytes()
+    if wanted.needed <= free:
+        return
+    raise RleSplatError(
+        f"The {wanted.visible_voxels} voxels that the transfer function shows need about {bytes_text(wanted.needed)} "
+        f"of memory and {bytes_text(free)} are free; {_what_fits(wanted, free)}."
+    )
+
+
+def _what_fits(wanted: MemoryEstimate, free: float) -> str:
+    """The least sacrifice that brings a job within ``free`` bytes, in words."""
+    short = [record for record in RECORDS if record < wanted.record]
+    for record in short:
+        if wanted.with_record(record).needed <= free:
+            return f"voxel records of {record} bytes would fit"
+    one_by_one = () if wanted.picture else range(wanted.axes - 1, 0, -1)  # a picture needs all of its axes
+    for axes in one_by_one:
+        for record in (wanted.record, *short):
+            if wanted.with_axes(axes).with_record(record).needed <= free:
+                named = f" with voxel records of {record} bytes" if record != wanted.record else ""
+                return f"{'one principal axis' if axes == 1 else 'two principal axes'} at a time{named} would fit"
+    least = (wanted if wanted.picture else wanted.with_axes(1)).with_record(RECORDS[-1])
+    per_voxel = (least.visible + least.normals + least.runs + least.records) / max(least.visible_voxels, 1)
+    share = max(free - max(least.picture, least.work), 0.0) / per_voxel / wanted.voxels
+    if share < 0.0005:
+        return "crop or thin the volume, or free some memory"
+    return (
+        f"voxel records of {RECORDS[-1]} bytes and a narrower transfer function, one that shows at most "
+        f"{100.0 * share:.2g} % of the voxels, would fit"
+    )

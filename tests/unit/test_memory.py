@@ -1,0 +1,253 @@
+"""Memory: what there is, what work will take, and refusals before it is taken, with what would fit."""
+
+import subprocess
+import sys
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rle_splat import memory
+from rle_splat import memory_estimate as estimate
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.visible import Visibility, count_steps
+from rle_splat.encode.decode import decode, to_volume_order
+from rle_splat.encode.encode import VOXELS_AT_ONCE
+from rle_splat.encode_scene import encode_scene
+from rle_splat.kept import Kept
+from rle_splat.read.formats import read_volume
+from rle_splat.render import render, render_steps
+from rle_splat.scene import Quality, RleSplatError, Scene
+from rle_splat.steps import drain
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.blocks import block_steps
+from rle_splat.volume.volume import Volume
+
+ROOT = Path(__file__).resolve().parents[2]
+QUALITY = Quality.preset("draft")
+FUNCTION = TransferFunction(opacity=((80, 0.0), (120, 0.3)), color=((80, 1.0, 0.3, 0.1), (250, 0.9, 0.9, 0.8)))
+GIB = 1 << 30
+
+
+def noise(n=96, dtype=np.uint8, share=0.4):
+    """Voxels of which about ``share`` are shown by FUNCTION, in runs of a few voxels."""
+    values = np.random.default_rng(5).random((n, n, n // 4))
+    return Volume(np.repeat(np.where(values < share, 200, 10), 4, axis=2).astype(dtype), np.eye(4))
+
+
+def scene_of(volume, size=64, function=FUNCTION, headlight=True):
+    camera, matrix = turntable(volume, 20, 10, width=size, height=size)
+    return Scene(volume, function, camera, size, size, matrix, headlight=headlight)
+
+
+# --- what there is --------------------------------------------------------------------------------------------
+
+
+def test_what_there_is_is_a_part_of_the_machine():
+    assert 0 < memory.available_bytes() <= memory.total_bytes() < memory.UNLIMITED
+
+
+@pytest.mark.skipif(memory.resource is None, reason="this system has no limits of address space")
+def test_the_limit_of_the_process_counts():
+    program = (
+        "import resource; from rle_splat import memory; before = memory.available_bytes(); "
+        f"resource.setrlimit(resource.RLIMIT_AS, ({GIB}, {GIB})); print(memory.available_bytes(), before)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    limited, before = map(int, done.stdout.split())
+    assert 0 < limited < GIB and limited <= before
+
+
+@pytest.mark.parametrize("first", (True, False))
+def test_the_least_that_any_control_group_leaves_counts(first, tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "GROUPS", tmp_path)
+    monkeypatch.setattr(memory, "GROUP_OF_PROCESS", tmp_path / "cgroup")
+    (tmp_path / "cgroup").write_text("4:memory:/outer/inner\n1:cpu:/other\n" if first else "0::/outer/inner\n")
+    root = tmp_path / "memory" if first else tmp_path
+    inner = root / "outer" / "inner"
+    inner.mkdir(parents=True)
+    limit, used = ("memory.limit_in_bytes", "memory.usage_in_bytes") if first else ("memory.max", "memory.current")
+    for group, numbers in ((root, ("9000", "10")), (root / "outer", ("5000", "4000")), (inner, ("max", "700"))):
+        (group / limit).write_text(numbers[0])
+        (group / used).write_text(numbers[1])
+    prefix = "total_" if first else ""
+    (root / "outer" / "memory.stat").write_text(f"anon 3\n{prefix}inactive_file 300\n{prefix}active_file 20\n")
+    assert memory._group_free() == 5000 - 4000 + 320
+    (inner / limit).write_text("1000")
+    assert memory._group_free() == 300
+    assert memory.available_bytes() == 300
+
+
+def test_where_the_system_tells_nothing_all_of_it_is_there(tmp_path, monkeypatch):
+    for name in ("MEMINFO", "GROUP_OF_PROCESS", "ADDRESS_SPACE_USED"):
+        monkeypatch.setattr(memory, name, tmp_path / "none")
+    assert memory.available_bytes() == memory.total_bytes()
+
+
+# --- what work will take --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32))
+def test_the_quick_estimate_is_near_the_counted_one(dtype):
+    volume = noise(dtype=dtype)
+    quick = estimate.estimate(volume, FUNCTION)
+    counted = drain(count_steps(Visibility(volume, FUNCTION), drain(block_steps(volume))))
+    exact = estimate.estimate_of(volume, counted, Quality())
+    if dtype != np.float32:
+        assert quick.visible_voxels == exact.visible_voxels == (volume.voxels > 80).sum()
+    assert quick.needed == pytest.approx(exact.needed, rel=0.02)
+    assert exact.volume == volume.voxels.nbytes and 0.3 < exact.visible_fraction < 0.5
+    assert estimate.VOXELS_AT_ONCE == VOXELS_AT_ONCE
+
+
+def traced(work):
+    """(what ``work`` returns, the most bytes it held at a time)."""
+    tracemalloc.start()
+    try:
+        result = work()
+        return result, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("dtype", (np.uint8, np.float32))
+@pytest.mark.parametrize("size, record", ((64, 16), (64, 4), (900, 16)))
+def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
+    scene, quality = scene_of(noise(dtype=dtype), size), replace(QUALITY, record=record)
+    render(scene, quality)  # whatever is made once
+    rendering, peak = traced(lambda: render(scene, quality))
+    needed = rendering.report["memory_estimate_bytes"]["needed"]
+    assert 0.9 * peak <= needed <= 1.8 * peak
+
+
+@pytest.mark.parametrize("record", (16, 8))
+def test_the_estimate_of_three_axes_covers_what_they_take(record):
+    scene, quality = scene_of(noise()), replace(QUALITY, record=record)
+    encode_scene(scene, quality)
+    stored, peak = traced(lambda: encode_scene(scene, quality))
+    assert len(stored.axes) == 3
+    needed = estimate.estimate(scene.volume, FUNCTION, quality, axes=3).needed
+    assert 0.9 * peak <= needed <= 1.8 * peak
+
+
+def test_a_mapped_volume_is_never_copied(tmp_path):
+    path = tmp_path / "v.raw"
+    with open(path, "wb") as file:
+        file.truncate(256**3)
+        file.seek(100 * 256**2)
+        file.write(bytes([200]) * 5000)
+    volume = read_volume(path, shape=(256, 256, 256), dtype="uint8")
+    mapping = volume.voxels.base
+    assert isinstance(mapping, np.memmap)
+    scene = scene_of(volume)
+    encode_scene(scene_of(noise(16)), QUALITY)
+    stored, peak = traced(lambda: encode_scene(scene, QUALITY, (2,)))
+    assert stored.axes[2].visible_voxels == 5000 and volume.voxels.base is mapping
+    assert peak < 0.75 * 256**3
+
+
+def test_the_voxels_are_hashed_once():
+    volume = noise(16)
+    own = volume.voxel_key
+    object.__setattr__(volume, "voxels", None)  # whoever looks again fails
+    assert volume.key and volume.key != own
+    assert noise(16).key == volume.key and replace(noise(16), slope=2.0).key != volume.key
+
+
+# --- said before it is taken, or refused ----------------------------------------------------------------------
+
+
+def short_of_memory(monkeypatch, free):
+    """As if there were ``free`` bytes; and work on few voxels at a time, as large volumes have it."""
+    monkeypatch.setattr("rle_splat.memory_estimate.VOXELS_AT_ONCE", 1000)
+    for module in ("memory_estimate", "kept", "memory"):
+        monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
+
+
+def test_it_is_said_before_the_lists_are_made():
+    messages = [step.message for step in render_steps(scene_of(noise()), QUALITY)]
+    said = next(n for n, message in enumerate(messages) if " in all" in message)
+    assert "voxels, about" in messages[said] and "MiB" in messages[said]
+    assert messages.index("Classifying") > said > messages.index("Counting")
+
+
+@pytest.mark.parametrize(
+    "share, axes, words",
+    (
+        (0.95, 1, "voxel records of 8 bytes would fit"), (0.66, 1, "voxel records of 4 bytes would fit"),
+        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or thin the volume"),
+        (0.67, 3, "voxel records of 8 bytes would fit"),
+        (0.45, 3, "two principal axes at a time with voxel records of 4 bytes would fit"),
+        (0.38, 3, "one principal axis at a time with voxel records of 8 bytes would fit"),
+    ),
+)
+def test_too_little_memory_is_refused_with_what_would_fit(share, axes, words, monkeypatch):
+    scene = scene_of(noise())
+    short_of_memory(monkeypatch, 0)
+    needed = estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=axes).needed
+    short_of_memory(monkeypatch, int(share * needed / estimate.SPARE))
+    work = (lambda: encode_scene(scene, QUALITY)) if axes == 3 else (lambda: encode_scene(scene, QUALITY, (1,)))
+
+    def refused():
+        with pytest.raises(RleSplatError, match="are free") as problem:
+            work()
+        return str(problem.value)
+
+    sentence, peak = traced(refused)
+    assert words in sentence and sentence.endswith(".") and sentence.count(". ") == 0, sentence
+    assert peak < 0.2 * needed  # nothing was taken yet
+
+
+def test_what_is_said_to_fit_fits(monkeypatch):
+    scene = scene_of(noise())
+    short_of_memory(monkeypatch, 0)
+    needed = estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
+    short_of_memory(monkeypatch, int(0.66 * needed / estimate.SPARE))
+    with pytest.raises(RleSplatError, match="records of 4 bytes would fit"):
+        encode_scene(scene, QUALITY, (0,))
+    assert encode_scene(scene, replace(QUALITY, record=4), (0,)).axes[0].visible_voxels > 0
+
+
+def test_another_light_is_refused_too_when_it_no_longer_fits(monkeypatch):
+    kept, scene = Kept(), scene_of(noise(), headlight=False)
+    render(scene, QUALITY, kept=kept)
+    short_of_memory(monkeypatch, 3 << 20)
+    with pytest.raises(RleSplatError, match="are free"):
+        render(replace(scene, headlight=True), QUALITY, kept=kept)
+
+
+def test_a_picture_too_large_is_refused_at_once(monkeypatch):
+    scene = scene_of(noise(16))
+    short_of_memory(monkeypatch, 8 * GIB)
+    with pytest.raises(RleSplatError, match=r"65536 x 65536 pixels needs about .* GiB") as problem:
+        render(replace(scene, width=65536, height=65536), QUALITY)
+    fits = int(str(problem.value).split(" pixels would fit")[0].split()[-1])
+    assert 5000 < fits < 20000
+
+
+def test_what_is_kept_makes_room(monkeypatch):
+    kept, scene = Kept(), scene_of(noise())
+    picture = render(scene, QUALITY, kept=kept).rgba
+    assert kept.nbytes > 0
+    kept.make_room(kept.nbytes)
+    assert kept.nbytes > 0  # there is enough
+    short_of_memory(monkeypatch, 100)
+    kept.make_room(1000)
+    assert kept.nbytes == 0 and kept.contents == ()
+    monkeypatch.undo()
+    np.testing.assert_array_equal(render(scene, QUALITY, kept=kept).rgba, picture)
+
+
+def test_solid_noise_keeps_working():
+    """Every voxel opaque and coloured by itself: no run to skip, nothing alike."""
+    values = np.random.default_rng(1).integers(0, 256, (20, 22, 24)).astype(np.uint8)
+    function = TransferFunction(opacity=((0, 1.0),), color=((0, 0, 0, 1), (255, 1, 1, 0)), shade=None)
+    scene = scene_of(Volume(values, np.eye(4)), function=function)
+    stored = encode_scene(scene, QUALITY)
+    grids = [to_volume_order(decode(stored.axes[axis]), axis) for axis in range(3)]
+    assert (grids[0][..., 3] > 16.0).all()
+    np.testing.assert_array_equal(grids[0], grids[1])
+    np.testing.assert_array_equal(grids[0], grids[2])
+    assert render(scene, QUALITY).rgba[32, 32, 3] > 0.99
