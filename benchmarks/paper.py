@@ -1,5 +1,6 @@
 """The paper's Table 1 and Table 2 beside ours: memory of the run-length tables, and what skipping is worth.
 
+Memory is given for every size of voxel record there is, with what each costs in levels.
 Without acceleration: the same compiled loops on the same threads, with the same termination, on tables in which
 every voxel counts as non-transparent.  Westover: his splatting of footprint tables, voxel by voxel.
 """
@@ -22,7 +23,7 @@ from rle_splat.medium import classify_and_shade
 from rle_splat.named_systems.medium import scene_medium
 from rle_splat.named_systems.unaccelerated import every_voxel
 from rle_splat.named_systems.westover import prepare as prepare_westover
-from rle_splat.scene import QUALITY_PRESETS, Quality
+from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.splat.sheet_row import BLOCK
 from rle_splat.steps import Clock
 from rle_splat.view.eye import index_view
@@ -30,10 +31,13 @@ from rle_splat.view.principal_axis import dominant_axis
 
 from .data_sets import PAPER, DataSet
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, same_view, view_scene
-from .paper_words import PAPER_RECORD, explain, table_1, table_2
+from .paper_words import explain, record_errors, table_1, table_2
+from .records import compare_records
 
 REPEATS = 3
 SLOW_REPEATS = 2  # of what takes a good part of a second
+# The errors of short records are told for the default quality: the paper's own pipeline errs by far more itself.
+ERROR_QUALITY = "standard"
 
 
 def quality_of(name: str, threads: int) -> Quality:
@@ -42,24 +46,30 @@ def quality_of(name: str, threads: int) -> Quality:
 
 
 def measure(
-    data: DataSet, volume, tf, quality: Quality, size: int, views=VIEWS, repeats: int = REPEATS, westover: bool = True
+    data: DataSet, volume, tf, quality: Quality, size: int, views=VIEWS, repeats: int = REPEATS, westover: bool = True,
+    errors: bool = True,
 ) -> dict:
-    """One data set's row of both tables, JSON-ready; milliseconds are medians over the views."""
+    """One data set's row of both tables, JSON-ready; milliseconds are medians over the views.
+
+    ``memory_bytes``: record size -> bytes of each table, and their total, of three principal axes.
+    """
     scenes = [view_scene(volume, tf, view, size) for view in views]
     clock = Clock()
     classified, colors = classify_and_shade(scenes[0], quality, clock)
     arguments = dict(backend=quality.backend, threads=quality.threads)
     unlimited = replace(quality, termination=0.0)
-    memory, times = {}, []
+    memory, times, tables = {record: {} for record in RECORDS}, [], None
     for axis in range(3):
-        tables = encode(classified, colors, axis, quality.model, **arguments)
-        for name, count in tables.table_bytes.items():
-            memory[name] = memory.get(name, 0) + count
+        for record, sizes in memory.items():
+            made = encode(classified, colors, axis, quality.model, record=record, **arguments)
+            tables = made if record == quality.record else tables
+            for name, count in (*made.table_bytes.items(), ("total", made.nbytes)):
+                sizes[name] = sizes.get(name, 0) + count
         mine = [scene for scene in scenes if principal_axis(scene) == axis]
         if not mine:
             continue
         began = time.perf_counter()
-        encode(classified, colors, axis, quality.model, **arguments)
+        encode(classified, colors, axis, quality.model, record=quality.record, **arguments)
         encode_ms = 1e3 * (time.perf_counter() - began)
         dense = every_voxel(tables, **arguments)
         for scene in mine:
@@ -82,11 +92,15 @@ def measure(
         "name": data.name, "shape_xyz": list(volume.shape_xyz), "voxels": volume.voxels.size, "kept_voxels": kept,
         "kept_fraction": classified.visible_fraction, "bound": 1.0 / max(classified.visible_fraction, 1e-12),
         "covered_fractions": covered_fractions(classified),
-        "record_bytes": memory["voxel_data"] / max(3 * kept, 1),
-        "memory_bytes": {**memory, "total": sum(memory.values())},
-        "paper_record_memory_bytes": sum(memory.values()) - memory["voxel_data"] + 3 * PAPER_RECORD * kept,
+        "memory_bytes": memory, **({"record_errors": _record_errors(scenes, quality)} if errors else {}),
         **row, **(_westover(volume, tf, quality, size, views) if westover else {}), "views": times,
     }  # fmt: skip
+
+
+def _record_errors(scenes, quality) -> list[dict]:
+    """See ``compare_records``; at the default quality, on the same machine."""
+    machine = dict(threads=quality.threads, backend=quality.backend)
+    return compare_records(scenes, Quality.preset(ERROR_QUALITY, **machine), repeats=1)
 
 
 def principal_axis(scene) -> int:
@@ -155,6 +169,7 @@ def main(arguments) -> int:
     parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--no-westover", action="store_true", help="without the slow second baseline")
+    parser.add_argument("--no-errors", action="store_true", help="without the errors of short voxel records")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     quality = quality_of(options.quality, options.threads)
@@ -166,7 +181,7 @@ def main(arguments) -> int:
         called, volume, tf = data.load()
         row = measure(
             data, volume, tf, quality, options.size, VIEWS[: max(options.views, 1)], options.repeats,
-            not options.no_westover,
+            not options.no_westover, not options.no_errors,
         )  # fmt: skip
         rows.append((data, {**row, "called": called}))
         print(f"measured {called}", flush=True)
@@ -174,7 +189,8 @@ def main(arguments) -> int:
         describe(where), neighbours.describe(),
         f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
         f"median of {min(options.views, len(VIEWS))} view(s).",
-        "", *table_1(rows), "", *table_2(rows), "",
+        "", *table_1(rows), *([] if options.no_errors else ["", *record_errors(rows, ERROR_QUALITY)]),
+        "", *table_2(rows), "",
         *(line for data, row in rows for line in explain(data, row)),
     )))  # fmt: skip
     where["others_busy_cores"] = neighbours.cores()

@@ -1,0 +1,131 @@
+"""What shorter voxel records cost: their pictures against 16 bytes and against the truth, and the time of a frame.
+
+Every record size draws the same views in turns, so that what else the machine does falls on all alike.  Errors are
+levels, 1/255 of premultiplied scene-linear RGBA: from the picture of 16 bytes over all pixels of all views, and from
+T1, the classified medium interpolated, at random probe pixels.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from rle_splat.accuracy.metrics import difference
+from rle_splat.accuracy.phantoms import FIELDS
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.kept import Kept
+from rle_splat.named_systems.judge import probe_truth
+from rle_splat.named_systems.medium import scene_medium
+from rle_splat.render import render
+from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
+from rle_splat.volume.volume import Volume
+
+from .data_sets import PAPER
+from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
+
+REPEATS = 3
+PROBES = 64  # per view
+FIELD_SIZE = 128  # voxels a side of the synthetic fields
+THIN_ALPHA, THIN_SLICES = 0.002, 256  # algorithm.md 1.11: a linear alpha of 8 bits is 59 levels off here
+
+
+def compare_records(scenes, quality: Quality, probes: int = PROBES, repeats: int = REPEATS) -> list[dict]:
+    """One JSON-ready row per record size, for the views ``scenes`` of one volume.
+
+    ``against_16`` and ``t1``: RMSE and largest error, levels.  ``frame``: milliseconds of splat and warp over those
+    of 16 bytes, the median of the views' ratios.
+    """
+    found = {record: {"against_16": [], "t1": [], "frame": []} for record in RECORDS}
+    for number, scene in enumerate(scenes):
+        kept = Kept()
+        columns, rows, truth = probe_truth(scene_medium(scene, quality), probes, seed=number)
+        knobs = {record: replace(quality, record=record) for record in RECORDS}
+        pictures = {record: render(scene, knobs[record], kept=kept).rgba for record in RECORDS}
+        times = {record: np.inf for record in RECORDS}
+        for _ in range(repeats):
+            for record in RECORDS:
+                times[record] = min(times[record], best_frame(scene, knobs[record], 1, kept)[1])
+        for record, rows_of in found.items():
+            rows_of["against_16"].append((pictures[record], pictures[RECORDS[0]]))
+            rows_of["t1"].append((pictures[record][rows, columns], truth))
+            rows_of["frame"].append(times[record] / times[RECORDS[0]])
+    return [
+        {
+            "record": record, "frame": median(rows_of["frame"]),
+            **{name: _levels(*zip(*rows_of[name])) for name in ("against_16", "t1")},
+        }
+        for record, rows_of in found.items()
+    ]  # fmt: skip
+
+
+def _levels(pictures, references) -> dict:
+    """RMSE and largest error over some pictures of one size."""
+    found = difference(np.concatenate(pictures), np.concatenate(references))
+    return {"rmse": found.rmse, "largest": found.largest}
+
+
+def fields():
+    """Yields name, volume and transfer function of media whose truth is known in every voxel; unshaded."""
+    thin = TransferFunction(  # solid matter is in the function, so codes must span all densities
+        "thin", None, ((0, THIN_ALPHA), (150, THIN_ALPHA), (200, 1.0)), ((0, 1.0, 0.37, 0.61),), 1.0, None
+    )
+    yield "thin medium", Volume(np.full((64, THIN_SLICES, 64), 100, np.uint8), np.eye(4)), thin
+    own_opacity = TransferFunction(
+        "opacity", None, ((0.0, 0.0), (1.0, 1.0)), ((0.0, 0.9, 0.4, 0.1), (0.3, 0.2, 0.7, 0.4), (0.6, 0.1, 0.2, 1.0)),
+        1.0, None,
+    )  # fmt: skip
+    for name, field in FIELDS.items():
+        yield f"{name} shell", Volume(field(FIELD_SIZE), np.eye(4)), own_opacity
+
+
+def header() -> str:
+    """The table's first lines."""
+    short = [f"{record} B" for record in RECORDS[1:]]
+    return (
+        f"{'':<24}{'':<10}" + "".join(f"{f'{name} against 16':>18}" for name in short)
+        + "".join(f"{f'T1, {record} B':>16}" for record in RECORDS)
+        + f"   {'frame, against 16':>{8 * len(short)}}\n"
+        + f"{'volume':<24}{'quality':<10}" + f"{'RMSE':>10}{'max':>8}" * len(short)
+        + f"{'RMSE':>9}{'max':>7}" * len(RECORDS) + "   " + "".join(f"{name:>8}" for name in short)
+    )  # fmt: skip
+
+
+def line(name: str, quality: str, rows: list[dict]) -> str:
+    """One line of the table from what ``compare_records`` returned."""
+    against = "".join(f"{row['against_16']['rmse']:10.3f}{row['against_16']['largest']:8.2f}" for row in rows[1:])
+    truth = "".join(f"{row['t1']['rmse']:9.3f}{row['t1']['largest']:7.2f}" for row in rows)
+    return f"{name:<24}{quality:<10}{against}{truth}   " + "".join(f"{row['frame']:8.2f}" for row in rows[1:])
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench records", description=__doc__)
+    parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["standard"])
+    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
+    parser.add_argument("--fields-only", action="store_true", help="without the six data sets of the paper")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    print(f"{describe(where)}\n{options.size} x {options.size}, orthographic, {options.views} view(s)\n\n{header()}")
+    volumes = [(name, volume, tf, False) for name, volume, tf in fields()]
+    volumes += [] if options.fields_only else [(*data.load(), True) for data in PAPER]
+    for name, volume, tf, shaded in volumes:
+        scenes = [view_scene(volume, tf, view, options.size, shaded=shaded) for view in VIEWS[: options.views]]
+        for quality in options.quality:
+            knobs = Quality.preset(quality, threads=options.threads)
+            rows = compare_records(scenes, knobs, options.probes, options.repeats)
+            table.append({"volume": name, "quality": quality, "records": rows})
+            print(line(name, quality, rows), flush=True)
+    print(f"\nx frame: splat + warp over that of 16 bytes, drawn in turns.\n{neighbours.describe()}")
+    where["others_busy_cores"] = neighbours.cores()
+    if options.json:
+        options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
+    return 0
