@@ -19,11 +19,14 @@ def _weights(t, cubic):
     return np.stack((w0, w1, 1 - w0 - w1 - w3, w3)).astype(np.float32)
 
 
-def resample_numpy(pixels, half, to_sheet, directions, axis, sign, cubic, most_colour, depth_map, rgba, depth):
+def resample_numpy(
+    pixels, half, sheet_origin, to_sheet, directions, axis, sign, cubic, most_colour, depth_map, picture_origin, rgba,
+    depth,
+):
     """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
     height, width = depth.shape
     sheet_height, sheet_width = half.shape
-    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    column, row = np.meshgrid(picture_origin[0] + np.arange(width) + 0.5, picture_origin[1] + np.arange(height) + 0.5)
     places = np.stack((column, row, np.ones_like(column)))
     if directions.any():
         own_axis, own_sign = dominant_axis(np.moveaxis(np.tensordot(directions, places, axes=1), 0, -1))
@@ -33,10 +36,13 @@ def resample_numpy(pixels, half, to_sheet, directions, axis, sign, cubic, most_c
     with np.errstate(divide="ignore", invalid="ignore"):
         u, v, w = np.tensordot(to_sheet, places, axes=1)
         u, v = u / w, v / w
-        mine &= (u >= 1.0) & (v >= 1.0) & (u < sheet_width - 2) & (v < sheet_height - 2)
+        for place, origin, count in ((u, sheet_origin[0], sheet_width), (v, sheet_origin[1], sheet_height)):
+            mine &= (place >= origin + 1) & (place < origin + count - 2)
     u, v = u[mine], v[mine]
-    u0, v0 = u.astype(np.int64), v.astype(np.int64)
-    across, down = _weights(u - u0, cubic), _weights(v - v0, cubic)
+    fu, fv = u - np.floor(u), v - np.floor(v)
+    u0 = np.floor(u).astype(np.int64) - sheet_origin[0]
+    v0 = np.floor(v).astype(np.int64) - sheet_origin[1]
+    across, down = _weights(fu, cubic), _weights(fv, cubic)
     total = np.zeros((len(u), 4), np.float32)
     for j in range(4):
         line = np.zeros_like(total)
@@ -50,9 +56,8 @@ def resample_numpy(pixels, half, to_sheet, directions, axis, sign, cubic, most_c
     corners = np.stack((half[v0, u0], half[v0, u0 + 1], half[v0 + 1, u0], half[v0 + 1, u0 + 1]))
     with np.errstate(invalid="ignore"):
         smooth = corners.max(axis=0) - corners.min(axis=0) <= SAME_SURFACE
-        fu, fv = u - u0, v - v0
         linear = (1 - fv) * ((1 - fu) * corners[0] + fu * corners[1]) + fv * ((1 - fu) * corners[2] + fu * corners[3])
-        nearest = half[np.floor(v + 0.5).astype(np.int64), np.floor(u + 0.5).astype(np.int64)]
+        nearest = half[v0 + (fv >= 0.5), u0 + (fu >= 0.5)]
         at_half = np.where(smooth, linear, nearest)
     place = np.stack((u, v, np.ones_like(u)))
     at_zero, per_voxel = depth_map @ place

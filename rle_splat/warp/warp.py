@@ -31,38 +31,45 @@ def warp(images: list[IntermediateImage], view: IndexView, quality: Quality, mos
     directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
     for image in images:
         plane = image.base_plane
-        pixels = image.pixels.copy()
-        # Alpha rather than transmittance, so that where there is nothing the filter works on exact zeros.
-        np.subtract(1.0, pixels[..., 3], out=pixels[..., 3])
+        pixels = _coefficients(image.pixels, quality) if cubic else _with_alpha(image.pixels)
         to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
-        # Sheet pixel from picture pixel, both homogeneous.
-        to_sheet = np.array((
-            (plane.density[0], 0.0, -plane.origin[0]), (0.0, plane.density[1], -plane.origin[1]), (0.0, 0.0, 1.0)
-        )) @ to_plane
-        depth_map = _depth_map(plane)
+        # Sheet pixel from picture pixel, both homogeneous, both by their numbers in the whole sheet and picture.
+        to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
-            pixels, image.half_depth, to_sheet, directions, plane.axis, plane.sign, cubic, np.float32(most_colour),
-            depth_map, rgba, depth,
+            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, cubic,
+            np.float32(most_colour), _depth_map(plane), (0, 0), rgba, depth,
         )
         if with_kernels:
             with parallel_call(quality.threads):
-                if cubic:
-                    spline_coefficients(pixels)
                 resample(*arguments)
         else:
-            if cubic:
-                spline_coefficients_numpy(pixels)
             resample_numpy(*arguments)
     return rgba, depth
 
 
+def _with_alpha(pixels):
+    """Alpha rather than transmittance, so that where there is nothing the filter works on exact zeros."""
+    pixels = pixels.copy()
+    np.subtract(1.0, pixels[..., 3], out=pixels[..., 3])
+    return pixels
+
+
+def _coefficients(pixels, quality: Quality):
+    """Spline coefficients of colour and alpha."""
+    coefficients = np.empty_like(pixels)
+    if compiled(quality.backend):
+        with parallel_call(quality.threads):
+            spline_coefficients(pixels, coefficients)
+    else:
+        spline_coefficients_numpy(pixels, coefficients)
+    return coefficients
+
+
 def _depth_map(plane) -> np.ndarray:
-    """(2, 3) float64: rows taking sheet pixel (u, v, 1) to planar depth at axis position 0 and per voxel along
-    the viewing direction."""
+    """(2, 3) float64: rows taking sheet pixel (u, v, 1), numbered in the whole sheet, to planar depth at axis
+    position 0 and per voxel along the viewing direction."""
     corners_u, corners_v = np.array((0.0, 1.0, 0.0)), np.array((0.0, 0.0, 1.0))
-    x = (corners_u + plane.origin[0]) / plane.density[0]
-    y = (corners_v + plane.origin[1]) / plane.density[1]
-    at_zero, per_voxel = plane.depth_along(x, y)
+    at_zero, per_voxel = plane.depth_along(corners_u / plane.density[0], corners_v / plane.density[1])
     rows = []
     for values in (at_zero, plane.sign * per_voxel):  # both are affine in (u, v)
         rows.append((values[1] - values[0], values[2] - values[0], values[0]))

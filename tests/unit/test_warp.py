@@ -5,38 +5,76 @@ import pytest
 
 from rle_splat.warp.resample import resample
 from rle_splat.warp.resample_numpy import resample_numpy
-from rle_splat.warp.spline_prefilter import spline_coefficients, spline_coefficients_numpy
+from rle_splat.warp.spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
 
 PREFILTERS = [spline_coefficients, spline_coefficients_numpy]
 RESAMPLERS = [resample, resample_numpy]
 
 
+def coefficients_of(prefilter, image):
+    """Spline coefficients of an image of colour and alpha."""
+    pixels = image.copy()
+    pixels[..., 3] = 1 - pixels[..., 3]
+    coefficients = np.full_like(image, np.nan)
+    prefilter(pixels, coefficients)
+    return coefficients
+
+
 def b_spline_at_nodes(coefficients):
-    """The spline at its own nodes, from its definition: weights 1/6, 4/6, 1/6 along each axis, mirrored."""
+    """The spline at its own inner nodes, from its definition: weights 1/6, 4/6, 1/6 along each axis."""
     for axis in (0, 1):
-        along = np.moveaxis(coefficients, axis, 0)
-        padded = np.pad(along, [(1, 1), (0, 0), (0, 0)], mode="reflect")
-        coefficients = np.moveaxis((padded[:-2] + 4 * padded[1:-1] + padded[2:]) / 6, 0, axis)
+        along = np.moveaxis(coefficients.astype(np.float64), axis, 0)
+        coefficients = np.moveaxis((along[:-2] + 4 * along[1:-1] + along[2:]) / 6, 0, axis)
     return coefficients
 
 
 @pytest.mark.parametrize("prefilter", PREFILTERS)
-@pytest.mark.parametrize("shape", [(2, 2), (3, 17), (40, 31), (5, 2)])
+@pytest.mark.parametrize("shape", [(3, 3), (3, 17), (40, 31), (37, 130)])
 def test_the_cubic_interpolates(prefilter, shape):
     image = np.random.default_rng(3).random((*shape, 4)).astype(np.float32)
-    coefficients = image.copy()
-    prefilter(coefficients)
-    np.testing.assert_allclose(b_spline_at_nodes(coefficients.astype(np.float64)), image, atol=2e-6)
+    found = b_spline_at_nodes(coefficients_of(prefilter, image))
+    np.testing.assert_allclose(found, image[1:-1, 1:-1], atol=2e-6)
 
 
-def run(function, pixels, to_sheet, cubic, size, half=None, most=1.0):
+@pytest.mark.parametrize("prefilter", PREFILTERS)
+def test_coefficients_are_the_pole_to_the_power_of_the_distance(prefilter):
+    """The impulse response of 6 / (z + 4 + 1/z) is sqrt(3) (sqrt(3) - 2) ** |k|; cut off, to less than rounding."""
+    image = np.zeros((71, 71, 4), np.float32)
+    image[35, 35] = 1
+    coefficients = coefficients_of(prefilter, image)
+    response = np.sqrt(3.0) * (np.sqrt(3.0) - 2.0) ** np.abs(np.arange(-35, 36))
+    np.testing.assert_allclose(coefficients[..., 1], np.outer(response, response), atol=1e-7)
+    assert np.count_nonzero(coefficients[..., 3]) == (2 * MARGIN + 1) ** 2
+    assert coefficients[35 - MARGIN, 35 + MARGIN, 3] != 0
+
+
+@pytest.mark.parametrize("prefilter", PREFILTERS)
+def test_a_window_has_the_coefficients_of_the_whole(prefilter):
+    rng = np.random.default_rng(12)
+    image = rng.random((90, 120, 4)).astype(np.float32)
+    whole = coefficients_of(prefilter, image)
+    for _ in range(40):
+        top, left = rng.integers(0, 90 - 2 * MARGIN), rng.integers(0, 120 - 2 * MARGIN)
+        bottom, right = rng.integers(top + 2 * MARGIN + 1, 91), rng.integers(left + 2 * MARGIN + 1, 121)
+        window = coefficients_of(prefilter, np.ascontiguousarray(image[top:bottom, left:right]))
+        # Samples are missing beyond a side of the window, unless it is a side of the image.
+        inside = tuple(
+            slice(MARGIN * (first > 0), last - first - MARGIN * (last < count))
+            for first, last, count in ((top, bottom, 90), (left, right, 120))
+        )
+        np.testing.assert_array_equal(
+            window[inside].view(np.uint32), whole[top:bottom, left:right][inside].view(np.uint32)
+        )
+
+
+def run(function, pixels, to_sheet, cubic, size, half=None, most=1.0, sheet_origin=(0, 0), picture_origin=(0, 0)):
     rgba = np.zeros((*size, 4), np.float32)
     depth = np.full(size, 1e10, np.float32)
     half = np.full(pixels.shape[:2], np.inf, np.float32) if half is None else half
     depth_map = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]])
     function(
-        np.ascontiguousarray(pixels), half, to_sheet, np.zeros((3, 3)), 2, 1, cubic, np.float32(most), depth_map, rgba,
-        depth,
+        np.ascontiguousarray(pixels), half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, cubic, np.float32(most),
+        depth_map, picture_origin, rgba, depth,
     )
     return rgba, depth
 
@@ -61,8 +99,9 @@ def test_a_ramp_is_reproduced(function, cubic):
 def test_overshoot_is_clamped_to_the_premultiplied_range(function):
     pixels = np.zeros((30, 30, 4), np.float32)
     pixels[:, 15:] = (0.8, 0.8, 0.8, 1.0)
-    spline_coefficients_numpy(pixels)
-    rgba, _ = run(function, pixels, np.array([[0.3, 0, 10.0], [0, 0.3, 5.0], [0, 0, 1]]), True, (30, 30), most=0.8)
+    coefficients = coefficients_of(spline_coefficients_numpy, pixels)
+    close = np.array([[0.3, 0, 10.0], [0, 0.3, 5.0], [0, 0, 1]])
+    rgba, _ = run(function, coefficients, close, True, (30, 30), most=0.8)
     assert rgba[..., 3].min() >= 0 and rgba[..., 3].max() <= 1
     assert (rgba[..., :3] >= 0).all() and (rgba[..., :3] <= 0.8 * rgba[..., 3:] + 1e-7).all()
 
@@ -86,3 +125,27 @@ def test_twins_agree():
         one, two = (run(function, pixels, no_ties, cubic, (30, 40), half) for function in RESAMPLERS)
         np.testing.assert_allclose(one[0], two[0], atol=2e-6)
         np.testing.assert_allclose(one[1], two[1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("function", RESAMPLERS)
+@pytest.mark.parametrize("cubic", [False, True])
+def test_a_window_of_a_picture_is_the_same_to_the_bit(function, cubic):
+    """Windows of sheet and picture, by the numbers of their first pixels, in the sheet's and the picture's own."""
+    rng = np.random.default_rng(4)
+    pixels = rng.random((60, 70, 4)).astype(np.float32)
+    half = rng.choice([3.0, 3.5, 40.0, np.inf], size=(60, 70)).astype(np.float32)
+    tilted = np.array([[0.71, 0.13, 4.3], [-0.11, 0.83, 5.6], [1e-3, -2e-3, 1.0]])
+    rgba, depth = run(function, pixels, tilted, cubic, (60, 70), half)
+    assert (depth < 1e9).mean() > 0.3
+    for top, left, bottom, right in ((20, 17, 40, 44), (31, 3, 52, 18), (0, 0, 9, 70)):
+        row, column = np.mgrid[top:bottom, left:right] + 0.5
+        u, v, w = np.tensordot(tilted, (column, row, np.ones_like(row)), axes=1)
+        u, v = u / w, v / w
+        first_u, first_v = (int(max(place.min() - 3, 0)) for place in (u, v))
+        part = np.s_[first_v : int(v.max()) + 5, first_u : int(u.max()) + 5]
+        found = run(
+            function, pixels[part], tilted, cubic, (bottom - top, right - left), np.ascontiguousarray(half[part]),
+            sheet_origin=(first_u, first_v), picture_origin=(left, top),
+        )
+        np.testing.assert_array_equal(found[0].view(np.uint32), rgba[top:bottom, left:right].view(np.uint32))
+        np.testing.assert_array_equal(found[1].view(np.uint32), depth[top:bottom, left:right].view(np.uint32))
