@@ -1,23 +1,28 @@
 """The emission-absorption integral along rays in float64 (algorithm.md 2.3, G13).
 
-Each ray is cut at every voxel plane, where an interpolated field has its kinks; on each piece Gauss-Legendre
-quadrature gives optical depth and emission, pieces are halved until two halves agree with their whole, and the
-pieces are composed exactly.  No step size, no sheets, no early termination.
+Each ray is cut at every voxel plane, where an interpolated field has its kinks, and where the medium has kinks of
+its own; on each piece the interpolated quantities are cubics, Gauss-Legendre quadrature gives optical depth and
+emission, pieces are halved until two halves agree with their whole, and the pieces are composed exactly.  No step
+size and no sheets.  All rays go in step, as arrays.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .medium import cubics
 from .rays import Rays
 
 NO_DEPTH = 1e10
 TOLERANCE = 1e-10
-_MOST_HALVINGS = 40
-_RAYS_AT_ONCE = 512
+# Matter seen through less than this is left out, which changes no channel by more (times its largest colour).
+FAINTEST = 1e-12
+_MOST_HALVINGS = 48
+_RAYS_AT_ONCE = 256
 _HALF = np.log(2.0)
+_ROUNDING = 64.0 * np.finfo(np.float64).eps
 
 
 def _quadrature(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,30 +39,42 @@ _NODES, _WEIGHTS, _RUNNING = _quadrature(8)
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Stretches of rays inside one cell each: ``ray`` (P,), planar depths ``start`` and ``end`` (P,),
-    ``corners`` (P, 8, channels), ``entry`` and ``travel`` (P, 3) position and displacement inside the cell,
-    ``length`` (P,) world length, ``tau`` (P,) and ``glow`` (P, 3) optical depth and emission."""
+    """Smooth stretches of rays: ``ray`` (P,); ``cubic`` (P,) row of ``table`` (cells crossed, channels, 4), whose
+    t runs from ``begin`` to ``end`` (P,); ``segment`` (P,) as the medium's ``split`` has it; ``length`` (P,) world
+    length and ``near``, ``far`` (P,) planar depths; ``seen`` (P,) transmittance before it and ``allowed`` (P,)
+    error of it."""
 
+    table: np.ndarray
     ray: np.ndarray
-    start: np.ndarray
+    cubic: np.ndarray
+    segment: np.ndarray
+    begin: np.ndarray
     end: np.ndarray
-    corners: np.ndarray
-    entry: np.ndarray
-    travel: np.ndarray
+    near: np.ndarray
+    far: np.ndarray
     length: np.ndarray
+    seen: np.ndarray
+    allowed: np.ndarray
 
     def __getitem__(self, chosen) -> _Pieces:
-        return _Pieces(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+        names = list(self.__dataclass_fields__)[1:]
+        return _Pieces(self.table, *(getattr(self, name)[chosen] for name in names))
 
-    def half(self, second: bool) -> _Pieces:
-        middle, travel = 0.5 * (self.start + self.end), 0.5 * self.travel
-        start, end = (middle, self.end) if second else (self.start, middle)
-        entry = self.entry + travel if second else self.entry
-        return _Pieces(self.ray, start, end, self.corners, entry, travel, 0.5 * self.length)
+    def cut(self, share) -> _Pieces:
+        """Each piece up to ``share`` of it, a number or (P,)."""
+        return replace(
+            self, end=self.begin + share * (self.end - self.begin), far=self.near + share * (self.far - self.near),
+            length=share * self.length,
+        )  # fmt: skip
+
+    def halves(self) -> tuple[_Pieces, _Pieces]:
+        first = replace(self.cut(0.5), allowed=0.5 * self.allowed)
+        return first, replace(first, begin=first.end, end=self.end, near=first.far, far=self.far)
 
 
-def _joined(parts: list) -> _Pieces:
-    return _Pieces(*(np.concatenate([getattr(p, name) for p in parts]) for name in _Pieces.__dataclass_fields__))
+def _joined(parts: list[_Pieces]) -> _Pieces:
+    names = list(_Pieces.__dataclass_fields__)[1:]
+    return _Pieces(parts[0].table, *(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
 def _span(origin, step, low, high, near, far):
@@ -72,7 +89,7 @@ def _span(origin, step, low, high, near, far):
 
 
 def _cut(medium, origin, step, speed, near, far) -> _Pieces:
-    """Cut rays given in index space at all voxel planes; keeps only the pieces in cells that absorb."""
+    """Cut rays given in index space at all voxel planes and at the medium's own kinks; keeps what absorbs."""
     entry, exit_ = _span(origin, step, medium.low, medium.high, near, far)
     hit = np.flatnonzero(exit_ > entry)
     cuts = [entry[hit, None], exit_[hit, None]]
@@ -90,72 +107,101 @@ def _cut(medium, origin, step, speed, near, far) -> _Pieces:
     cell = np.floor(position + 0.5 * travel).astype(np.int64)
     cell = np.clip(cell, medium.low.astype(np.int64), medium.high.astype(np.int64) - 1)
     corners = medium.cells(cell)
-    pieces = _Pieces(ray, start, end, corners, position - cell, travel, speed[ray] * (end - start))
-    return pieces[medium.occupied(corners)]
+    kept = np.flatnonzero(medium.occupied(corners))
+    table = cubics(corners[kept], (position - cell)[kept], travel[kept])
+    which, begin, stop, segment = medium.split(table)
+    within = kept[which]
+    start, whole = start[within], (end - start)[within]
+    near, far = start + begin * whole, start + stop * whole
+    return _Pieces(table, ray[within], which, segment, begin, stop, near, far, speed[ray[within]] * (far - near),
+                   np.ones(len(which)), np.ones(len(which)))  # fmt: skip
 
 
 def _integrals(medium, pieces: _Pieces) -> np.ndarray:
     """(P, 4): emission of each piece seen from its own start, and its optical depth."""
-    fields = medium.evaluate(pieces.corners, pieces.entry[:, None] + _NODES[:, None] * pieces.travel[:, None])
-    fields = fields * pieces.length[:, None, None]
-    seen = np.exp(-(fields[..., 3] @ _RUNNING.T)) * _WEIGHTS
-    glow = (fields[..., :3] * seen[..., None]).sum(axis=1)
-    return np.concatenate((glow, (fields[..., 3] @ _WEIGHTS)[:, None]), axis=1)
+    t = pieces.begin[:, None] + (pieces.end - pieces.begin)[:, None] * _NODES
+    fields = medium.fields(pieces.table[pieces.cubic], pieces.segment, t) * pieces.length[:, None, None]
+    seen = np.exp(-(fields[:, 3] @ _RUNNING.T)) * _WEIGHTS
+    glow = (fields[:, :3] * seen[:, None]).sum(axis=-1)
+    return np.concatenate((glow, (fields[:, 3] @ _WEIGHTS)[:, None]), axis=1)
 
 
-def _refined(medium, pieces: _Pieces, tolerance: float) -> tuple[_Pieces, np.ndarray]:
-    """Halve pieces until the halves compose to their whole within the tolerance; pieces and their integrals."""
+class _Order:
+    """Places of pieces along their rays, for running sums: one row a ray, because a running sum along a row keeps
+    its own precision and one over all rays would not."""
+
+    def __init__(self, pieces: _Pieces, count: int):
+        self.first = np.searchsorted(pieces.ray, np.arange(count))
+        self._ray, self._place = pieces.ray, np.arange(len(pieces.ray)) - self.first[pieces.ray]
+        self._shape = (count, int(self._place.max(initial=-1)) + 1)
+
+    def running(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(count, longest) optical depth after each piece of a ray, and (P,) before each piece; pieces in order."""
+        table = np.zeros(self._shape)
+        table[self._ray, self._place] = tau
+        reached = np.cumsum(table, axis=1)
+        return reached, (reached - table)[self._ray, self._place]
+
+
+def _sorted(pieces: _Pieces, *others):
+    order = np.lexsort((pieces.near, pieces.ray))
+    return pieces[order], *(other[order] for other in others)
+
+
+def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pieces, np.ndarray]:
+    """Halve pieces until the disagreements between halves and wholes, as they are seen from the eye, add up to the
+    tolerance at most on each ray; pieces in order and their integrals."""
+    pieces, whole = _sorted(pieces, _integrals(medium, pieces))
+    before = _Order(pieces, count).running(whole[:, 3])[1]
+    on_ray = np.bincount(pieces.ray, minlength=count)[pieces.ray]
+    pieces = replace(pieces, seen=np.exp(-before), allowed=tolerance / on_ray)
+    kept = pieces.seen >= FAINTEST
+    pieces, whole = pieces[kept], whole[kept]
     done, values = [], []
-    whole = _integrals(medium, pieces)
     for _ in range(_MOST_HALVINGS):
-        left, right = pieces.half(False), pieces.half(True)
+        left, right = pieces.halves()
         first, second = _integrals(medium, left), _integrals(medium, right)
+        passed = np.exp(-first[:, 3])
         composed = first + second
-        composed[:, :3] = first[:, :3] + np.exp(-first[:, 3:]) * second[:, :3]
-        # Optical depth matters only as far as it changes the transmittance.
+        composed[:, :3] = first[:, :3] + passed[:, None] * second[:, :3]
         wrong = np.abs(composed - whole)
+        # Optical depth matters only as far as it changes the transmittance.
         wrong[:, 3] *= np.exp(-np.minimum(composed[:, 3], whole[:, 3]))
-        rough = (wrong > tolerance).any(axis=1)
-        done += [pieces[~rough]]
-        values += [composed[~rough]]
+        noise = _ROUNDING * np.abs(composed)
+        rough = ((wrong - noise) * pieces.seen[:, None] > pieces.allowed[:, None]).any(axis=1)
+        done.append(pieces[~rough])
+        values.append(composed[~rough])
         if not rough.any():
-            return _joined(done), np.concatenate(values)
+            break
+        right = replace(right, seen=pieces.seen * passed)
         pieces = _joined([left[rough], right[rough]])
         whole = np.concatenate((first[rough], second[rough]))
-    return _joined(done + [pieces]), np.concatenate(values + [whole])
+    else:
+        done.append(pieces)
+        values.append(whole)
+    return _sorted(_joined(done), np.concatenate(values))
 
 
-def _half_depth(medium, piece: _Pieces, missing: np.ndarray) -> np.ndarray:
+def _half_depth(medium, pieces: _Pieces, missing: np.ndarray) -> np.ndarray:
     """(P,) planar depth inside each piece at which its optical depth reaches ``missing`` (P,), by bisection."""
     low, high = np.zeros(len(missing)), np.ones(len(missing))
     for _ in range(52):
         middle = 0.5 * (low + high)
-        part = _Pieces(piece.ray, piece.start, piece.end, piece.corners, piece.entry,
-                       piece.travel * middle[:, None], piece.length * middle)
-        reached = _integrals(medium, part)[:, 3] >= missing
+        reached = _integrals(medium, pieces.cut(middle))[:, 3] >= missing
         low, high = np.where(reached, low, middle), np.where(reached, middle, high)
-    return piece.start + 0.5 * (low + high) * (piece.end - piece.start)
+    return pieces.near + 0.5 * (low + high) * (pieces.far - pieces.near)
 
 
 def _compose(medium, pieces: _Pieces, values: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Compose pieces front to back: premultiplied rgba (count, 4) and the depth of half transmittance (count,)."""
     rgba, depth = np.zeros((count, 4)), np.full(count, NO_DEPTH)
-    if len(pieces.ray) == 0:
-        return rgba, depth
-    order = np.lexsort((pieces.start, pieces.ray))
-    pieces, values = pieces[order], values[order]
-    first = np.searchsorted(pieces.ray, np.arange(count))
-    place = np.arange(len(pieces.ray)) - first[pieces.ray]
-    # One row a ray: a running sum along a row keeps its own precision, one over all rays would not.
-    table = np.zeros((count, place.max() + 1))
-    table[pieces.ray, place] = values[:, 3]
-    reached = np.cumsum(table, axis=1)
-    before = (reached - table)[pieces.ray, place]
+    order = _Order(pieces, count)
+    reached, before = order.running(values[:, 3])
     for channel in range(3):
         rgba[:, channel] = np.bincount(pieces.ray, np.exp(-before) * values[:, channel], minlength=count)
     rgba[:, 3] = -np.expm1(-reached[:, -1])
     halved = np.flatnonzero(reached[:, -1] >= _HALF)
-    crossing = first[halved] + (reached[halved] < _HALF).sum(axis=1)
+    crossing = order.first[halved] + (reached[halved] < _HALF).sum(axis=1)
     depth[halved] = _half_depth(medium, pieces[crossing], _HALF - before[crossing])
     return rgba, depth
 
@@ -165,7 +211,8 @@ def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tole
 
     ``near``, ``far``: planar depths, scalars or (N,), outside which nothing is integrated (clip distances, or a
     surface that stops each ray).  ``depth`` is the planar depth at which the transmittance falls to one half,
-    1e10 where it never does.  ``tolerance``: largest disagreement allowed between a piece and its halves.
+    1e10 where it never does.  ``tolerance``: largest error estimated for a channel of a ray: the sum over its
+    pieces of how far two halves disagree with their whole; what is returned are the halves.
     """
     to_index = np.linalg.inv(np.asarray(index_to_world, dtype=np.float64))
     origin = rays.origin @ to_index[:3, :3].T + to_index[:3, 3]
@@ -176,6 +223,7 @@ def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tole
     for begin in range(0, count, _RAYS_AT_ONCE):
         part = slice(begin, min(begin + _RAYS_AT_ONCE, count))
         pieces = _cut(medium, origin[part], step[part], rays.length_per_depth[part], near[part], far[part])
-        pieces, values = _refined(medium, pieces, tolerance)
-        rgba[part], depth[part] = _compose(medium, pieces, values, part.stop - part.start)
+        if len(pieces.ray):
+            size = part.stop - part.start
+            rgba[part], depth[part] = _compose(medium, *_refined(medium, pieces, size, tolerance), size)
     return rgba, depth

@@ -1,41 +1,66 @@
-"""Two media a ray may cross, in voxel-index space: one for each truth.
+"""Two media a ray may cross, in voxel-index space: one for each truth.  Index order is (x, y, z) throughout.
 
-A medium offers a box (``low``, ``high``), ``cells(cell)`` -> what a cell's eight corners hold, ``occupied(cell)``
-and ``evaluate(corners, fractions)`` -> associated source and extinction.  Index order is (x, y, z) throughout.
+A medium offers its box (``low``, ``high``) and, for cells of the grid named by their low corner,
+``cells(cell)`` -> what the eight corners hold, and ``occupied(corners)`` -> whether anything in there absorbs.
+Along a stretch of a ray inside one cell everything interpolated is a cubic (``cubics``); ``split`` cuts it
+where the medium has kinks, and ``fields`` are source and extinction on it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from .transfer import extinction_and_color
-
-_CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+from .transfer import Segments, extinction, extinction_and_color, optical_depth
 
 
-def corner_weights(fractions: np.ndarray) -> np.ndarray:
-    """(..., 3) positions in a unit cell -> (..., 8) trilinear weights, corner order x fastest."""
-    x, y, z = fractions[..., 0], fractions[..., 1], fractions[..., 2]
-    x0, y0, z0 = 1.0 - x, 1.0 - y, 1.0 - z
-    rows = (y0 * z0, y * z0, y0 * z, y * z)
-    return np.stack([side * row for row in rows for side in (x0, x)], axis=-1)
+def cubics(corners: np.ndarray, entry: np.ndarray, travel: np.ndarray) -> np.ndarray:
+    """Trilinear interpolation along stretches of rays: ``corners`` (P, 8, channels), x fastest, at the positions
+    ``entry + t * travel`` (P, 3) in the unit cell -> (P, channels, 4) coefficients of 1, t, t^2, t^3."""
+    count, _, channels = corners.shape
+    degrees = [np.moveaxis(corners, -1, 1).reshape(count, channels, 2, 2, 2)]  # over z, y, x
+    for axis in range(3):
+        start, rate = (v[:, axis].reshape((-1,) + (1,) * (3 - axis)) for v in (entry, travel))
+        slopes = [d[..., 1] - d[..., 0] for d in degrees]
+        constant = [d[..., 0] + s * start for d, s in zip(degrees, slopes)]
+        degrees = [*constant, 0.0 * constant[0]]
+        for power, s in enumerate(slopes):
+            degrees[power + 1] = degrees[power + 1] + s * rate
+    return np.stack(degrees, axis=-1)
 
 
-class _Grid:
-    """Values (nz, ny, nx, channels) with a lookup of the eight corners of a cell."""
-
-    def __init__(self, values: np.ndarray, first):
-        self._values, self._first = values, np.asarray(first)
-        self._most = np.array(values.shape[2::-1]) - 2
-
-    def corners(self, cell: np.ndarray) -> np.ndarray:
-        """(P, 3) integer index of each cell's low corner -> (P, 8, channels)."""
-        low = np.clip(cell - self._first, 0, self._most)
-        at = low[:, None, :] + _CORNERS
-        return self._values[at[..., 2], at[..., 1], at[..., 0]]
+def polynomial(coefficients: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(..., 4) coefficients of cubics at t, any shape that broadcasts with their leading axes."""
+    c = coefficients
+    return ((c[..., 3] * t + c[..., 2]) * t + c[..., 1]) * t + c[..., 0]
 
 
-class ClassifiedMedium:
+class _Medium:
+    """What both media share: the gathering of corners, and the fields at single points."""
+
+    def at(self, positions) -> np.ndarray:
+        """(N, 4) source (extinction * RGB) and extinction at (N, 3) index positions inside the box."""
+        positions = np.asarray(positions, dtype=np.float64)
+        cell = np.clip(np.floor(positions), self.low, self.high - 1.0).astype(np.int64)
+        poly = cubics(self.cells(cell), positions - cell, np.zeros_like(positions))
+        which, _, _, segment = self.split(poly)
+        found = np.zeros((len(positions), 4))
+        found[which] = self.fields(poly[which], segment, np.zeros((len(which), 1)))[..., 0]
+        return found
+
+
+def _corner_places(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
+    """Index arrays (z, y, x), broadcasting to (P, 2, 2, 2) and clipped to the grid, of cells' corners; and which
+    corners are in the grid."""
+    places, inside = [], True
+    for axis, spread in ((2, (-1, 2, 1, 1)), (1, (-1, 1, 2, 1)), (0, (-1, 1, 1, 2))):
+        both = cell[:, axis, None] + np.arange(2)
+        most = shape[2 - axis] - 1
+        places.append(np.clip(both, 0, most).reshape(spread))
+        inside = inside & ((both >= 0) & (both <= most)).reshape(spread)
+    return tuple(places), inside
+
+
+class ClassifiedMedium(_Medium):
     """T1: extinction and associated colour interpolated trilinearly, zero outside the grid.
 
     ``extinction``: (nz, ny, nx) in 1/world length; ``color``: (nz, ny, nx, 3) unassociated, shaded or not.
@@ -43,15 +68,47 @@ class ClassifiedMedium:
     """
 
     def __init__(self, extinction, color):
-        extinction = np.asarray(extinction, dtype=np.float64)
-        source = np.asarray(color, dtype=np.float64) * extinction[..., None]
-        fields = np.pad(np.concatenate((source, extinction[..., None]), axis=-1), ((1, 1),) * 3 + ((0, 0),))
-        self._grid = _Grid(fields, (-1, -1, -1))
-        self.low = np.full(3, -1.0)
-        self.high = np.array(extinction.shape[::-1], dtype=np.float64)
+        extinction, color = np.asarray(extinction, dtype=np.float64), np.asarray(color)
+        self._place(extinction.shape, lambda places: extinction[places], lambda places, _: color[places])
+
+    @classmethod
+    def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> ClassifiedMedium:
+        """The same from stored scalars (nz, ny, nx), classified at the corners that rays meet and nowhere else.
+
+        ``physical``: stored values to physical ones.  ``color``: as above, or whatever gives (..., 3) values for
+        index arrays (z, y, x); None for the transfer function's own.
+        """
+
+        def extinction_at(places):
+            return extinction(transfer_function, physical(voxels[places]), world_distance)
+
+        def color_at(places, visible):
+            if color is not None:
+                return color[places]
+            found = np.zeros((*visible.shape, 3))
+            values = physical(voxels[places][visible])
+            found[visible] = extinction_and_color(transfer_function, values, world_distance)[1]
+            return found
+
+        medium = cls.__new__(cls)
+        medium._place(voxels.shape, extinction_at, color_at)
+        return medium
+
+    def _place(self, shape, extinction_at, color_at):
+        self._shape, self._extinction_at, self._color_at = shape, extinction_at, color_at
+        self.low, self.high = np.full(3, -1.0), np.array(shape[::-1], dtype=np.float64)
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
-        return self._grid.corners(cell)
+        """(P, 3) integer low corners -> (P, 8, 4): extinction * RGB, extinction at the corners, x fastest."""
+        places, inside = _corner_places(cell, self._shape)
+        extinction = np.where(inside, self._extinction_at(places), 0.0)
+        found = np.zeros((*extinction.shape, 4))
+        found[..., 3] = extinction
+        seen = np.flatnonzero((extinction > 0.0).any(axis=(1, 2, 3)))
+        here = tuple(place[seen] for place in places)
+        color = np.where((extinction[seen] > 0.0)[..., None], self._color_at(here, extinction[seen] > 0.0), 0.0)
+        found[seen, ..., :3] = color * extinction[seen][..., None]
+        return found.reshape(-1, 8, 4)
 
     @staticmethod
     def occupied(corners: np.ndarray) -> np.ndarray:
@@ -59,43 +116,127 @@ class ClassifiedMedium:
         return (corners[..., 3] > 0.0).any(axis=1)
 
     @staticmethod
-    def evaluate(corners: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-        """(P, 8, 4) corners at (P, N, 3) positions in the cell -> (P, N, 4): sigma * rgb, sigma."""
-        return corner_weights(fractions) @ corners
+    def split(poly: np.ndarray):
+        """Every stretch whole: the cubics have no kinks inside a cell."""
+        count = len(poly)
+        return np.arange(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64)
+
+    @staticmethod
+    def fields(poly: np.ndarray, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """(P, 4, 4) cubics at (P, N) places of their stretches -> (P, 4, N): extinction * RGB, extinction."""
+        return polynomial(poly[:, :, None, :], t[:, None, :])
 
 
-class ScalarMedium:
+class ScalarMedium(_Medium):
     """T2: the scalar interpolated trilinearly and then classified, inside the box of voxel centres [0, n - 1].
 
-    ``values``: (nz, ny, nx) physical scalars, at least two voxels along each axis; NaN makes its cells transparent.
+    ``values``: (nz, ny, nx) scalars; ``physical`` makes physical values of them (as they are, when None).  A cell
+    with a NaN corner is transparent; an infinite value is the transfer function's nearest point.
     ``world_distance``: world length of the transfer function's opacity unit distance.
+    ``light``, ``highlight``: light of each voxel, interpolated on its own as the sheets do (algorithm.md 1.14):
+    the colour of a point is c * light + highlight.  Each None, or (nz, ny, nx) or (nz, ny, nx, 3) values, or
+    whatever gives (...) or (..., 3) values for index arrays (z, y, x).
     """
 
-    def __init__(self, values, transfer_function, world_distance: float):
-        values = np.asarray(values, dtype=np.float64)
-        self._grid = _Grid(values[..., None], (0, 0, 0))
-        self._transfer_function, self._world_distance = transfer_function, world_distance
-        self._knots = np.array(sorted(p[0] for p in transfer_function.opacity))
+    def __init__(self, values, transfer_function, world_distance: float, light=None, highlight=None, physical=None):
+        self._values = values if physical else np.asarray(values)
+        self._physical = physical or (lambda stored: np.asarray(stored, dtype=np.float64))
+        self._segments = Segments(transfer_function)
+        self._world_distance = world_distance
+        self._lights = [name for name in (light, highlight) if name is not None]
+        self._lit, self._glossy = light is not None, highlight is not None
         self.low = np.zeros(3)
-        self.high = np.array(values.shape[::-1], dtype=np.float64) - 1.0
+        self.high = np.array(self._values.shape[::-1], dtype=np.float64) - 1.0
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
-        return self._grid.corners(cell)
+        """(P, 3) integer low corners -> (P, 8, 1 + 3 for each light): scalar and light at the corners, x fastest.
+
+        Light is looked up where ``occupied`` holds, and is zero elsewhere."""
+        places, _ = _corner_places(cell, self._values.shape)
+        values = self._physical(self._values[places])
+        if np.isinf(values).any():
+            values = np.where(np.isinf(values), np.clip(values, *self._segments.ends), values)
+        corners = np.zeros((len(cell), 8, 1 + 3 * len(self._lights)))
+        corners[..., 0] = values.reshape(-1, 8)
+        if self._lights:
+            seen = np.flatnonzero(self.occupied(corners))
+            here = tuple(place[seen] for place in places)
+            for number, light in enumerate(self._lights):
+                found = np.asarray(light[here], dtype=np.float64)
+                channels = found.shape[4] if found.ndim == 5 else 1
+                corners[seen, :, 1 + 3 * number : 4 + 3 * number] = found.reshape(len(seen), 8, channels)
+        return corners
 
     def occupied(self, corners: np.ndarray) -> np.ndarray:
         """(P,) bool: whether the transfer function is above zero anywhere in the cell's range of values."""
-        low, high = corners[..., 0].min(axis=1), corners[..., 0].max(axis=1)
-        seen = np.zeros(len(corners), dtype=bool)
-        for end in (low, high):
-            seen |= extinction_and_color(self._transfer_function, end, 1.0)[0] > 0.0
-        for knot in self._knots:
-            just_below = np.nextafter(knot, -np.inf)  # a step may be opaque on one side of its knot only
-            opaque = (extinction_and_color(self._transfer_function, np.array((just_below, knot)), 1.0)[0] > 0.0).any()
-            seen |= opaque & (low <= knot) & (knot <= high)
-        return seen
+        scalar = corners[..., 0]
+        return self._segments.seen_between(scalar.min(axis=1), scalar.max(axis=1))
 
-    def evaluate(self, corners: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-        """(P, 8, 1) corners at (P, N, 3) positions in the cell -> (P, N, 4): sigma * rgb, sigma."""
-        scalar = (corner_weights(fractions) @ corners)[..., 0]
-        sigma, color = extinction_and_color(self._transfer_function, scalar, self._world_distance)
-        return np.concatenate((color * sigma[..., None], sigma[..., None]), axis=-1)
+    def split(self, poly: np.ndarray):
+        """Cut the scalar's cubics at the transfer function's points, leaving out what is transparent.
+
+        Returns (Q,) arrays: which cubic, from and to which t, and the segment of the transfer function there."""
+        scalar = poly[:, 0]
+        crossing, t = _crossings(scalar, self._segments.knots)
+        whole = np.arange(len(scalar))
+        which = np.concatenate((whole, whole, crossing))
+        cuts = np.concatenate((np.zeros(len(scalar)), np.ones(len(scalar)), t))
+        order = np.lexsort((cuts, which))
+        which, cuts = which[order], cuts[order]
+        pair = np.flatnonzero((which[1:] == which[:-1]) & (cuts[1:] > cuts[:-1]))
+        which, begin, end = which[pair], cuts[pair], cuts[pair + 1]
+        segment = self._segments.of(polynomial(scalar[which], 0.5 * (begin + end)))
+        seen = self._segments.visible[segment]
+        return which[seen], begin[seen], end[seen], segment[seen]
+
+    def fields(self, poly: np.ndarray, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """(P, C, 4) cubics at (P, N) places of their stretches -> (P, 4, N): extinction * RGB, extinction."""
+        alpha, color = self._segments.evaluate(segment, polynomial(poly[:, 0, None, :], t))
+        sigma = optical_depth(alpha) / self._world_distance
+        for number, lit in enumerate([True] * self._lit + [False] * self._glossy):
+            light = polynomial(poly[:, 1 + 3 * number : 4 + 3 * number, None, :], t[:, None, :])
+            color = color * light if lit else color + light
+        return np.concatenate((color * sigma[:, None], sigma[:, None]), axis=1)
+
+
+def _crossings(cubic: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where cubics (P, 4) cross values ``knots`` (K,) inside (0, 1): which cubic (Q,), and t (Q,)."""
+    # Between its turning points a cubic is monotone and crosses a value at most once.
+    a, b, c = 3.0 * cubic[:, 3], 2.0 * cubic[:, 2], cubic[:, 1]
+    root = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
+    q = -0.5 * (b + np.copysign(root, b))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turns = np.stack((q / a, c / q), axis=1)
+    ends = np.zeros((len(cubic), 4))
+    ends[:, 1:3] = np.sort(np.clip(np.nan_to_num(turns, nan=0.0, posinf=0.0, neginf=0.0), 0.0, 1.0), axis=1)
+    ends[:, 3] = 1.0
+    below = np.searchsorted(knots, polynomial(cubic[:, None, :], ends))  # how many knots lie below each end
+    first, last = np.minimum(below[:, :-1], below[:, 1:]), np.maximum(below[:, :-1], below[:, 1:])
+    count = (last - first).ravel()
+    branch = np.repeat(np.arange(count.size), count)
+    knot = first.ravel()[branch] + np.arange(len(branch)) - (np.cumsum(count) - count)[branch]
+    which, part = branch // 3, branch % 3
+    return which, _monotone_root(cubic[which] - np.array((1.0, 0.0, 0.0, 0.0)) * knots[knot][:, None],
+                                 ends[which, part], ends[which, part + 1])  # fmt: skip
+
+
+def _monotone_root(cubic: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(Q,) root of each cubic (Q, 4) between ``low`` and ``high``, where it changes sign: Newton's steps, and
+    halvings where a step would leave the bracket."""
+    rising = polynomial(cubic, high) > polynomial(cubic, low)
+    found = 0.5 * (low + high)
+    open_ = np.arange(len(cubic))
+    slope = cubic[:, 1:] * np.array((1.0, 2.0, 3.0))
+    for _ in range(100):
+        t = found[open_]
+        value = polynomial(cubic[open_], t)
+        right = (value < 0.0) == rising[open_]
+        low[open_], high[open_] = np.where(right, t, low[open_]), np.where(right, high[open_], t)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = t - value / ((slope[open_, 2] * t + slope[open_, 1]) * t + slope[open_, 0])
+        kept = (step > low[open_]) & (step < high[open_])
+        found[open_] = np.where(kept, step, 0.5 * (low[open_] + high[open_]))
+        open_ = open_[np.abs(found[open_] - t) > 4e-16]
+        if len(open_) == 0:
+            break
+    return found

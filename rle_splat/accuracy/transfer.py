@@ -7,6 +7,7 @@ import numpy as np
 # alpha = 1 means an infinite extinction; it is capped at the optical depth of 24 halvings, 1 - 2^-24 being the
 # float32 number next to 1.
 TAU_CAP = 24.0 * np.log(2.0)
+ALPHA_CAP = 1.0 - 2.0**-24
 
 
 def piecewise_linear(points, values) -> np.ndarray:
@@ -34,13 +35,85 @@ def opacity_unit_distance(transfer_function, volume) -> float:
     return float(np.sqrt((volume.affine[:3, :3] ** 2).sum(axis=0)).min() if own is None else own)
 
 
-def extinction_and_color(transfer_function, values, world_distance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Physical scalars -> (extinction in 1/world length, unassociated colour (..., 3)); NaN is transparent.
+def optical_depth(alpha) -> np.ndarray:
+    """Optical depth of one opacity unit distance of opacity ``alpha``, capped where alpha comes to 1."""
+    with np.errstate(divide="ignore"):
+        return np.minimum(-np.log1p(-np.minimum(alpha, 1.0)), TAU_CAP)
+
+
+def extinction(transfer_function, values, world_distance: float) -> np.ndarray:
+    """Physical scalars -> extinction in 1/world length; NaN is transparent.
 
     ``world_distance``: world length of the opacity unit distance.
     """
     alpha = np.nan_to_num(piecewise_linear(transfer_function.opacity, values), nan=0.0)
+    return optical_depth(alpha) / world_distance
+
+
+def extinction_and_color(transfer_function, values, world_distance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Physical scalars -> (extinction as ``extinction`` has it, unassociated colour (..., 3)); NaN is transparent."""
     color = np.nan_to_num(piecewise_linear(transfer_function.color, values), nan=0.0)
-    with np.errstate(divide="ignore"):
-        tau = np.minimum(-np.log1p(-alpha), TAU_CAP)
-    return tau / world_distance, color
+    return extinction(transfer_function, values, world_distance), color
+
+
+class Segments:
+    """A transfer function cut at its points: between two ``knots`` (K,) opacity and colour are linear and the
+    optical depth is smooth.  Segment i lies below knot i, the last one above all knots.
+
+    ``visible``: (K + 1,) bool, whether opacity is above zero in the segment.  ``ends``: lowest and highest point.
+    """
+
+    def __init__(self, transfer_function):
+        opacity, color = transfer_function.opacity, transfer_function.color
+        alphas = np.array(sorted(opacity, key=lambda p: p[0]), dtype=np.float64)
+        knots = np.unique(np.concatenate((alphas[:, 0], [p[0] for p in color], self._caps(alphas))))
+        self.ends = float(knots[0]), float(knots[-1])
+        slopes_alpha, slopes_color = (self._lines(points, knots) for points in (opacity, color))
+        shown = (slopes_alpha[0] > 0.0) | (slopes_alpha[1] != 0.0)
+        # A knot between two transparent segments cuts nothing.
+        needed = np.flatnonzero(shown[:-1] | shown[1:])
+        kept = np.append(needed, len(knots)) if len(needed) else np.array([len(knots)])
+        self.knots = knots[needed]
+        self.visible = shown[kept]
+        self._middle = self._middles(knots)[kept]
+        self._alpha, self._alpha_slope = (line[kept] for line in slopes_alpha)
+        self._color, self._color_slope = (line[kept] for line in slopes_color)
+        self._seen_before = np.concatenate(([0], np.cumsum(self.visible)))
+
+    @staticmethod
+    def _caps(alphas: np.ndarray) -> np.ndarray:
+        """Scalars at which the opacity passes the cap: a kink of the optical depth."""
+        (x0, a0), (x1, a1) = alphas[:-1].T, alphas[1:].T
+        passes = (a0 < ALPHA_CAP) != (a1 < ALPHA_CAP)
+        return x0[passes] + (ALPHA_CAP - a0[passes]) / (a1 - a0)[passes] * (x1 - x0)[passes]
+
+    @staticmethod
+    def _middles(knots: np.ndarray) -> np.ndarray:
+        aside = 1.0 + np.abs(knots[[0, -1]])
+        return np.concatenate((knots[:1] - aside[0], 0.5 * (knots[:-1] + knots[1:]), knots[-1:] + aside[1]))
+
+    def _lines(self, points, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Value in the middle of each segment, and slope: both (K + 1, ...)."""
+        middle = self._middles(knots)
+        aside = 0.25 * np.concatenate(([1.0], np.diff(knots), [1.0]))
+        value = piecewise_linear(points, middle)
+        rise = piecewise_linear(points, middle + aside) - piecewise_linear(points, middle - aside)
+        return value, (rise.T / (2.0 * aside)).T
+
+    def of(self, values) -> np.ndarray:
+        """The segment each value lies in; a value on a knot belongs to the segment above."""
+        return np.searchsorted(self.knots, values, side="right")
+
+    def seen_between(self, low, high) -> np.ndarray:
+        """Whether opacity is above zero anywhere from ``low`` to ``high``; False where one of them is NaN."""
+        # A value on a knot may belong to the segment above it, the limit from below to the one under it.
+        first, last = np.searchsorted(self.knots, low), np.searchsorted(self.knots, high, side="right")
+        seen = self._seen_before[last + 1] > self._seen_before[first]
+        return seen & ~(np.isnan(low) | np.isnan(high))
+
+    def evaluate(self, segment: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P, N) values, each row in its ``segment`` (P,) -> opacity (P, N) and colour (P, 3, N)."""
+        off = values - self._middle[segment][:, None]
+        alpha = self._alpha[segment][:, None] + self._alpha_slope[segment][:, None] * off
+        color = self._color[segment][..., None] + self._color_slope[segment][..., None] * off[:, None]
+        return np.maximum(alpha, 0.0), np.maximum(color, 0.0)

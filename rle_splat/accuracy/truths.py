@@ -8,7 +8,7 @@ from ..scene import RleSplatError, Scene
 from .integrate import TOLERANCE, integrate
 from .medium import ClassifiedMedium, ScalarMedium
 from .rays import camera_rays, pixel_centres
-from .transfer import extinction_and_color, opacity_unit_distance
+from .transfer import opacity_unit_distance
 
 TRUTHS = ("T1", "T2")
 
@@ -23,22 +23,28 @@ def world_opacity_distance(scene: Scene) -> float:
     return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
 
 
-def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np.inf, tolerance=TOLERANCE):
+def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=None):
+    """What T1 or T2 integrates for a scene; the arguments are those of ``truth``.  Nothing is computed yet."""
+    if truth_name not in TRUTHS:
+        raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
+    volume, transfer_function, distance = scene.volume, scene.transfer_function, world_opacity_distance(scene)
+    if truth_name == "T2":
+        return ScalarMedium(volume.voxels, transfer_function, distance, light, highlight, volume.physical)
+    return ClassifiedMedium.of_scalars(volume.voxels, volume.physical, transfer_function, distance, colors)
+
+
+def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np.inf, tolerance=TOLERANCE,
+          light=None, highlight=None):  # fmt: skip
     """Premultiplied rgba (N, 4) and depth (N,) of the scene's pixels, float64.
 
     ``pixels``: (columns, rows) in pixels from the left and the top, centres at + 0.5; all centres when None, row
-    by row.  ``colors``: (nz, ny, nx, 3) colours of the voxels in place of the transfer function's own (T1 only):
-    how shading enters.  ``far``: planar depth at which each ray ends, beside the camera's clip distances.
+    by row.  ``far``: planar depth at which each ray ends, beside the camera's clip distances.  Shading enters T1
+    by ``colors``: (nz, ny, nx, 3) colours of the voxels in place of the transfer function's own.  It enters T2 by
+    ``light`` and ``highlight``: (nz, ny, nx) or (nz, ny, nx, 3), interpolated; the colour of a point is its
+    classified colour * light + highlight.  Only the voxels next to the rays are looked up, so each may be anything
+    that gives such values for index arrays (z, y, x).
     """
-    if truth_name not in TRUTHS:
-        raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
-    volume, distance = scene.volume, world_opacity_distance(scene)
-    values = volume.physical(volume.voxels)
-    if truth_name == "T2":
-        medium = ScalarMedium(values, scene.transfer_function, distance)
-    else:
-        extinction, own = extinction_and_color(scene.transfer_function, values, distance)
-        medium = ClassifiedMedium(extinction, own if colors is None else colors)
+    medium = medium_of(scene, truth_name, colors, light, highlight)
     columns, rows = pixel_centres(scene.width, scene.height) if pixels is None else pixels
     rays = camera_rays(scene.camera, scene.width, scene.height, columns, rows)
     end = np.minimum(np.asarray(far, dtype=np.float64), scene.camera.clip_end)

@@ -16,13 +16,10 @@ TOLERANCE = 1e-7  # far below a level, 1/255
 _CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
 
 
-class SparseMedium:
-    """T1's medium as ``accuracy.medium.ClassifiedMedium`` is, without a classified copy of the volume: extinction
+class SparseMedium(ClassifiedMedium):
+    """T1's medium, without a classified copy of the volume: extinction
     and unshaded colour come from the transfer function's points at the corners asked for, shaded colours from
     the medium that is being drawn."""
-
-    occupied = staticmethod(ClassifiedMedium.occupied)
-    evaluate = staticmethod(ClassifiedMedium.evaluate)
 
     def __init__(self, medium: Medium):
         self._scene = medium.scene

@@ -32,9 +32,8 @@ def sampled_at_sheets(scene, depth_rule):
         weight = {"slice": 1.0 - n % 2, "simpson": (1.0 + n % 2) / 3.0}[depth_rule]
         position = np.where(along > 0.0, n / 2.0, slices - 1.0 - n / 2.0)
         at = start + step * ((position - start[every, axis]) / along)[:, None]
-        cell = np.floor(at).astype(int)
-        inside = ((cell >= medium.low) & (cell < medium.high)).all(axis=1)
-        sampled = medium.evaluate(medium.cells(cell[inside]), (at - cell)[inside, None])[:, 0]
+        inside = ((at >= medium.low) & (at < medium.high)).all(axis=1)
+        sampled = medium.at(at[inside])
         length = (weight * rays.length_per_depth / np.abs(along))[inside]
         tau = sampled[:, 3] * length
         part = np.divide(-np.expm1(-tau), tau, out=np.ones_like(tau), where=tau > 0.0)
