@@ -52,6 +52,7 @@ LOCKS = {
             "vtk==9.7.2",
             "matplotlib==3.11.2",
             "contourpy==1.3.3",
+            "flip-evaluator==1.7",
         )
     ),
     "sample": Lock(("numpy==2.4.6", "nibabel==5.4.2")),
