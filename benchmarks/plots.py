@@ -28,32 +28,46 @@ def _save(figure, path: Path) -> str:
     return f"Wrote {path}"
 
 
-def scaling_plot(rows, path: Path) -> str:
-    """Time against kept voxels and against the volume, and peak memory; a sentence on what was written."""
+def scaling_plot(rows, path: Path, most_bytes: int) -> str:
+    """Time against kept voxels and against the volume, and peak memory; a sentence on what was written.
+
+    ``most_bytes``: the peak that is allowed, drawn as a line.
+    """
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
-    figure, (by_kept, by_volume, memory) = plt.subplots(1, 3, figsize=(14, 4.4))
+    figure, (by_kept, by_volume, memory) = plt.subplots(1, 3, figsize=(15, 6))
     for series, colour in COLOURS.items():
         mine = [row for row in rows if row["series"] == series]
         kept, volume = [row["kept_voxels"] for row in mine], [row["volume_bytes"] for row in mine]
-        for axes, across in ((by_kept, kept), (by_volume, volume)):
-            axes.loglog(across, [row["frame_ms"] for row in mine], "o-", color=colour, label=f"frame, {series}")
-            axes.loglog(across, [row["encode_ms"] for row in mine], "s--", color=colour, label=f"encode, {series}")
-        if all(row["peak_bytes"] for row in mine):
-            peak = [row["peak_bytes"] / 2**30 for row in mine]
-            memory.loglog(volume, peak, "o-", color=colour, label=f"peak, {series}")
-        memory.loglog(volume, [row["table_bytes"] / 2**30 for row in mine], "s--", color=colour,
-                      label=f"tables, {series}")  # fmt: skip
-    if rows:
-        ends = sorted(row["volume_bytes"] for row in rows)
-        ends = [ends[0], ends[-1]]
-        memory.loglog(ends, [end / 2**30 for end in ends], ":", color="grey", label="the volume itself")
-    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="Time follows what is kept ...")
+        for name, style in (("frame", "o-"), ("encode", "s--"), ("classify", "^:")):
+            spent = [row[f"{name}_ms"] for row in mine]
+            by_volume.loglog(volume, spent, style, color=colour, label=f"{name}, {series}")
+            if name != "classify":  # which looks at every voxel
+                by_kept.loglog(kept, spent, style, color=colour, label=f"{name}, {series}")
+        for name, style, label in (
+            ("three_axes_peak_bytes", "D-", "peak, three axes"), ("peak_bytes", "o-", "peak, one axis and frames"),
+            ("three_axes_bytes", "s--", "tables of three axes"),
+        ):  # fmt: skip
+            if all(row[name] for row in mine):
+                size = [row[name] / 2**30 for row in mine]
+                memory.loglog(volume, size, style, color=colour, label=f"{label}, {series}", alpha=0.8)
+    most = max(rows, key=lambda row: row["kept_voxels"])
+    ends = [min(row["kept_voxels"] for row in rows), most["kept_voxels"]]
+    proportional = [most["frame_ms"] * kept / most["kept_voxels"] for kept in ends]
+    by_kept.loglog(ends, proportional, ":", color="grey", label="in proportion to the kept voxels")
+    sides = {row["n"]: row["volume_bytes"] for row in rows}
+    volume = sorted(sides.values())
+    memory.loglog(volume, [size / 2**30 for size in volume], ":", color="grey", label="the volume itself")
+    memory.axhline(most_bytes / 2**30, color="tab:red", lw=1, label=f"{most_bytes >> 30} GiB")
+    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="A frame follows what is kept ...")
     by_volume.set(xlabel="voxels of the volume", ylabel="milliseconds", title="... not the volume")
     memory.set(xlabel="voxels of the volume", ylabel="GiB", title="Memory")
+    for axes in (by_volume, memory):
+        axes.set_xticks(list(sides.values()), [f"{side}³" for side in sides])
+        axes.minorticks_off()
     for axes in (by_kept, by_volume, memory):
         axes.grid(True, which="major", alpha=0.3)
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=8, ncol=2, loc="upper center", bbox_to_anchor=(0.5, -0.13))
     return _save(figure, path)
 
 

@@ -102,6 +102,14 @@ def line(name: str, quality: str, rows: list[dict]) -> str:
     return f"{name:<24}{quality:<10}{against}{truth}   " + "".join(f"{row['frame']:8.2f}" for row in rows[1:])
 
 
+def _volumes(options):
+    """Yields name, volume, transfer function and whether it is lit."""
+    if not options.no_fields:
+        yield from ((*field, False) for field in fields())
+    chosen = PAPER if options.data is None else [data for data in PAPER if data.name in options.data]
+    yield from ((*data.load(), True) for data in chosen)
+
+
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench records", description=__doc__)
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["standard"])
@@ -110,14 +118,13 @@ def main(arguments) -> int:
     parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
-    parser.add_argument("--fields-only", action="store_true", help="without the six data sets of the paper")
+    parser.add_argument("--data", nargs="*", choices=[data.name for data in PAPER], help="only these data sets")
+    parser.add_argument("--no-fields", action="store_true", help="without the synthetic media")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     where, neighbours, table = circumstances(options.threads), Neighbours(), []
     print(f"{describe(where)}\n{options.size} x {options.size}, orthographic, {options.views} view(s)\n\n{header()}")
-    volumes = [(name, volume, tf, False) for name, volume, tf in fields()]
-    volumes += [] if options.fields_only else [(*data.load(), True) for data in PAPER]
-    for name, volume, tf, shaded in volumes:
+    for name, volume, tf, shaded in _volumes(options):
         scenes = [view_scene(volume, tf, view, options.size, shaded=shaded) for view in VIEWS[: options.views]]
         for quality in options.quality:
             knobs = Quality.preset(quality, threads=options.threads)

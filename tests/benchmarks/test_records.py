@@ -45,7 +45,7 @@ def test_the_thin_medium_is_as_deep_as_it_says():
 def test_table_and_report(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(records, "fields", lambda: [THIN])
     report = tmp_path / "records.json"
-    assert records.main(["--fields-only", "--size", "16", "--views", "1", "--probes", "4", "--json", str(report)]) == 0
+    assert records.main(["--data", "--size", "16", "--views", "1", "--probes", "4", "--json", str(report)]) == 0
     (row,) = json.loads(report.read_text())["rows"]
     assert row["volume"] == "thin medium" and [entry["record"] for entry in row["records"]] == [16, 8, 6, 4]
     said = capsys.readouterr().out
