@@ -129,9 +129,10 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         needs = wanted(counted)
         job.kept.make_room(needs.needed)
         refuse_too_much(needs)
-        yield Progress(0.06, f"Classifying {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
+        told = f"Classifying {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all"
+        yield Progress(0.06, told)
         steps = job.steps("visible", visible_key, lambda: fill_steps(shown, blocks, counted, **machine))
-        voxels = yield from portion(timed(steps, clock, "classify"), 0.06, 0.1, "Classifying")
+        voxels = yield from portion(timed(steps, clock, "classify"), 0.06, 0.1, told)
     else:
         voxels = job.get("visible", visible_key, None)
         needs = wanted((np.diff(voxels.row_start), voxels.row_pieces))

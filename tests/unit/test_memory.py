@@ -166,11 +166,26 @@ def short_of_memory(monkeypatch, free):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
 
-def test_it_is_said_before_the_lists_are_made():
-    messages = [step.message for step in render_steps(scene_of(noise()), QUALITY)]
-    said = next(n for n, message in enumerate(messages) if " in all" in message)
-    assert "voxels, about" in messages[said] and "MiB" in messages[said]
-    assert messages.index("Classifying") > said > messages.index("Counting")
+def test_it_is_said_before_the_lists_are_made_and_while_they_are():
+    """And in the words of the report, before anything that it speaks of is taken."""
+    work, messages, held = render_steps(scene_of(noise()), QUALITY), [], None
+    render(scene_of(noise(16)), QUALITY)  # whatever is made once
+    tracemalloc.start()
+    try:
+        while True:
+            messages.append(next(work).message)
+            if held is None and " in all" in messages[-1]:
+                held = tracemalloc.get_traced_memory()[0]
+    except StopIteration as finished:
+        report = finished.value.report
+    finally:
+        tracemalloc.stop()
+    needed, kept = report["memory_estimate_bytes"]["needed"], report["volume"]["visible_voxels"]
+    told = f"Classifying {kept} voxels, about {memory.bytes_text(needed)} in all"
+    said = [n for n, message in enumerate(messages) if message == told]
+    assert len(said) > 1, "only for a moment"
+    assert messages.index("Counting") < said[0] and said[-1] < messages.index("Encoding")
+    assert held < 0.1 * needed
 
 
 @pytest.mark.parametrize(
