@@ -2,104 +2,150 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..jit import kernel, prange
-from ..lanes import mix2x2, sum4x4
+from .taps import tap2x2, tap4x4
 
 # Half depths that differ by more than this many voxels lie on different surfaces and are not interpolated.
 SAME_SURFACE = 2.0
-_SIXTH = np.float32(1.0 / 6.0)
+ROWS = 8  # of the picture, by one thread
+STRETCH = 64  # pixels of a row whose places are found together, as vectors
 
 
 @kernel
-def _bspline_weights(t):
-    """Cubic B-spline weights of the four taps around fraction ``t``."""
-    one = np.float32(1.0)
-    r = one - t
-    w0 = _SIXTH * r * r * r
-    w3 = _SIXTH * t * t * t
-    w1 = _SIXTH * (np.float32(4.0) + t * t * (np.float32(3.0) * t - np.float32(6.0)))
-    return w0, w1, one - w0 - w1 - w3, w3
+def _half_depth(half_depths, width, at, nearest, across, down):
+    """Half depth at fractions ``across`` and ``down`` beyond pixel ``at``: linear on one surface, the ``nearest``
+    pixel's across an edge."""
+    a, b = half_depths[at], half_depths[at + 1]
+    c, d = half_depths[at + width], half_depths[at + width + 1]
+    if max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) <= SAME_SURFACE:
+        upper, lower = a + across * (b - a), c + across * (d - c)
+        return upper + down * (lower - upper)
+    return half_depths[nearest]
 
 
 @kernel
-def _belongs(directions, column, row, axis, sign):
-    """Whether the ray of a pixel advances fastest along ``axis`` in direction ``sign`` (ties: earlier axis)."""
-    along = directions[axis, 0] * column + directions[axis, 1] * row + directions[axis, 2]
-    if along * sign <= 0.0:
-        return False
-    for other in range(3):
-        if other == axis:
-            continue
-        sideways = abs(directions[other, 0] * column + directions[other, 1] * row + directions[other, 2])
-        if sideways > abs(along) or (sideways == abs(along) and other < axis):
-            return False
-    return True
+def _find_places(to_sheet, first_column, row, sheet_size, sheet_origin, u, v, across, down, at, nearest):
+    """Where the pixels from ``first_column`` on look into the sheet; how many do.
+
+    Out: positions ``u`` and ``v``; ``at``, the flat number of the sheet pixel at or before them, -1 where a filter's
+    taps would leave the sheet, and the fractions ``across`` and ``down`` beyond it; ``nearest``, that of the nearest.
+    """
+    width, height = sheet_size
+    at_u = to_sheet[0, 1] * row + to_sheet[0, 2]
+    at_v = to_sheet[1, 1] * row + to_sheet[1, 2]
+    at_w = to_sheet[2, 1] * row + to_sheet[2, 2]
+    step_u, step_v, step_w = to_sheet[0, 0], to_sheet[1, 0], to_sheet[2, 0]
+    least_u, least_v = sheet_origin[0] + 1.0, sheet_origin[1] + 1.0
+    most_u, most_v = sheet_origin[0] + width - 2.0, sheet_origin[1] + height - 2.0
+    count = 0
+    for i in range(len(u)):
+        column = first_column + i + 0.5
+        scale = 1.0 / (step_w * column + at_w)
+        here_u = (step_u * column + at_u) * scale
+        here_v = (step_v * column + at_v) * scale
+        found = (here_u >= least_u) & (here_v >= least_v) & (here_u < most_u) & (here_v < most_v)
+        u[i], v[i] = here_u, here_v
+        whole_u, whole_v = np.floor(here_u), np.floor(here_v)
+        beyond_u, beyond_v = here_u - whole_u, here_v - whole_v
+        across[i], down[i] = beyond_u, beyond_v
+        first = (np.int64(whole_v) - sheet_origin[1]) * width + (np.int64(whole_u) - sheet_origin[0])
+        at[i] = first if found else -1
+        nearest[i] = first + width * (beyond_v >= 0.5) + (beyond_u >= 0.5)
+        count += found
+    return count
 
 
 @kernel
-def _half_depth(half, u0, v0, fu, fv):
-    """Half depth at fractions (fu, fv) beyond pixel (u0, v0): linear on one surface, the nearest pixel's across an
-    edge."""
-    a, b = half[v0, u0], half[v0, u0 + 1]
-    c, d = half[v0 + 1, u0], half[v0 + 1, u0 + 1]
-    least, most = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
-    if most - least <= SAME_SURFACE:
-        return (1.0 - fv) * ((1.0 - fu) * a + fu * b) + fv * ((1.0 - fu) * c + fu * d)
-    return half[v0 + int(fv >= 0.5), u0 + int(fu >= 0.5)]
+def _keep_own(directions, first_column, row, axis, sign, at):
+    """Make ``at`` -1 for pixels whose rays do not advance fastest along ``axis`` in direction ``sign`` (ties: earlier
+    axis); how many are left."""
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    here = directions[axis, 1] * row + directions[axis, 2]
+    here_one = directions[one, 1] * row + directions[one, 2]
+    here_two = directions[two, 1] * row + directions[two, 2]
+    count = 0
+    for i in range(len(at)):
+        column = first_column + i + 0.5
+        along = directions[axis, 0] * column + here
+        sideways_one = abs(directions[one, 0] * column + here_one)
+        sideways_two = abs(directions[two, 0] * column + here_two)
+        own = (along * sign > 0.0) & (sideways_one <= abs(along)) & (sideways_two <= abs(along))
+        own &= (sideways_one < abs(along)) | (axis < one)
+        own &= (sideways_two < abs(along)) | (axis < two)
+        at[i] = at[i] if own else -1
+        count += at[i] >= 0
+    return count
+
+
+@kernel
+def _resample_rows(
+    samples, half_depths, sheet_size, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour,
+    depth_map, picture_size, picture_origin, first_row, picture, depths,
+):
+    """ROWS rows of ``resample`` from ``first_row`` on; the arrays are flat, sizes are (width, height)."""
+    width, picture_width = sheet_size[0], picture_size[0]
+    parallel_rays = directions[axis, 0] == 0.0 and directions[axis, 1] == 0.0 and directions[axis, 2] == 0.0
+    u, v = np.empty(STRETCH), np.empty(STRETCH)
+    across, down = np.empty(STRETCH, np.float32), np.empty(STRETCH, np.float32)
+    at, nearest = np.empty(STRETCH, np.int64), np.empty(STRETCH, np.int64)
+    for r in range(first_row, first_row + ROWS):
+        if r >= picture_size[1]:
+            break
+        row = r + picture_origin[1] + 0.5
+        for c in range(0, picture_width, STRETCH):
+            column = c + picture_origin[0]
+            wanted = _find_places(to_sheet, column, row, sheet_size, sheet_origin, u, v, across, down, at, nearest)
+            if wanted and not parallel_rays:
+                wanted = _keep_own(directions, column, row, axis, sign, at)
+            if not wanted:
+                continue
+            for i in range(STRETCH):
+                if at[i] < 0 or c + i >= picture_width:
+                    continue
+                to = r * picture_width + c + i
+                if taps == 2:
+                    tap2x2(samples, 4 * at[i], 4 * width, across[i], down[i], most_colour, picture, 4 * to)
+                else:
+                    first_tap = 4 * (at[i] - width - 1)
+                    tap4x4(samples, first_tap, 4 * width, across[i], down[i], table, most_colour, picture, 4 * to)
+                if half_depths[nearest[i]] < np.inf:
+                    at_half = _half_depth(half_depths, width, at[i], nearest[i], across[i], down[i])
+                    at_zero = depth_map[0, 0] * u[i] + (depth_map[0, 1] * v[i] + depth_map[0, 2])
+                    per_voxel = depth_map[1, 0] * u[i] + (depth_map[1, 1] * v[i] + depth_map[1, 2])
+                    depths[to] = at_zero + at_half * per_voxel
 
 
 @kernel(parallel=True)
+def _resample(
+    samples, half_depths, sheet_size, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour,
+    depth_map, picture_size, picture_origin, bands, picture, depths,
+):
+    for band in prange(bands):
+        _resample_rows(
+            samples, half_depths, sheet_size, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour,
+            depth_map, picture_size, picture_origin, band * ROWS, picture, depths,
+        )
+
+
 def resample(
-    pixels, half, sheet_origin, to_sheet, directions, axis, sign, cubic, most_colour, depth_map, picture_origin, rgba,
-    depth,
+    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour, depth_map, picture_origin,
+    rgba, depth,
 ):
     """Fill the pixels that belong to one base plane.
 
-    ``pixels``: (h, w, 4) float32 colour and alpha, spline coefficients when ``cubic``.  ``half``: (h, w)
-    float32 half depths along the viewing direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet
-    pixel.  ``directions``: (3, 3) picture pixel to index-space ray, all zero for parallel rays.  ``depth_map``:
-    (2, 3), sheet pixel to planar depth at position 0 and per voxel.  Out: ``rgba`` (H, W, 4), ``depth`` (H, W).
+    ``pixels``: (h, w, 4) float32 colour and transmittance, or what else ``table``, a filter of ``taps`` by ``taps``
+    (``filters.table_of``; not read for two), weighs.  ``half``: (h, w) float32 half depths along the viewing
+    direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet pixel.  ``directions``: (3, 3) picture pixel
+    to index-space ray, all zero for parallel rays.  ``depth_map``: (2, 3), sheet pixel to planar depth at position 0
+    and per voxel.  Out: ``rgba`` (H, W, 4), ``depth`` (H, W).
 
     ``sheet_origin`` (u, v) and ``picture_origin`` (column, row): the numbers of the first pixel of the arrays.  All
     positions are reckoned in these numbers, so that a window of a sheet, or of a picture, gets the same bits.
     """
-    height, width = depth.shape
-    sheet_height, sheet_width = half.shape
-    flat = pixels.reshape(-1)
-    parallel_rays = directions[axis, 0] == 0.0 and directions[axis, 1] == 0.0 and directions[axis, 2] == 0.0
-    one, zero = np.float32(1.0), np.float32(0.0)
-    first_u, last_u = sheet_origin[0] + 1, sheet_origin[0] + sheet_width - 2
-    first_v, last_v = sheet_origin[1] + 1, sheet_origin[1] + sheet_height - 2
-    for r in prange(height):
-        row = r + picture_origin[1] + 0.5
-        sample = np.empty(4, np.float32)
-        for c in range(width):
-            column = c + picture_origin[0] + 0.5
-            if not parallel_rays and not _belongs(directions, column, row, axis, sign):
-                continue
-            w = to_sheet[2, 0] * column + (to_sheet[2, 1] * row + to_sheet[2, 2])
-            u = (to_sheet[0, 0] * column + (to_sheet[0, 1] * row + to_sheet[0, 2])) / w
-            v = (to_sheet[1, 0] * column + (to_sheet[1, 1] * row + to_sheet[1, 2])) / w
-            if not (u >= first_u and v >= first_v and u < last_u and v < last_v):
-                continue
-            whole_u, whole_v = math.floor(u), math.floor(v)
-            u0, v0 = whole_u - sheet_origin[0], whole_v - sheet_origin[1]
-            fu, fv = np.float32(u - whole_u), np.float32(v - whole_v)
-            if cubic:
-                first_tap = 4 * ((v0 - 1) * sheet_width + u0 - 1)
-                sum4x4(flat, first_tap, 4 * sheet_width, _bspline_weights(fu), _bspline_weights(fv), sample, 0)
-            else:
-                mix2x2(flat, 4 * (v0 * sheet_width + u0), 4 * sheet_width, fu, fv, sample, 0)
-            alpha = min(max(sample[3], zero), one)
-            for channel in range(3):
-                rgba[r, c, channel] = min(max(sample[channel], zero), most_colour * alpha)
-            rgba[r, c, 3] = alpha
-            at_half = _half_depth(half, u0, v0, u - whole_u, v - whole_v)
-            if at_half < np.inf:
-                at_zero = depth_map[0, 0] * u + depth_map[0, 1] * v + depth_map[0, 2]
-                per_voxel = depth_map[1, 0] * u + depth_map[1, 1] * v + depth_map[1, 2]
-                depth[r, c] = at_zero + at_half * per_voxel
+    _resample(
+        pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin, to_sheet, directions, axis, sign, taps,
+        table, most_colour, depth_map, depth.shape[::-1], picture_origin, -(-len(depth) // ROWS), rgba.reshape(-1),
+        depth.reshape(-1),
+    )

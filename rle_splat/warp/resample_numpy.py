@@ -8,20 +8,16 @@ from ..view.principal_axis import dominant_axis
 from .resample import SAME_SURFACE
 
 
-def _weights(t, cubic):
-    """(4, ...) float32 tap weights at fractions ``t``."""
-    t = t.astype(np.float32)
-    if not cubic:
-        return np.stack((np.zeros_like(t), 1 - t, t, np.zeros_like(t)))
-    r = 1 - t
-    w0, w3 = r**3 / 6, t**3 / 6
-    w1 = (4 + t * t * (3 * t - 6)) / 6
-    return np.stack((w0, w1, 1 - w0 - w1 - w3, w3)).astype(np.float32)
+def _weights(fraction, polynomials):
+    """(4, ...) float32 tap weights at fractions: ``polynomials``, (4, 4), has a row for each power."""
+    fraction = fraction.astype(np.float32)
+    powers = np.stack([fraction**n for n in range(4)])
+    return np.tensordot(polynomials.T, powers, axes=1)
 
 
 def resample_numpy(
-    pixels, half, sheet_origin, to_sheet, directions, axis, sign, cubic, most_colour, depth_map, picture_origin, rgba,
-    depth,
+    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour, depth_map, picture_origin,
+    rgba, depth,
 ):
     """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
     height, width = depth.shape
@@ -42,7 +38,9 @@ def resample_numpy(
     fu, fv = u - np.floor(u), v - np.floor(v)
     u0 = np.floor(u).astype(np.int64) - sheet_origin[0]
     v0 = np.floor(v).astype(np.int64) - sheet_origin[1]
-    across, down = _weights(fu, cubic), _weights(fv, cubic)
+    table = table.reshape(6, 4, 4)
+    across, down = (_weights(fraction, table[:4, :, 0]) for fraction in (fu, fv))
+    pixels = table[4, 0] * pixels + table[5, 0]
     total = np.zeros((len(u), 4), np.float32)
     for j in range(4):
         line = np.zeros_like(total)

@@ -23,7 +23,15 @@ MARGIN = 15
 FACTORS = tuple((1 << n, np.float32(c)) for n, c in enumerate((-1.0 / 4.0, 1.0 / 14.0, 1.0 / 194.0, 1.0 / 37634.0)))
 # Both axes' g: a constant image is its own coefficients.
 GAIN = np.float32(np.prod([1.0 + 2.0 * float(weight) for _, weight in FACTORS]) ** -2)
-ROWS, COLUMNS = 16, 8  # filtered together: few enough to stay in the cache, and columns of whole cache lines
+ROWS, COLUMNS = 16, 8  # by one thread at a time: few enough to stay in its cache, and columns of whole cache lines
+ONE = np.float32(1.0)
+
+
+@kernel
+def _copy(source, at, target, to, count, factor):
+    taken, put = source[at : at + count], target[to : to + count]
+    for i in range(count):
+        put[i] = factor * taken[i]
 
 
 @kernel
@@ -35,75 +43,61 @@ def _factor(source, target, shift, weight, count):
 
 
 @kernel
-def _divide(line, spare, pitch, count):
-    """Divide by the spline's values: ``line`` holds ``count`` floats after MARGIN * pitch others and before as many;
-    the result begins at 0.  Samples are ``pitch`` floats apart.  ``spare``: as long, for use meanwhile.
+def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line, spare):
+    """Filter ``lanes`` neighbouring floats, each a line of ``count`` samples ``step`` apart, from ``start`` on.
 
-    Two arrays, and shifts in place of centred sums, so that the loops become wide vectors.
+    ``line`` and ``spare``: scratch of (count + 2 MARGIN) * lanes floats.  There are two, and shifts in place of
+    centred sums, so that the loops become wide vectors.
     """
-    _factor(line, spare, pitch, FACTORS[0][1], count + 28 * pitch)
-    _factor(spare, line, 2 * pitch, FACTORS[1][1], count + 24 * pitch)
-    _factor(line, spare, 4 * pitch, FACTORS[2][1], count + 16 * pitch)
-    _factor(spare, line, 8 * pitch, FACTORS[3][1], count)
+    runs, length = (1, count * lanes) if step == lanes else (count, lanes)
+    for run in range(runs):
+        _copy(source, start + run * step, line, (MARGIN + run) * lanes, length, ONE)
+    if to_alpha:
+        for n in range(MARGIN, MARGIN + count):
+            line[n * lanes + 3] = ONE - line[n * lanes + 3]
+    for n in range(MARGIN):
+        _copy(line, MARGIN * lanes, line, n * lanes, lanes, ONE)
+        _copy(line, (MARGIN + count - 1) * lanes, line, (MARGIN + count + n) * lanes, lanes, ONE)
+    _factor(line, spare, lanes, FACTORS[0][1], (count + 28) * lanes)
+    _factor(spare, line, 2 * lanes, FACTORS[1][1], (count + 24) * lanes)
+    _factor(line, spare, 4 * lanes, FACTORS[2][1], (count + 16) * lanes)
+    _factor(spare, line, 8 * lanes, FACTORS[3][1], count * lanes)
+    for run in range(runs):
+        _copy(line, run * lanes, target, start + run * step, length, gain)
 
 
 @kernel
-def _filter_rows(pixels, coefficients, first, last):
-    """Rows ``first`` to ``last`` of ``coefficients`` from colour and transmittance; along the rows only."""
-    width = pixels.shape[1]
-    line = np.empty(4 * (width + 2 * MARGIN), np.float32)
-    spare = np.empty_like(line)
-    for row in range(first, last):
-        samples = line[4 * MARGIN : 4 * (MARGIN + width)]
-        source = pixels[row].reshape(-1)
-        for i in range(4 * width):
-            samples[i] = source[i]
-        for n in range(width):
-            samples[4 * n + 3] = np.float32(1.0) - samples[4 * n + 3]
-        for n in range(MARGIN):
-            for channel in range(4):
-                line[4 * n + channel] = samples[channel]
-                line[4 * (MARGIN + width + n) + channel] = samples[4 * width - 4 + channel]
-        _divide(line, spare, 4, 4 * width)
-        target = coefficients[row].reshape(-1)
-        for i in range(4 * width):
-            target[i] = line[i]
-
-
-@kernel
-def _filter_columns(coefficients, first, last):
-    """Columns ``first`` to ``last`` of ``coefficients`` in place, along the columns only, and both axes' gain."""
-    height, width = coefficients.shape[0], coefficients.shape[1]
-    pitch = 4 * (last - first)
-    data = coefficients.reshape(-1)
-    line = np.empty((height + 2 * MARGIN) * pitch, np.float32)
-    spare = np.empty_like(line)
-    for n in range(-MARGIN, height + MARGIN):
-        row = min(max(n, 0), height - 1)
-        source = data[4 * (row * width + first) : 4 * (row * width + last)]
-        target = line[(n + MARGIN) * pitch : (n + MARGIN + 1) * pitch]
-        for i in range(pitch):
-            target[i] = source[i]
-    _divide(line, spare, pitch, height * pitch)
-    for row in range(height):
-        source = line[row * pitch : (row + 1) * pitch]
-        target = data[4 * (row * width + first) : 4 * (row * width + last)]
-        for i in range(pitch):
-            target[i] = GAIN * source[i]
+def _filter_some(source, target, first, together, pitch, end, step, count, lanes, to_alpha, gain):
+    """Some lines of ``_filter_lines``, from number ``first`` on."""
+    line = np.empty((count + 2 * MARGIN) * lanes, np.float32)
+    spare = np.empty((count + 2 * MARGIN) * lanes, np.float32)
+    for n in range(first, first + together):
+        start = n * pitch
+        if start < end:
+            here = lanes if lanes < end - start else end - start
+            _filter_line(source, target, start, step, count, here, to_alpha, gain, line, spare)
 
 
 @kernel(parallel=True)
+def _filter_lines(source, target, parts, together, pitch, end, step, count, lanes, to_alpha, gain):
+    """Filter lines of ``lanes`` floats, the first at 0, the next ``pitch`` floats on, all before ``end``, in ``parts``
+    of ``together`` lines."""
+    for part in prange(parts):
+        _filter_some(source, target, part * together, together, pitch, end, step, count, lanes, to_alpha, gain)
+
+
 def spline_coefficients(pixels, coefficients):
     """Fill ``coefficients`` with the cubic B-spline coefficients of colour and *alpha*.
 
     Both (H, W, 4) float32 contiguous; ``pixels``: colour and transmittance.  Beyond its border the image goes on as
     its outermost pixels, which are transparent wherever the image ends because the volume does.
     """
-    height, width = pixels.shape[0], pixels.shape[1]
-    for band in prange((height + ROWS - 1) // ROWS):
-        _filter_rows(pixels, coefficients, band * ROWS, min((band + 1) * ROWS, height))
-    for strip in prange((width + COLUMNS - 1) // COLUMNS):
-        _filter_columns(coefficients, strip * COLUMNS, min((strip + 1) * COLUMNS, width))
+    height, width = pixels.shape[:2]
+    source, target = pixels.reshape(-1), coefficients.reshape(-1)
+    pitch = 4 * width
+    _filter_lines(source, target, -(-height // ROWS), ROWS, pitch, height * pitch, 4, width, 4, True, ONE)
+    lanes = 4 * COLUMNS
+    _filter_lines(target, target, -(-width // COLUMNS), 1, lanes, pitch, pitch, height, lanes, False, GAIN)
 
 
 def spline_coefficients_numpy(pixels, coefficients):

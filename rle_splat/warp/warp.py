@@ -8,6 +8,7 @@ from ..jit import compiled, parallel_call
 from ..scene import NO_DEPTH, Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
+from .filters import is_prefiltered, table_of, taps_of
 from .resample import resample
 from .resample_numpy import resample_numpy
 from .spline_prefilter import spline_coefficients, spline_coefficients_numpy
@@ -25,19 +26,19 @@ def warp(images: list[IntermediateImage], view: IndexView, quality: Quality, mos
     """
     rgba = np.zeros((view.height, view.width, 4), np.float32)
     depth = np.full((view.height, view.width), np.float32(NO_DEPTH), np.float32)
-    cubic = quality.warp_filter == "cubic"
+    name = quality.warp_filter
     with_kernels = compiled(quality.backend)
     square = view.projection[:, :3]
     directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
     for image in images:
         plane = image.base_plane
-        pixels = _coefficients(image.pixels, quality) if cubic else _with_alpha(image.pixels)
+        pixels = _coefficients(image.pixels, quality) if is_prefiltered(name) else image.pixels
         to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
         # Sheet pixel from picture pixel, both homogeneous, both by their numbers in the whole sheet and picture.
         to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
-            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, cubic,
-            np.float32(most_colour), _depth_map(plane), (0, 0), rgba, depth,
+            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, taps_of(name),
+            table_of(name), np.float32(most_colour), _depth_map(plane), (0, 0), rgba, depth,
         )
         if with_kernels:
             with parallel_call(quality.threads):
@@ -45,13 +46,6 @@ def warp(images: list[IntermediateImage], view: IndexView, quality: Quality, mos
         else:
             resample_numpy(*arguments)
     return rgba, depth
-
-
-def _with_alpha(pixels):
-    """Alpha rather than transmittance, so that where there is nothing the filter works on exact zeros."""
-    pixels = pixels.copy()
-    np.subtract(1.0, pixels[..., 3], out=pixels[..., 3])
-    return pixels
 
 
 def _coefficients(pixels, quality: Quality):

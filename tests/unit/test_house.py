@@ -29,6 +29,7 @@ FLOORS = {
     "rle_splat.view": 3,
     "rle_splat.encode": 4,
     "rle_splat.splat": 5,
+    "rle_splat.warp.taps": 2,
     "rle_splat.warp": 6,
     "rle_splat.effects": 7,
     "rle_splat.accuracy": 8,
@@ -56,6 +57,7 @@ BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu"
 THIRD_PARTY = {
     "rle_splat.jit": {"numba", "numpy"},
     "rle_splat.lanes": {"numba", "llvmlite", "numpy"},
+    "rle_splat.warp.taps": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "numba"},
 }

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from rle_splat.jit import parallel_call
+from rle_splat.scene import WARP_FILTERS
+from rle_splat.warp.filters import POLYNOMIALS, is_prefiltered, table_of, taps_of
 from rle_splat.warp.resample import resample
 from rle_splat.warp.resample_numpy import resample_numpy
 from rle_splat.warp.spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
@@ -67,28 +70,39 @@ def test_a_window_has_the_coefficients_of_the_whole(prefilter):
         )
 
 
-def run(function, pixels, to_sheet, cubic, size, half=None, most=1.0, sheet_origin=(0, 0), picture_origin=(0, 0)):
+def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin=(0, 0), picture_origin=(0, 0)):
+    """``image``: colour and alpha, or what the filter weighs instead."""
     rgba = np.zeros((*size, 4), np.float32)
     depth = np.full(size, 1e10, np.float32)
+    pixels = np.ascontiguousarray(image, dtype=np.float32)
+    if not is_prefiltered(name):
+        pixels = pixels * np.float32((1, 1, 1, -1)) + np.float32((0, 0, 0, 1))
     half = np.full(pixels.shape[:2], np.inf, np.float32) if half is None else half
     depth_map = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]])
     function(
-        np.ascontiguousarray(pixels), half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, cubic, np.float32(most),
+        pixels, half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, taps_of(name), table_of(name), np.float32(most),
         depth_map, picture_origin, rgba, depth,
     )
     return rgba, depth
+
+
+def filtered(function, image, to_sheet, name, size, **options):
+    """An image of colour and alpha through a filter, prefiltered where that belongs to it."""
+    prefilter = PREFILTERS[RESAMPLERS.index(function)]
+    weighed = coefficients_of(prefilter, image.astype(np.float32)) if is_prefiltered(name) else image
+    return run(function, weighed, to_sheet, name, size, **options)[0]
 
 
 SHIFT = np.array([[0.7, 0.1, 4.3], [-0.1, 0.8, 5.6], [0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize("function", RESAMPLERS)
-@pytest.mark.parametrize("cubic", [False, True])
-def test_a_ramp_is_reproduced(function, cubic):
+@pytest.mark.parametrize("name", WARP_FILTERS)
+def test_a_ramp_is_reproduced(function, name):
     v, u = np.mgrid[0:40, 0:50].astype(np.float64)
     ramp = 0.2 + 0.005 * u + 0.004 * v
     pixels = np.stack((ramp * 0.5, ramp * 0.25, ramp, ramp), axis=-1).astype(np.float32)
-    rgba, _ = run(function, pixels, SHIFT, cubic, (20, 30))  # a ramp is its own spline coefficients
+    rgba, _ = run(function, pixels, SHIFT, name, (20, 30))  # a ramp is its own spline coefficients
     row, column = np.mgrid[0:20, 0:30] + 0.5
     expected = 0.2 + 0.005 * (0.7 * column + 0.1 * row + 4.3) + 0.004 * (-0.1 * column + 0.8 * row + 5.6)
     np.testing.assert_allclose(rgba[..., 3], expected, atol=1e-6)
@@ -96,14 +110,60 @@ def test_a_ramp_is_reproduced(function, cubic):
 
 
 @pytest.mark.parametrize("function", RESAMPLERS)
-def test_overshoot_is_clamped_to_the_premultiplied_range(function):
-    pixels = np.zeros((30, 30, 4), np.float32)
-    pixels[:, 15:] = (0.8, 0.8, 0.8, 1.0)
-    coefficients = coefficients_of(spline_coefficients_numpy, pixels)
+@pytest.mark.parametrize(("name", "power"), [("keys", 2), ("cubic", 3)])
+def test_polynomials_are_reproduced(function, name, power):
+    """Up to the order of the filter less one; away from the border, where the samples end."""
+    v, u = np.mgrid[0:50, 0:60].astype(np.float64)
+
+    def surface(u, v):
+        return 0.2 + 0.5 * (u / 60.0) ** power + 0.2 * (v / 50.0) ** power - 0.1 * (u / 60.0) * (v / 50.0)
+
+    image = np.repeat(surface(u, v)[..., None], 4, axis=-1)
+    to_sheet = np.array([[0.7, 0.1, 18.3], [-0.1, 0.8, 19.6], [0.0, 0.0, 1.0]])
+    rgba = filtered(function, image, to_sheet, name, (14, 26))
+    row, column = np.mgrid[0:14, 0:26] + 0.5
+    expected = surface(0.7 * column + 0.1 * row + 18.3, -0.1 * column + 0.8 * row + 19.6)
+    np.testing.assert_allclose(rgba[..., 3], expected, atol=1e-6)
+    linear = filtered(function, image, to_sheet, "bilinear", (14, 26))
+    assert np.abs(linear[..., 3] - expected).max() > 2e-5
+
+
+@pytest.mark.parametrize("function", RESAMPLERS)
+@pytest.mark.parametrize(("name", "order"), [("bilinear", 2), ("keys", 3), ("cubic", 4)])
+def test_order_of_convergence(function, name, order):
+    """The error on a smooth image falls by 2 ** order where it is sampled twice as finely."""
+    errors = []
+    for count in (24, 48):
+        v, u = np.mgrid[-20 : count + 20, -20 : count + 20] / count
+
+        def surface(u, v):
+            return 0.5 + 0.2 * np.sin(7.0 * u + 1.0) + 0.2 * np.cos(6.0 * v - u)
+
+        image = np.repeat(surface(u, v)[..., None], 4, axis=-1)
+        size = 96
+        to_sheet = np.array([[count / size, 0, 20.0], [0, count / size, 20.0], [0, 0, 1]])
+        rgba = filtered(function, image, to_sheet, name, (size, size))
+        row, column = (np.mgrid[0:size, 0:size] + 0.5) / size
+        errors.append(np.abs(rgba[..., 3] - surface(column, row)).max())
+    assert order - 0.3 < np.log2(errors[0] / errors[1]) < order + 0.4
+
+
+@pytest.mark.parametrize("function", RESAMPLERS)
+@pytest.mark.parametrize("name", ["keys", "cubic"])
+def test_lobes_are_clamped_to_the_premultiplied_range(function, name):
+    image = np.zeros((30, 30, 4), np.float32)
+    image[:, 15:] = (0.8, 0.8, 0.8, 1.0)
     close = np.array([[0.3, 0, 10.0], [0, 0.3, 5.0], [0, 0, 1]])
-    rgba, _ = run(function, coefficients, close, True, (30, 30), most=0.8)
-    assert rgba[..., 3].min() >= 0 and rgba[..., 3].max() <= 1
+    rgba = filtered(function, image, close, name, (30, 30), most=0.8)
+    assert rgba[..., 3].min() == 0 and rgba[..., 3].max() == 1  # both lobes are cut off
     assert (rgba[..., :3] >= 0).all() and (rgba[..., :3] <= 0.8 * rgba[..., 3:] + 1e-7).all()
+
+
+@pytest.mark.parametrize("function", RESAMPLERS)
+@pytest.mark.parametrize("name", WARP_FILTERS)
+def test_nothing_stays_nothing(function, name):
+    rgba = filtered(function, np.zeros((30, 40, 4)), SHIFT, name, (20, 30))
+    assert (rgba.view(np.uint32) == 0).all()
 
 
 @pytest.mark.parametrize("function", RESAMPLERS)
@@ -111,7 +171,7 @@ def test_depth_is_not_interpolated_across_an_edge(function):
     pixels = np.zeros((30, 30, 4), np.float32)
     half = np.full((30, 30), 4.0, np.float32)
     half[:, 15:] = 24.0
-    _, depth = run(function, pixels, np.array([[0.5, 0, 6.0], [0, 0.5, 6.0], [0, 0, 1]]), False, (30, 30), half)
+    _, depth = run(function, pixels, np.array([[0.5, 0, 6.0], [0, 0.5, 6.0], [0, 0, 1]]), "bilinear", (30, 30), half)
     found = depth[depth < 1e9]
     assert len(found) and set(np.round(found, 4)) == {4.0, 14.0}  # 2 + 0.5 * half
 
@@ -121,21 +181,21 @@ def test_twins_agree():
     pixels = rng.random((33, 44, 4)).astype(np.float32)
     half = rng.choice([3.0, 3.5, 40.0, np.inf], size=(33, 44)).astype(np.float32)
     no_ties = SHIFT + np.array([[0, 0, 0.01237], [0, 0, 0.02113], [0, 0, 0]])  # nearest pixels must be clear-cut
-    for cubic in (False, True):
-        one, two = (run(function, pixels, no_ties, cubic, (30, 40), half) for function in RESAMPLERS)
+    for name in WARP_FILTERS:
+        one, two = (run(function, pixels, no_ties, name, (30, 40), half) for function in RESAMPLERS)
         np.testing.assert_allclose(one[0], two[0], atol=2e-6)
         np.testing.assert_allclose(one[1], two[1], rtol=1e-6)
 
 
 @pytest.mark.parametrize("function", RESAMPLERS)
-@pytest.mark.parametrize("cubic", [False, True])
-def test_a_window_of_a_picture_is_the_same_to_the_bit(function, cubic):
+@pytest.mark.parametrize("name", WARP_FILTERS)
+def test_a_window_of_a_picture_is_the_same_to_the_bit(function, name):
     """Windows of sheet and picture, by the numbers of their first pixels, in the sheet's and the picture's own."""
     rng = np.random.default_rng(4)
     pixels = rng.random((60, 70, 4)).astype(np.float32)
     half = rng.choice([3.0, 3.5, 40.0, np.inf], size=(60, 70)).astype(np.float32)
     tilted = np.array([[0.71, 0.13, 4.3], [-0.11, 0.83, 5.6], [1e-3, -2e-3, 1.0]])
-    rgba, depth = run(function, pixels, tilted, cubic, (60, 70), half)
+    rgba, depth = run(function, pixels, tilted, name, (60, 70), half)
     assert (depth < 1e9).mean() > 0.3
     for top, left, bottom, right in ((20, 17, 40, 44), (31, 3, 52, 18), (0, 0, 9, 70)):
         row, column = np.mgrid[top:bottom, left:right] + 0.5
@@ -144,8 +204,22 @@ def test_a_window_of_a_picture_is_the_same_to_the_bit(function, cubic):
         first_u, first_v = (int(max(place.min() - 3, 0)) for place in (u, v))
         part = np.s_[first_v : int(v.max()) + 5, first_u : int(u.max()) + 5]
         found = run(
-            function, pixels[part], tilted, cubic, (bottom - top, right - left), np.ascontiguousarray(half[part]),
+            function, pixels[part], tilted, name, (bottom - top, right - left), np.ascontiguousarray(half[part]),
             sheet_origin=(first_u, first_v), picture_origin=(left, top),
         )
         np.testing.assert_array_equal(found[0].view(np.uint32), rgba[top:bottom, left:right].view(np.uint32))
         np.testing.assert_array_equal(found[1].view(np.uint32), depth[top:bottom, left:right].view(np.uint32))
+
+
+@pytest.mark.parametrize("name", WARP_FILTERS)
+def test_any_number_of_threads_gives_the_same_bits(name):
+    image = np.random.default_rng(5).random((90, 80, 4)).astype(np.float32)
+    pictures = []
+    for threads in (1, 2, 0):
+        with parallel_call(threads):
+            pictures.append(filtered(resample, image, SHIFT, name, (100, 90)).tobytes())
+    assert pictures[0] == pictures[1] == pictures[2]
+
+
+def test_every_filter_of_the_table_is_there():
+    assert tuple(POLYNOMIALS) == WARP_FILTERS
