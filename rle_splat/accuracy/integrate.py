@@ -19,7 +19,9 @@ NO_DEPTH = 1e10
 TOLERANCE = 1e-10
 # Matter seen through less than this is left out, which changes no channel by more (times its largest colour).
 FAINTEST = 1e-12
-_MOST_HALVINGS = 48
+_MOST_HALVINGS = 120
+# Matter denser than this is halved in any case: all nodes of the quadrature might lie where nothing is seen.
+_DENSE = 8.0
 _RAYS_AT_ONCE = 256
 _HALF = np.log(2.0)
 _ROUNDING = 64.0 * np.finfo(np.float64).eps
@@ -157,6 +159,8 @@ def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pi
     pieces = replace(pieces, seen=np.exp(-before), allowed=tolerance / on_ray)
     kept = pieces.seen >= FAINTEST
     pieces, whole = pieces[kept], whole[kept]
+    # What a medium's own arithmetic may be off by, in the smallest piece: halving does not help against it.
+    noise = _ROUNDING * np.maximum(1.0, np.abs(whole).max(axis=0, initial=0.0))
     done, values = [], []
     for _ in range(_MOST_HALVINGS):
         left, right = pieces.halves()
@@ -167,8 +171,8 @@ def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pi
         wrong = np.abs(composed - whole)
         # Optical depth matters only as far as it changes the transmittance.
         wrong[:, 3] *= np.exp(-np.minimum(composed[:, 3], whole[:, 3]))
-        noise = _ROUNDING * np.abs(composed)
         rough = ((wrong - noise) * pieces.seen[:, None] > pieces.allowed[:, None]).any(axis=1)
+        rough |= (composed[:, 3] > _DENSE) & (pieces.seen >= FAINTEST)
         done.append(pieces[~rough])
         values.append(composed[~rough])
         if not rough.any():
