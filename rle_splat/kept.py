@@ -14,7 +14,7 @@ from .memory import available_bytes, total_bytes
 LEAST_BYTES = 1 << 30  # kept on any machine
 SHARE = 0.25  # of a larger machine's memory
 # Stages whose results replace one another as a light or a camera is dragged about: how many are worth their memory.
-MOST_RESULTS = {"records": 6}
+MOST_RESULTS = {"records": 6, "pyramid": 2}
 
 
 class Kept:

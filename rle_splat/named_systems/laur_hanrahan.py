@@ -1,7 +1,7 @@
 """Laur and Hanrahan's hierarchical splatting: a pyramid of averages, cut where its stored error is small enough.
 
 D. Laur and P. Hanrahan, Hierarchical splatting: a progressive refinement algorithm for volume rendering, SIGGRAPH
-1991: the paper's [9].  ``previews`` uses the same pyramid for pictures that arrive coarse to fine.
+1991: the paper's [9].  ``progressive.py`` has their progressive refinement: pictures that arrive coarse to fine.
 """
 
 from __future__ import annotations
@@ -10,15 +10,12 @@ from functools import partial
 
 import numpy as np
 
-from ..classify.classification import ClassifiedVolume
 from ..classify.visible import row_offsets
-from ..encode.encode import encode
 from ..jit import kernel, parallel_call, prange, read_only
-from ..render import render
-from ..scene import Quality, Scene
-from . import ours, pyramid
+from ..scene import Quality
+from . import pyramid
 from .footprint import composite_sample, first_pixel, footprint
-from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume, scene_medium
+from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
 from .system import Prepared, need_kernels, picture
 
 TITLE = "Hierarchical splatting"
@@ -121,39 +118,3 @@ def splat_nodes(workers, pixels, level_of, records, starts, weights, shapes, rea
                                 image, r, c, weights[entry + c], records[n, 0], records[n, 1], records[n, 2],
                                 records[n, 3],
                             )
-
-
-def previews(scene: Scene, quality: Quality, levels: int = LEVELS):
-    """Generator: Renderings of the scene by our own renderer, coarse to fine; the last one is of the voxels.
-
-    Each level of the pyramid is encoded on its own grid, an eighth of the nodes of the one below it, so the first
-    picture costs little and has the right optical depth already.
-    """
-    medium = scene_medium(scene, quality)
-    quality = ours.extinction(quality)
-    tree = pyramid.build(medium.field[1:-1, 1:-1, 1:-1], levels)
-    for number in range(len(tree) - 1, 0, -1):
-        nodes = classified_nodes(tree[number].means, medium.classified)
-        affine = np.array(scene.volume.affine)
-        affine[:3, 3] += affine[:3, :3] @ np.full(3, 0.5 * (2**number - 1))
-        affine[:3, :3] *= 2**number
-        arguments = dict(backend=quality.backend, threads=quality.threads)
-        axes = {axis: encode(*nodes, axis, "extinction", **arguments) for axis in medium.principal_axes}
-        yield render(medium.stored(axes, affine), quality)
-    yield ours.prepare(medium, quality).draw()
-
-
-def classified_nodes(means: np.ndarray, finest: ClassifiedVolume) -> tuple[ClassifiedVolume, np.ndarray]:
-    """A level's (nz, ny, nx, 4) means as classified voxels and their colours; ``finest`` tells the lengths."""
-    nz, ny, nx = means.shape[:3]
-    seen = means[..., 3] > 0.0
-    records = means[seen]
-    colors = np.ascontiguousarray(records[:, :3] / records[:, 3:])
-    column = np.nonzero(seen)[2].astype(np.uint16 if nx <= 65536 else np.int32)
-    extinction = np.ascontiguousarray(records[:, 3])
-    opacity = -np.expm1(-extinction * np.float32(finest.opacity_distance))
-    classified = ClassifiedVolume.from_lists(
-        (nx, ny, nz), row_offsets(seen.sum(axis=2).ravel()), column, extinction, opacity, colors, 0,
-        finest.unit_length, finest.opacity_distance,
-    )
-    return classified, colors

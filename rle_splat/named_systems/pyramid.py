@@ -21,7 +21,7 @@ class Level:
         return self.means.nbytes + self.deviation.nbytes
 
 
-def _pooled(values: np.ndarray, join) -> np.ndarray:
+def pooled(values: np.ndarray, join) -> np.ndarray:
     """Neighbours joined in pairs along z, y and x by a ufunc ``join``, with zeros beyond the far ends."""
     for axis in range(3):
         values = np.moveaxis(values, axis, 0)
@@ -41,7 +41,7 @@ def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
     levels = [Level(voxels, np.zeros(voxels.shape[:3], np.float32))]
     means, least, most = voxels, voxels, voxels
     while len(levels) <= most_levels and max(means.shape[:3]) > 1:
-        means, least, most = 0.125 * _pooled(means, np.add), _pooled(least, np.minimum), _pooled(most, np.maximum)
+        means, least, most = 0.125 * pooled(means, np.add), pooled(least, np.minimum), pooled(most, np.maximum)
         levels.append(Level(means, np.maximum(means - least, most - means).max(axis=3)))
     return levels
 

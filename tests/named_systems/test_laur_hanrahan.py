@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import blobs, smooth_shell
 from rle_splat.jit import numba
-from rle_splat.named_systems import laur_hanrahan, ours, pyramid
+from rle_splat.named_systems import laur_hanrahan, pyramid
 from rle_splat.scene import RleSplatError
 
 needs_numba = pytest.mark.skipif(numba is None, reason="node splatting is a compiled kernel: numba is not installed")
@@ -97,21 +96,6 @@ def test_error_and_work_follow_the_threshold(stand):
     assert splats[0] == medium.classified.visible_voxels and splats == sorted(splats, reverse=True)
     assert splats[-1] < 0.1 * splats[0]
     assert errors == sorted(errors) and errors[0] < 0.3 and errors[1] < 1.1 and errors[2] < 4.5
-
-
-@pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-def test_previews_come_coarse_to_fine(stand, perspective):
-    scene = stand.scene(smooth_shell(36), size=(48, 48), perspective=perspective)
-    true = stand.truth(scene)
-    pictures = list(laur_hanrahan.previews(scene, stand.quality))
-    errors = [stand.error(picture, true).rmse for picture in pictures]
-    assert len(pictures) == 4 and errors == sorted(errors, reverse=True)
-    assert errors[-1] < 0.2 and errors[-2] < 7.0
-    np.testing.assert_array_equal(pictures[-1].rgba, ours.prepare(stand.medium(scene), stand.quality).draw().rgba)
-    if not perspective:  # parallel rays: every level has the optical depth of the voxels, at its own place
-        depths = [-np.log1p(-p.rgba[..., 3].astype(np.float64)).sum() for p in pictures]
-        np.testing.assert_allclose(depths, depths[-1], rtol=0.01)
-    assert difference(pictures[0].rgba, pictures[1].rgba).rmse > 1.0
 
 
 @needs_numba
