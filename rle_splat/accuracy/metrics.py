@@ -1,4 +1,5 @@
-"""How far two pictures are apart, in levels: 1/255 of full scale in scene-linear premultiplied values."""
+"""How far two pictures are apart: in levels, 1/255 of full scale in scene-linear premultiplied values; and to the
+eye, on display-encoded colour."""
 
 from __future__ import annotations
 
@@ -6,7 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+try:  # NVIDIA's own implementation; in the benchmarks' environment alone
+    import flip_evaluator
+except ImportError:
+    flip_evaluator = None
+
 LEVEL = 1.0 / 255.0
+# Of SSIM, as Wang, Bovik, Sheikh and Simoncelli published it in 2004: a Gaussian window 11 pixels a side, 1.5 wide,
+# and constants that keep flat parts of a picture from dividing by zero, for values from 0 to 1.
+SSIM_WINDOW, SSIM_WIDTH, SSIM_C1, SSIM_C2 = 11, 1.5, 0.01**2, 0.03**2
+PIXELS_PER_DEGREE = 67.0  # FLIP's own: a 0.7 m wide display of 3840 pixels from 0.7 m away
 
 
 @dataclass(frozen=True)
@@ -37,3 +47,60 @@ def difference(image, reference) -> Difference:
         psnr=float(-10.0 * np.log10(mean_square)) if mean_square > 0.0 else float("inf"),
         count=error.size,
     )
+
+
+@dataclass(frozen=True)
+class Perceived:
+    """``ssim``: mean structural similarity, 1 when equal; ``flip``: mean of FLIP, 0 when equal and at most 1, None
+    where the package flip-evaluator is not installed."""
+
+    ssim: float
+    flip: float | None
+
+
+def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
+    """Premultiplied scene-linear (H, W, 4) over a scene-linear background -> (H, W, 3) as sRGB encodes it, 0 to 1."""
+    rgba = np.asarray(rgba, dtype=np.float64)
+    linear = np.clip(rgba[..., :3] + (1.0 - rgba[..., 3:]) * np.asarray(background), 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+
+
+def perceived(image, reference, background=(0.0, 0.0, 0.0)) -> Perceived:
+    """Compare premultiplied scene-linear pictures (H, W, 4) of one size as a display shows them."""
+    image, reference = display_encoded(image, background), display_encoded(reference, background)
+    return Perceived(float(ssim_map(image, reference).mean()), _mean_flip(image, reference))
+
+
+def ssim_map(image, reference) -> np.ndarray:
+    """Structural similarity (H - 10, W - 10, C) of (H, W, C) pictures of values 0 to 1, wherever the window fits."""
+    if min(np.shape(image)[:2]) < SSIM_WINDOW or np.shape(image) != np.shape(reference):
+        raise ValueError(f"SSIM needs two pictures of one size, {SSIM_WINDOW} pixels a side or more")
+    mean_i, mean_r = _smoothed(image), _smoothed(reference)
+    # Subtracting means of like size would lose what flat pictures differ by, so both are centred first.
+    centre = reference.mean(axis=(0, 1))
+    i, r = image - centre, reference - centre
+    off_i, off_r = mean_i - centre, mean_r - centre
+    variance_i, variance_r = _smoothed(i * i) - off_i**2, _smoothed(r * r) - off_r**2
+    covariance = _smoothed(i * r) - off_i * off_r
+    similar = (2.0 * mean_i * mean_r + SSIM_C1) * (2.0 * covariance + SSIM_C2)
+    return similar / ((mean_i**2 + mean_r**2 + SSIM_C1) * (variance_i + variance_r + SSIM_C2))
+
+
+def _smoothed(picture: np.ndarray) -> np.ndarray:
+    """Gaussian means over SSIM's window, along both axes in turn."""
+    at = np.arange(SSIM_WINDOW) - SSIM_WINDOW // 2
+    weights = np.exp(-0.5 * (at / SSIM_WIDTH) ** 2)
+    weights /= weights.sum()
+    for axis in (0, 1):
+        windows = np.lib.stride_tricks.sliding_window_view(picture, SSIM_WINDOW, axis=axis)
+        picture = windows @ weights
+    return picture
+
+
+def _mean_flip(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """FLIP of display-encoded pictures (Andersson and others 2020)."""
+    if flip_evaluator is None:
+        return None
+    first, second = (np.ascontiguousarray(picture, dtype=np.float32) for picture in (reference, image))
+    viewing = {"ppd": PIXELS_PER_DEGREE}
+    return float(flip_evaluator.evaluate(first, second, "LDR", True, False, True, viewing)[1])

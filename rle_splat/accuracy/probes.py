@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import lgamma
+
 import numpy as np
+
+from .metrics import LEVEL
 
 # -ln(0.05): with no failure in n independent probes, at 95 % confidence at most this many in n fail.
 RULE_OF_THREE = 3.0
+STEEP_SHARE = 0.25  # of the probes that go where the picture is steepest
 
 
 def stratified_pixels(width: int, height: int, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -38,14 +44,91 @@ def steep_pixels(rgba, count: int) -> tuple[np.ndarray, np.ndarray]:
     return columns, rows
 
 
-def statement(errors, tolerance: float) -> str:
-    """What random probes allow to be said about all pixels; ``errors`` one per probe, in the tolerance's unit."""
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """Pixels to hold against the truth: ``columns`` and ``rows`` (N,), the first ``random`` of them drawn at random
+    from everywhere, the others where the picture is steepest.  Only the random ones speak for all pixels."""
+
+    columns: np.ndarray
+    rows: np.ndarray
+    random: int
+
+    @property
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where their rays go: (columns, rows) in pixels, as ``truths.truth`` takes them."""
+        return self.columns + 0.5, self.rows + 0.5
+
+    def of(self, rgba) -> np.ndarray:
+        """(N, C) values of a picture (H, W, C) at the probes."""
+        return np.asarray(rgba)[self.rows, self.columns]
+
+
+def choose_probes(rgba, count: int, seed: int = 0) -> Probes:
+    """About ``count`` probes for a picture (H, W, C): three quarters at random, a quarter the steepest pixels."""
+    height, width = np.shape(rgba)[:2]
+    steep = steep_pixels(rgba, round(STEEP_SHARE * count))
+    drawn = stratified_pixels(width, height, count - len(steep[0]), seed)
+    return Probes(*(np.concatenate(both) for both in zip(drawn, steep)), random=len(drawn[0]))
+
+
+def probe_errors(values, true) -> np.ndarray:
+    """(N,) levels: the largest absolute difference of any channel at each probe, of (N, C) values."""
+    return np.abs(np.asarray(values, np.float64) - np.asarray(true, np.float64)).max(axis=-1) / LEVEL
+
+
+def judge(errors, random: int, tolerance: float) -> dict:
+    """What probes say: JSON-ready.
+
+    ``errors``: (N,) levels, the first ``random`` of random probes, the rest of steep ones.  In the answer ``random``
+    and ``steep`` hold each kind's count, largest, rmse, and how many failed; ``largest`` is of all, and ``kept``
+    says whether none failed; ``share`` is the fraction of all pixels that may exceed the tolerance, at 95 %
+    confidence, and ``sentence`` says so.
+    """
     errors = np.asarray(errors, dtype=np.float64)
-    count, failed = len(errors), int((errors > tolerance).sum())
-    if failed:
-        return f"{failed} of {count} random probes differ by more than {tolerance:g}."
-    share = min(1.0, RULE_OF_THREE / count)
+    kinds = {"random": errors[:random], "steep": errors[random:]}
+    found = {name: _summary(kind, tolerance) for name, kind in kinds.items()}
+    failed = found["random"]["failed"]
+    return {
+        "tolerance": float(tolerance), **found,
+        "largest": float(errors.max(initial=0.0)), "kept": not (errors > tolerance).any(),
+        "share": share_above(failed, random), "confidence": 0.95,
+        "sentence": statement(failed, random, tolerance),
+    }  # fmt: skip
+
+
+def _summary(errors: np.ndarray, tolerance: float) -> dict:
+    return {
+        "count": len(errors), "failed": int((errors > tolerance).sum()),
+        "largest": float(errors.max(initial=0.0)), "rmse": float(np.sqrt((errors**2).mean())) if len(errors) else 0.0,
+    }  # fmt: skip
+
+
+def share_above(failed: int, count: int) -> float:
+    """The largest fraction of pixels that may exceed a tolerance at 95 % confidence, when ``failed`` of ``count``
+    random probes do: the rule of three when none does, else where the binomial sum falls to 5 %.
+
+    It holds for one probe drawn in each cell of a grid too: given the mean over the cells, all of them passing
+    together is likeliest when the cells are alike.
+    """
+    if count == 0 or failed >= count:
+        return 1.0
+    if failed == 0:
+        return min(1.0, RULE_OF_THREE / count)
+    k = np.arange(failed + 1)
+    ways = np.array([lgamma(count + 1) - lgamma(n + 1) - lgamma(count - n + 1) for n in k])
+    low, high = failed / count, 1.0
+    for _ in range(60):
+        share = 0.5 * (low + high)
+        likely = np.exp(ways + k * np.log(share) + (count - k) * np.log1p(-share)).sum() > 0.05
+        low, high = (share, high) if likely else (low, share)
+    return high
+
+
+def statement(failed: int, count: int, tolerance: float) -> str:
+    """What random probes allow to be said about all pixels, in a sentence; ``tolerance`` in levels."""
+    how_many = f"{failed} of {count}" if failed else f"None of {count}"
     return (
-        f"None of {count} random probes differs by more than {tolerance:g}: "
-        f"at 95 % confidence at most {share:.2%} of the pixels do."
+        f"{how_many} random probes {'differ' if failed > 1 else 'differs'} from the truth by more than {tolerance:g} "
+        f"level{'' if tolerance == 1 else 's'}: at 95 % confidence at most {share_above(failed, count):.2%} of the "
+        "pixels do."
     )

@@ -9,7 +9,7 @@ from rle_splat.accuracy.integrate import integrate
 from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import FIELDS, radius_from_centre
-from rle_splat.accuracy.probes import statement, steep_pixels, stratified_pixels
+from rle_splat.accuracy.probes import steep_pixels, stratified_pixels
 from rle_splat.accuracy.rays import Rays, camera_rays, turntable_rays
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color, piecewise_linear
 from rle_splat.scene import Camera
@@ -228,4 +228,3 @@ def test_metrics_and_probes():
     assert 900 <= len(columns) <= 1000 and columns.max() < 640 and rows.max() < 480
     assert len(set(zip(columns.tolist(), rows.tolist()))) == len(columns)
     assert (3, 4) in set(zip(*(a.tolist() for a in steep_pixels(image, 5)[::-1])))
-    assert "0.30%" in statement(np.zeros(1000), 1.0) and statement([0.0, 2.0], 1.0).startswith("1 of 2")

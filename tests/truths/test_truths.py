@@ -204,7 +204,8 @@ def test_marschner_lobb_converges_to_its_formula():
         h = 2.0 / (size - 1)
         index_to_world = np.diag((h, h, h, 1.0))
         index_to_world[:3, 3] = -1.0
-        found, _ = integrate(ScalarMedium(Samples(size), colors, 0.7, physical=np.asarray), rays, index_to_world, -0.7, 0.8)
+        medium = ScalarMedium(Samples(size), colors, 0.7, physical=np.asarray)
+        found, _ = integrate(medium, rays, index_to_world, -0.7, 0.8)
         errors.append(np.abs(found - expected).max())
     assert expected[:, 3].min() > 0.5 and np.ptp(expected[:, 0]) > 0.005
     assert 3.4 < errors[1] / errors[2] < 4.6 and errors[2] < 1e-3, errors
@@ -276,7 +277,8 @@ def test_segments_are_the_transfer_function():
                                rtol=1e-9, atol=1e-12)  # fmt: skip
     seen = sigma > 0.0
     np.testing.assert_allclose(color[seen, :, 0], expected[seen], atol=1e-12)
-    low, high = np.array(((0.0, 0.09), (0.0, 0.1), (0.36, 0.49), (0.36, 0.501), (0.52, 0.69), (0.95, 2.0), (np.nan, 1.0))).T
+    low = np.array((0.0, 0.0, 0.36, 0.36, 0.52, 0.95, np.nan))
+    high = np.array((0.09, 0.1, 0.49, 0.501, 0.69, 2.0, 1.0))
     assert segments.seen_between(low, high).tolist() == [False, True, False, True, False, True, False]
 
 
