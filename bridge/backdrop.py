@@ -7,7 +7,14 @@ as the pixel aspect is not 1; the default differs between versions.
 
 from __future__ import annotations
 
+import bpy
+
 from . import images
+
+# What ``show`` sets of an entry, besides its source, image and offset.
+RESTORED = (
+    "alpha", "display_depth", "frame_method", "scale", "rotation", "use_flip_x", "use_flip_y", "show_background_image",
+)
 
 
 def show(camera_data, image, place: str):
@@ -26,6 +33,28 @@ def show(camera_data, image, place: str):
     camera_data.show_background_images = True
     image.use_view_as_render = True  # the scene's view transform, so that it looks as it will in the render
     return entry
+
+
+def state(camera_data) -> tuple:
+    """How the camera shows a picture of ours, for ``restore``; holds no reference to a datablock."""
+    entry = find(camera_data)
+    if entry is None:
+        return camera_data.show_background_images, None, ""
+    values = {name: getattr(entry, name) for name in RESTORED}
+    return camera_data.show_background_images, {**values, "offset": tuple(entry.offset)}, entry.image.name
+
+
+def restore(camera_data, earlier: tuple) -> None:
+    """Show what was shown when ``state`` was called, or nothing of ours."""
+    background_images, values, image_name = earlier
+    entry, image = find(camera_data), bpy.data.images.get((image_name, None))
+    if values is None or image is None:
+        hide(camera_data)
+    elif entry is not None:
+        for name, value in values.items():
+            setattr(entry, name, value)
+        entry.image = image
+    camera_data.show_background_images = background_images
 
 
 def hide(camera_data) -> bool:

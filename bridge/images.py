@@ -51,6 +51,14 @@ def write_depth(image, depth: np.ndarray) -> None:
     _write(image, grey)
 
 
+def read(image) -> np.ndarray:
+    """(H, W, 4) float32, row 0 on top: an image's pixels as they are."""
+    width, height = image.size
+    flat = np.empty(width * height * 4, dtype=np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(height, width, 4)[::-1].copy()
+
+
 def clear(image) -> None:
     """Make every pixel transparent black, so that nothing stale is shown."""
     width, height = image.size

@@ -1,7 +1,8 @@
 """Long work as one generator of steps, driven to its end at once or a little at a time from a timer.
 
 ``execute`` runs it at once: scripts and background mode need that.  ``invoke`` in a window works in small bites from
-a timer, shows progress and obeys Esc.  Success, failure and Esc all end in ``_finish``.
+a timer, shows progress, and previews if the scene wants them, and obeys Esc.  Success, failure and Esc all end in
+``_finish``; after failure and Esc everything is as before the first preview.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import time
 
 import bpy
 
+from ..rle_splat.named_systems.progressive import Preview
 from ..rle_splat.scene import Cancelled, RleSplatError
+from .canvas import redraw
 
 TIME_BUDGET = 0.1  # seconds of work in each tick of the timer; the window redraws and listens in between
 TICK = 0.01  # seconds between ticks
@@ -21,11 +24,16 @@ class StepwiseOperator:
 
     The operator brings ``prepare(context)``, which reads all that the work depends on and returns the generator (its
     RleSplatErrors go to the user's report), and ``commit(context, result)``, which puts the result into the .blend.
+    Where ``wants_previews`` is true the generator may yield Previews too: the operator brings ``show_preview(context,
+    preview)`` and ``put_back(context)``, which undoes all that it showed.
     """
+
+    wants_previews = False  # whether there is a window to show previews in, and the user likes them
 
     _running = False  # one job at a time, whatever the operator: they share the stages kept between pictures
     _generator = None
     _timer = None
+    _shown = ""  # what the user is looking at meanwhile, in words
 
     def execute(self, context):
         return self._guarded(context, self._run_through)
@@ -40,7 +48,7 @@ class StepwiseOperator:
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
-            self._finish(context)
+            self._abandon(context)
             self.report({"INFO"}, "Cancelled; nothing was changed.")
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -48,24 +56,27 @@ class StepwiseOperator:
         return self._guarded(context, self._work_a_while)
 
     def cancel(self, context):
-        """Blender calls this when a file is loaded or the window is closed in the middle of the work."""
+        """Blender calls this when a file is loaded or the window is closed in the middle of the work.
+
+        The .blend may be on its way out, so it is left alone: a preview that was shown stays.
+        """
         self._finish(context)
 
     def _guarded(self, context, action):
-        """``action(context)``, with every way to fail ending in _finish and one sentence."""
+        """``action(context)``, with every way to fail ending in _abandon and one sentence."""
         try:
             return action(context)
         except RleSplatError as problem:
-            self._finish(context)
+            self._abandon(context)
             self.report({"ERROR"}, str(problem))
         except Cancelled:
-            self._finish(context)
+            self._abandon(context)
             self.report({"INFO"}, "Cancelled; nothing was changed.")
         except MemoryError:
-            self._finish(context)
+            self._abandon(context)
             self.report({"ERROR"}, "There is not enough memory for this picture; make the image smaller.")
         except BaseException:
-            self._finish(context)
+            self._abandon(context)
             raise
         return {"CANCELLED"}
 
@@ -78,6 +89,7 @@ class StepwiseOperator:
                 return self._succeed(context, finished.value)
 
     def _start(self, context):
+        self.wants_previews = context.scene.rle_splat.use_previews
         self._generator = self.prepare(context)
         StepwiseOperator._running = True
         window_manager = context.window_manager
@@ -94,15 +106,35 @@ class StepwiseOperator:
                 progress = next(self._generator)
             except StopIteration as finished:
                 return self._succeed(context, finished.value)
+            if isinstance(progress, Preview):
+                self._show(context, progress)
+                return {"RUNNING_MODAL"}  # so that it is drawn
         if progress is not None:
             context.window_manager.progress_update(progress.fraction)
-            context.workspace.status_text_set(f"RLE Splat: {progress.message} ({progress.fraction:.0%}), Esc cancels")
+            self._say(context, f"{progress.message} ({progress.fraction:.0%})")
         return {"RUNNING_MODAL"}
+
+    def _show(self, context, preview):
+        self._shown = f"{preview.describe()}; "
+        self.show_preview(context, preview)
+        redraw(context)
+        self._say(context, "Refining")
+
+    def _say(self, context, doing: str):
+        context.workspace.status_text_set(f"RLE Splat: {self._shown}{doing}, Esc cancels")
 
     def _succeed(self, context, result):
         self._finish(context)
         self.commit(context, result)
         return {"FINISHED"}
+
+    def _abandon(self, context) -> None:
+        """End the work without its result; may be called twice."""
+        if self._shown:
+            self._shown = ""
+            self.put_back(context)
+            redraw(context)
+        self._finish(context)
 
     def _finish(self, context) -> None:
         """Let go of timer, progress bar and generator; may be called twice."""

@@ -17,12 +17,17 @@ def name_of(volume_object, kind: str) -> str:
     return f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
 
 
+def find(volume_object, kind: str):
+    """The volume's image of that kind, or None."""
+    existing = bpy.data.images.get((name_of(volume_object, kind), None))
+    if existing is not None and images.MARK not in existing:
+        return None  # the user's own picture of that name is left alone
+    return existing
+
+
 def find_or_make(volume_object, kind: str, width: int, height: int):
     """The volume's image of that kind: the one of last time, or a new one."""
-    name = name_of(volume_object, kind)
-    existing = bpy.data.images.get((name, None))
-    if existing is not None and images.MARK not in existing:
-        existing = None  # the user's own picture of that name is left alone
+    existing, name = find(volume_object, kind), name_of(volume_object, kind)
     return images.ensure_image(existing, name, width, height, depth=kind == "depth")
 
 

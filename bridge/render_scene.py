@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ..rle_splat.kept import Kept
+from ..rle_splat.named_systems.progressive import progressive_steps
 from ..rle_splat.render import render_steps
 from ..rle_splat.scene import Rendering, RleSplatError, Scene
 from . import settings, transfer, volumes
@@ -68,9 +69,13 @@ def is_rendered(volume_object, depsgraph) -> bool:
     return False
 
 
-def steps(plain: Scene, quality, *, refuse_empty_view: bool = True):
-    """The work as a generator of Progress that returns a Rendering."""
-    return render_steps(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)
+def steps(plain: Scene, quality, *, refuse_empty_view: bool = True, previews: bool = False):
+    """The work as a generator of Progress that returns a Rendering.
+
+    ``previews``: it also yields a Preview now and then, when the picture takes long; see ``progressive.py``.
+    """
+    make = progressive_steps if previews else render_steps
+    return make(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)
 
 
 def cropped(rendering: Rendering, render) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..bridge import pictures, render_scene, volumes
+from ..bridge.canvas import Canvas
 from ..bridge.jobs import StepwiseOperator
 from .refusal import has_volume
 
@@ -28,7 +29,14 @@ class RLE_SPLAT_OT_render_image(StepwiseOperator, bpy.types.Operator):
         plain, quality = render_scene.read_scene(
             volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
-        return render_scene.steps(plain, quality)
+        self._canvas = Canvas(self._name, "color")
+        return render_scene.steps(plain, quality, previews=self.wants_previews)
+
+    def show_preview(self, context, preview):
+        self._canvas.show(preview.rendering.rgba)
+
+    def put_back(self, context):
+        self._canvas.put_back()
 
     def commit(self, context, rendering):
         volume_object = render_scene.still_there(self._name)

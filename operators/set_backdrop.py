@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty
 
 from ..bridge import backdrop, pictures, render_scene, volumes
+from ..bridge.canvas import Canvas
 from ..bridge.jobs import StepwiseOperator
 from .render_image import has_volume_and_camera, report_picture
 
@@ -37,7 +38,18 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
             volume_object, context.evaluated_depsgraph_get(),
             with_meshes=self._place == "FRONT" and settings.meshes_occlude,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
-        return render_scene.steps(plain, quality)
+        self._canvas, self._earlier = Canvas(self._name, "backdrop"), backdrop.state(context.scene.camera.data)
+        return render_scene.steps(plain, quality, previews=self.wants_previews)
+
+    def show_preview(self, context, preview):
+        camera = render_scene.still_there(self._camera_name)
+        backdrop.show(camera.data, self._canvas.show(preview.rendering.rgba), self._place)
+
+    def put_back(self, context):
+        camera = bpy.data.objects.get((self._camera_name, None))
+        if camera is not None:
+            backdrop.restore(camera.data, self._earlier)
+        self._canvas.put_back()
 
     def commit(self, context, rendering):
         volume_object = render_scene.still_there(self._name)

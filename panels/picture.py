@@ -24,6 +24,7 @@ class PicturePanel:
         row = layout.row()
         row.prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
+        layout.prop(settings, "use_previews")
         if settings.use_composite:
             target = settings.composite_object
             paragraph(context, layout, f"{target.name if target else 'A deleted volume'} is laid over every render; "

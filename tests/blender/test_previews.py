@@ -1,0 +1,249 @@
+"""Progressive previews: coarse to fine into the same image, within their errors, then the very same picture.
+
+The module bpy has no window, so a stand-in made of the operator's own methods is driven as Blender drives a modal
+operator; what a window adds is in window.py.
+"""
+
+import sys
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+TIMER, ESC = SimpleNamespace(type="TIMER", value="NOTHING"), SimpleNamespace(type="ESC", value="PRESS")
+SIZE = 48
+SLACK = 6.0 / 255.0  # what the renderer itself may be off by: its filter rings beside sharp edges
+
+
+@pytest.fixture
+def volume(bridge, core, tmp_path):
+    """A ball and a box, off the middle and different along every axis, 80 voxels wide."""
+    z, y, x = np.indices((70, 64, 80))
+    voxels = np.where((x - 28) ** 2 + (y - 36) ** 2 + (z - 30) ** 2 < 22**2, 60, 0).astype(np.uint8)
+    voxels[10:30, 5:20, 50:72] = 200
+    owner = scenes.import_raw(tmp_path, voxels, name="ball")
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (50.0, 0.0), (51.0, 0.01), (255.0, 0.03)), (0.9, 0.5, 0.2))
+    scenes.add_camera((40.0, 32.0, 200.0), type="ORTHO", ortho_scale=100.0)
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = SIZE
+    return owner
+
+
+@pytest.fixture
+def slow(core, monkeypatch):
+    """Every picture counts as one that takes long."""
+    progressive = core("named_systems.progressive")
+    monkeypatch.setattr(progressive, "WORTH_WAITING", 0.0)
+    monkeypatch.setattr(progressive, "LARGEST_SHARE", 1e9)
+    monkeypatch.setattr(progressive, "LEAST_SIDE", 16)
+
+
+class Window:
+    """Stands in for the context of a window, and remembers what its status bar said."""
+
+    def __init__(self):
+        self.said, self.timers = [], 0
+        self.scene, self.view_layer = bpy.context.scene, bpy.context.view_layer
+        self.evaluated_depsgraph_get = bpy.context.evaluated_depsgraph_get
+        self.window = object()
+        self.workspace = SimpleNamespace(status_text_set=self.said.append)
+        self.window_manager = SimpleNamespace(
+            windows=(), progress_begin=lambda *_: None, progress_update=lambda *_: None, progress_end=lambda: None,
+            event_timer_add=self._add, event_timer_remove=self._remove, modal_handler_add=lambda _: None)
+
+    def _add(self, *_args, **_options):
+        self.timers += 1
+        return object()
+
+    def _remove(self, _timer):
+        self.timers -= 1
+
+
+@pytest.fixture
+def start(bridge, addon):
+    """``start(name, **properties)``: an operator as ``invoke`` in a window starts it, and its window."""
+    jobs = bridge("jobs")
+
+    def begin(name, **properties):
+        module = sys.modules[f"{addon.__name__}.operators.{name}"]
+        cls = getattr(module, f"RLE_SPLAT_OT_{name}")
+        own = {key: value for key, value in vars(cls).items() if callable(value)}
+        reports = []
+        stand_in = type("StandIn", (jobs.StepwiseOperator,), {**own, "reports": reports})()
+        stand_in.report = lambda kind, sentence: reports.append((kind, sentence))
+        stand_in.properties = SimpleNamespace(is_property_set=lambda key: key in properties)
+        vars(stand_in).update(properties)
+        window = Window()
+        assert stand_in._guarded(window, stand_in._start) == {"RUNNING_MODAL"}
+        return stand_in, window
+
+    yield begin
+    jobs.StepwiseOperator._running = False
+
+
+def run(operator, window, look, most=5000):
+    """Ticks of the timer to the end; ``look()`` after each that showed a preview."""
+    shown = []
+    for _ in range(most):
+        before = operator._shown
+        done = operator.modal(window, TIMER)
+        if done != {"RUNNING_MODAL"}:
+            return done, shown
+        if operator._shown != before:
+            shown.append((operator._shown, look()))
+    raise AssertionError("the work has no end")
+
+
+def color_image():
+    return bpy.data.images.get("ball Splat")
+
+
+def pixels():
+    return scenes.image_pixels(color_image())
+
+
+def mean_error_said(sentence) -> float:
+    """0.12 of "... at most 12 %..."."""
+    return float(sentence.split("at most ")[1].split(" %")[0]) / 100.0
+
+
+def test_previews_come_coarse_to_fine_and_the_picture_is_the_same(volume, slow, start):
+    bpy.ops.rle_splat.render_image()
+    settings = bpy.context.scene.rle_splat
+    plain, depth = pixels(), scenes.image_pixels(settings.depth_image)
+    bpy.data.images.remove(color_image())
+    operator, window = start("render_image", use_meshes=False)
+    done, shown = run(operator, window, pixels)
+    assert done == {"FINISHED"} and window.timers == 0 and window.said[-1] is None
+    assert ["4 voxels" in sentence for sentence, _ in shown] == [True, False]
+    claims = [mean_error_said(sentence) for sentence, _ in shown]
+    errors = [np.abs(preview - plain).max(axis=2).mean() for _, preview in shown]
+    assert claims[0] > claims[1] > 0.0 and errors[0] > errors[1] > 0.0
+    assert all(error <= claim + 0.005 for error, claim in zip(errors, claims))
+    for sentence, _ in shown:
+        assert any(said and said.startswith(f"RLE Splat: {sentence}") and said.endswith("Esc cancels")
+                   for said in window.said)
+    np.testing.assert_array_equal(pixels(), plain)
+    np.testing.assert_array_equal(scenes.image_pixels(settings.depth_image), depth)
+    assert settings.image == color_image() and not color_image().is_dirty
+    # Each preview lies where the picture does, and is as bright: parallel rays, averages of extinction.
+    for preview in [preview for _, preview in shown]:
+        np.testing.assert_allclose(
+            scenes.centroid(preview[..., 3]), scenes.centroid(plain[..., 3]), atol=0.25)
+        assert preview[..., 3].sum() == pytest.approx(plain[..., 3].sum(), rel=0.12)
+
+
+@pytest.mark.parametrize("size", (SIZE, 30))
+def test_escape_at_a_preview_brings_the_former_picture_back(volume, slow, start, size):
+    bpy.ops.rle_splat.render_image()
+    settings = bpy.context.scene.rle_splat
+    former, report = pixels(), settings.last_report_json
+    volume.location.x += 7.0
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = size
+    operator, window = start("render_image", use_meshes=False)
+    while not operator._shown:
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    assert color_image().size[0] == size
+    assert size != SIZE or np.abs(pixels() - former).max() > 0.05
+    assert operator.modal(window, ESC) == {"CANCELLED"}
+    np.testing.assert_array_equal(pixels(), former)
+    assert settings.image == color_image() and settings.last_report_json == report
+    assert not color_image().is_dirty and window.timers == 0
+    assert operator.reports == [({"INFO"}, "Cancelled; nothing was changed.")]
+
+
+def test_escape_at_the_first_preview_ever_leaves_no_image(volume, slow, start):
+    count = len(bpy.data.images)
+    operator, window = start("render_image", use_meshes=False)
+    while not operator._shown:
+        operator.modal(window, TIMER)
+    assert color_image() is not None
+    operator.modal(window, ESC)
+    assert color_image() is None and len(bpy.data.images) == count
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+
+
+def test_a_failure_after_a_preview_brings_the_former_picture_back(volume, slow, start):
+    bpy.ops.rle_splat.render_image()
+    former = pixels()
+    volume.location.x += 7.0
+    operator, window = start("render_image", use_meshes=False)
+    while not operator._shown:
+        operator.modal(window, TIMER)
+    bpy.data.objects.remove(volume)
+    done, _ = run(operator, window, lambda: None)
+    assert done == {"CANCELLED"} and "no longer there" in operator.reports[-1][1]
+    np.testing.assert_array_equal(pixels(), former)
+
+
+def test_the_backdrop_shows_previews_and_is_put_back(volume, slow, start):
+    camera = bpy.context.scene.camera.data
+    own = camera.background_images.new()
+    own.image = bpy.data.images.new("blueprint", 4, 4)
+    options = dict(place="FRONT", follow=False)
+    operator, window = start("set_backdrop", **options)
+    while not operator._shown:
+        operator.modal(window, TIMER)
+    assert [entry.image.name for entry in camera.background_images] == ["blueprint", "ball Splat Backdrop"]
+    operator.modal(window, ESC)
+    assert [entry.image.name for entry in camera.background_images] == ["blueprint"]
+    assert not camera.show_background_images and bpy.data.images.get("ball Splat Backdrop") is None
+
+    bpy.ops.rle_splat.set_backdrop(place="BACK")
+    entry = camera.background_images[1]
+    entry.alpha = 0.5
+    former = scenes.image_pixels(entry.image)
+    volume.location.x += 7.0
+    operator, window = start("set_backdrop", **options)
+    while not operator._shown:
+        operator.modal(window, TIMER)
+    assert (camera.background_images[1].display_depth, camera.background_images[1].alpha) == ("FRONT", 1.0)
+    operator.modal(window, ESC)
+    entry = camera.background_images[1]
+    assert (entry.display_depth, entry.alpha) == ("BACK", 0.5)
+    np.testing.assert_array_equal(scenes.image_pixels(entry.image), former)
+
+    operator, window = start("set_backdrop", **options)
+    done, shown = run(operator, window, lambda: scenes.image_pixels(bpy.data.images["ball Splat Backdrop"]))
+    assert done == {"FINISHED"} and len(shown) == 2
+    made = scenes.image_pixels(bpy.data.images["ball Splat Backdrop"])
+    bpy.ops.rle_splat.set_backdrop(**options)
+    np.testing.assert_array_equal(scenes.image_pixels(bpy.data.images["ball Splat Backdrop"]), made)
+
+
+def test_a_camera_move_does_not_average_again(volume, slow, start, bridge):
+    bpy.context.scene.rle_splat.lighting = "NONE"
+    made = bridge("render_scene").KEPT.made
+    before = made.get("pyramid", 0)
+    for angle in (0.0, 0.1, 0.2):
+        bpy.context.scene.camera.rotation_euler.x = angle
+        done, shown = run(*start("render_image", use_meshes=False), lambda: None)
+        assert done == {"FINISHED"} and len(shown) == 2
+    assert made["pyramid"] == before + 1
+
+
+def test_switched_off_there_are_none(volume, slow, start):
+    bpy.context.scene.rle_splat.use_previews = False
+    done, shown = run(*start("render_image", use_meshes=False), lambda: None)
+    assert done == {"FINISHED"} and shown == []
+
+
+def test_a_quick_picture_has_none(volume, start):
+    done, shown = run(*start("render_image", use_meshes=False), lambda: None)
+    assert done == {"FINISHED"} and shown == []
+
+
+def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch):
+    jobs = bridge("jobs").StepwiseOperator
+    monkeypatch.setattr(jobs, "_show", lambda *_: pytest.fail("a preview was shown"))
+    made = bridge("render_scene").KEPT.made
+    before = made.get("pyramid", 0)
+    assert bpy.context.scene.rle_splat.use_previews
+    for how in ("EXEC_DEFAULT", "INVOKE_DEFAULT"):
+        assert bpy.ops.rle_splat.render_image(how) == {"FINISHED"}
+        assert bpy.ops.rle_splat.set_backdrop(how) == {"FINISHED"}
+    assert made.get("pyramid", 0) == before
