@@ -141,6 +141,34 @@ def check_escape():
     np.testing.assert_array_equal(pixels_of(scene.rle_splat.image), before)
 
 
+def check_previews():
+    """A picture that takes long shows coarse ones first, in its own image, and then is the one made at once."""
+    scene = bpy.context.scene
+    progressive = import_module(f"{MODULE}.rle_splat.named_systems.progressive")
+    jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    progressive.WORTH_WAITING, progressive.LARGEST_SHARE, progressive.LEAST_SIDE = 0.0, 1e9, 2
+    scene.render.resolution_x = scene.render.resolution_y = SIZE
+    scene.rle_splat.quality = "standard"
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop(place="FRONT") == {"FINISHED"}
+    image = bpy.data.images[next(name for name in bpy.data.images.keys() if name.endswith("Backdrop"))]
+    at_once, shown, show = pixels_of(image).copy(), [], jobs._show
+
+    def watched(job, context, preview):
+        show(job, context, preview)
+        shown.append((preview.mean_error, pixels_of(image).copy()))
+
+    jobs._show = watched
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop("INVOKE_DEFAULT", place="FRONT") == {"RUNNING_MODAL"}
+    yield from until(lambda: not jobs._running)
+    assert shown
+    for claimed, preview in shown:
+        assert 0.0 < np.abs(preview - at_once).max(axis=2).mean() <= claimed + TOLERANCE
+    np.testing.assert_array_equal(pixels_of(image), at_once)
+    jobs._show = show
+
+
 def steps():
     install()
     watch_renders()
@@ -148,7 +176,7 @@ def steps():
         set_up_scene()
         import_cube(FOLDER)
     yield
-    for check in (check_f12, check_animation, check_render_image, check_escape):
+    for check in (check_f12, check_animation, check_render_image, check_escape, check_previews):
         yield from check()
         print(f"{check.__name__} passed", flush=True)
         passed.append(check)
