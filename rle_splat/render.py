@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from .axes import AXIS_NAMES
-from .effects.depth_layers import DepthLayers, depth_layers
+from .effects.depth_layers import HALO, DepthLayers, depth_layers
 from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
@@ -25,8 +25,8 @@ from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
-from .view.ray_limits import box_depths, ray_limits
-from .warp.warp import warp
+from .view.ray_limits import box_depths, pixels_read, ray_limits
+from .warp.warp import warp, warp_reach
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 
@@ -60,9 +60,11 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     quality = replace(quality, backend=backend)
     view, planes = _look(scene, quality, refuse_empty_view)
 
-    picture = picture_bytes(planes, scene.width, scene.height, _clipped(scene, view) or scene.triangles is not None)
+    limited = _clipped(scene, view, quality) or scene.triangles is not None
+    left, top, right, bottom = scene.region
+    picture = picture_bytes(planes, right - left, bottom - top, limited)
     kept.make_room(picture)
-    refuse_too_large(picture, scene.width, scene.height)
+    refuse_too_large(picture, right - left, bottom - top)
 
     job, axes = kept.job(), tuple(dict.fromkeys(plane.axis for plane in planes))
     medium = yield from medium_steps(scene, quality, job, clock, len(axes), picture)
@@ -72,17 +74,17 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     held = dict(scene.volume.axes) if isinstance(scene.volume, StoredVolume) else encodings
 
     with clock.stage("occlusion"):
-        layers = _mesh_layers(scene, view, quality)
+        layers = _mesh_layers(scene, view, quality, planes)
     rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, clock)
 
     report = {
-        "image": {"width": scene.width, "height": scene.height},
+        "image": _image_report(scene),
         "volume": _volume_report(medium),
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(quality, planes),
-        "effects": _effects_report(scene, medium.classified, layers, clock, _clipped(scene, view)),
+        "effects": _effects_report(scene, medium.classified, layers, clock, _clipped(scene, view, quality)),
         "error": {"tolerance": None, "predicted": None, "measured": None, "truth": "T1", "probes": 0},
         "threads": thread_count(quality.threads) if backend == "numba" else 1,
         "remarks": _remarks(scene, medium, backend),
@@ -96,7 +98,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
 
 
 def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[BasePlane]]:
-    """The view, and the base planes that its visible rays belong to."""
+    """The view, and the base planes, or the windows of them, that the rays of the wanted pixels belong to."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     nearest, furthest = box_depths(view, scene.volume.shape_xyz, FOOTPRINTS[quality.kernel].radius)
     planes = []
@@ -112,35 +114,59 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
+    if scene.crop is not None:
+        windows = [plane.window(scene.crop, warp_reach(quality)) for plane in planes]
+        planes = [window for window in windows if window is not None]
     return view, planes
 
 
-def _clipped(scene: Scene, view: IndexView) -> bool:
+def _slab_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
+    """Planar depths between which every slab of every sheet ends, with half a voxel to spare.
+
+    What shortens no ray in here shortens none at all: the picture has the same bits whether it is asked or not.
+    """
+    return box_depths(view, scene.volume.shape_xyz, np.ceil(FOOTPRINTS[quality.kernel].radius) + 0.5)
+
+
+def _clipped(scene: Scene, view: IndexView, quality: Quality) -> bool:
     """Whether a clip plane of the camera cuts the volume's box."""
-    nearest, furthest = box_depths(view, scene.volume.shape_xyz)
+    nearest, furthest = _slab_depths(scene, view, quality)
     behind_eye = not view.is_parallel and nearest <= 0.0
     return (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
 
 
-def _mesh_layers(scene: Scene, view: IndexView, quality: Quality) -> DepthLayers | None:
+def _mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:
     """Where the rays of each pixel end at meshes; None when no mesh ends any ray inside the volume."""
     if scene.triangles is None or len(scene.triangles) == 0:
         return None
+    region = _pixels_with_layers(scene, planes)
     samples = mesh_depth(
-        scene.triangles, scene.camera, scene.width, scene.height, backend=quality.backend, threads=quality.threads
+        scene.triangles, scene.camera, scene.width, scene.height, region=region, backend=quality.backend,
+        threads=quality.threads,
     )
     nearest_mesh = float(samples.min())
-    if nearest_mesh > box_depths(view, scene.volume.shape_xyz)[1]:
+    if nearest_mesh > _slab_depths(scene, view, quality)[1]:
         return None
     voxel = float(np.linalg.norm(view.to_world, axis=0).min())
-    return depth_layers(samples, 0.5 * voxel)
+    return depth_layers(samples, 0.5 * voxel, first_pixel=region[:2])
+
+
+def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int, int, int]:
+    """The part of the frame whose depth layers the wanted pixels depend on, and what those depend on in turn."""
+    if scene.crop is None:
+        return scene.region
+    parts = np.array([scene.crop, *(pixels_read(plane) for plane in planes)])
+    left, top = np.maximum(parts[:, :2].min(axis=0) - HALO, 0).tolist()
+    right, bottom = np.minimum(parts[:, 2:].max(axis=0) + HALO, (scene.width, scene.height)).tolist()
+    return left, top, right, bottom
 
 
 def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, clock: Clock):
     """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
-    limited = _clipped(scene, view) or layers is not None
-    surfaces = [None]
+    limited = _clipped(scene, view, quality) or layers is not None
+    surfaces, first_pixel = [None], (0, 0)
     if layers is not None:
+        first_pixel = layers.first_pixel
         surfaces = [layers.near, layers.far] if layers.has_silhouettes else [layers.near]
     pictures = []
     most_color = max((encoded.most_color for encoded in encodings.values()), default=0.0)
@@ -151,7 +177,9 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
             limits = None
             if limited:
                 with clock.stage("occlusion"):
-                    limits = ray_limits(plane, scene.camera.clip_start, scene.camera.clip_end, surface)
+                    limits = ray_limits(
+                        plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel
+                    )
             steps = splat_steps(encodings[plane.axis], plane, quality, medium.length_unit, limits)
             stage, message = "splat", "Splatting"
             done = 0.0
@@ -167,17 +195,25 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                 done = done if loading else step
                 yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, message)
         with clock.stage("warp"):
-            pictures.append(warp(images, view, quality, most_color))
+            pictures.append(warp(images, view, scene.region, quality, most_color))
     rgba, depth = pictures[0]
     if len(pictures) == 2:
         with clock.stage("warp"):
-            coverage = layers.coverage[..., None]
-            rgba = coverage * rgba + (1.0 - coverage) * pictures[1][0]
-            depth = np.where(layers.coverage >= 0.5, depth, pictures[1][1])
+            coverage = layers.coverage_of(scene.region)
+            rgba = coverage[..., None] * rgba + (1.0 - coverage[..., None]) * pictures[1][0]
+            depth = np.where(coverage >= 0.5, depth, pictures[1][1])
     return rgba, depth
 
 
 # --- the report -----------------------------------------------------------------------------------------------
+
+
+def _image_report(scene: Scene) -> dict:
+    left, top, right, bottom = scene.region
+    size = {"width": right - left, "height": bottom - top}
+    if scene.crop is None:
+        return size
+    return {**size, "full_width": scene.width, "full_height": scene.height, "crop": list(scene.crop)}
 
 
 def _volume_report(medium: Medium) -> dict:

@@ -7,6 +7,7 @@ treated as read-only.  Matrices are 4x4 float64, column vectors, applied as ``ma
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -189,10 +190,12 @@ QUALITY_PRESETS = {
 }
 # Names of the knobs' values, in the order shown to people.
 CLASSIFICATIONS = ("pre",)
-DEPTH_RULES = ("slice", "simpson", "gauss2", "midpoint-1", "midpoint-2", "midpoint-4", "midpoint-8", "midpoint-16")
+MOST_MIDPOINTS = 64
+NAMED_DEPTH_RULES = ("slice", "simpson", "gauss2")  # and midpoint-M, of which lists show some
+DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
 FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
 MINIFICATIONS = ("off", "widen")
-WARP_FILTERS = ("bilinear", "keys", "cubic")
+WARP_FILTERS = ("bilinear", "cubic")
 MODELS = ("extinction", "opacity")
 RECORDS = (16, 8, 6, 4)  # bytes of a voxel in the run-length tables; what each holds: encode/records.py
 BACKENDS = ("auto", "numba", "numpy")
@@ -209,6 +212,12 @@ KNOB_TEXTS = {
     "record": "bytes of a voxel in the run-length tables; fewer save memory and lose accuracy",
     "backend": "what runs the loops",
 }
+
+
+def midpoints_of(depth_rule: str) -> int | None:
+    """How many sheets a cell has under the rule midpoint-M, M from 1 to MOST_MIDPOINTS; None for any other name."""
+    found = re.fullmatch("midpoint-([1-9][0-9]?)", str(depth_rule))
+    return int(found[1]) if found and int(found[1]) <= MOST_MIDPOINTS else None
 
 
 @dataclass(frozen=True)
@@ -240,7 +249,6 @@ class Quality:
     def __post_init__(self):
         for value, allowed, what in (
             (self.classification, CLASSIFICATIONS, "classification"),
-            (self.depth_rule, DEPTH_RULES, "depth rule"),
             (self.kernel, FOOTPRINTS, "kernel"),
             (self.minification, MINIFICATIONS, "minification"),
             (self.warp_filter, WARP_FILTERS, "warp filter"),
@@ -249,6 +257,11 @@ class Quality:
         ):
             if value not in allowed:
                 raise RleSplatError(f"There is no {what} called {value!r}; choose {' or '.join(allowed)}.")
+        if self.depth_rule not in NAMED_DEPTH_RULES and midpoints_of(self.depth_rule) is None:
+            raise RleSplatError(
+                f"There is no depth rule called {self.depth_rule!r}; choose {', '.join(NAMED_DEPTH_RULES)}, or "
+                f"midpoint-M with a whole number M from 1 to {MOST_MIDPOINTS}."
+            )
         if self.record not in RECORDS:
             raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
         if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= 8.0):
@@ -273,6 +286,17 @@ class Quality:
         )
 
 
+def _checked_crop(crop, width: int, height: int) -> tuple[int, int, int, int]:
+    sides = tuple(crop) if np.iterable(crop) else ()
+    whole = len(sides) == 4 and all(isinstance(side, (int, np.integer)) for side in sides)
+    if not (whole and 0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height):
+        raise RleSplatError(
+            f"The crop must be four whole numbers of pixels, left, top, right and bottom, with left < right within 0 "
+            f"to {width} and top < bottom within 0 to {height}, not {crop!r}."
+        )
+    return tuple(int(side) for side in sides)
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything a picture depends on.
@@ -281,6 +305,8 @@ class Scene:
     ``lights`` empty and ``headlight`` False means unlit colours.  ``background`` is scene-linear RGB.
     ``triangles`` are the meshes that stand in or around the volume, (n, 3, 3) float64 world coordinates:
     each ray is integrated only as far as the first of them.
+    ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
+    top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
     """
 
     volume: object
@@ -294,6 +320,7 @@ class Scene:
     headlight: bool = True
     background: tuple | None = None
     triangles: np.ndarray | None = None
+    crop: tuple | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
@@ -303,6 +330,13 @@ class Scene:
             if not isinstance(value, (int, np.integer)) or not 1 <= value <= 65536:
                 raise RleSplatError(f"The image's {name} must be a whole number from 1 to 65536, not {value!r}.")
             object.__setattr__(self, name, int(value))
+        if self.crop is not None:
+            object.__setattr__(self, "crop", _checked_crop(self.crop, self.width, self.height))
+
+    @property
+    def region(self) -> tuple[int, int, int, int]:
+        """The pixels that are rendered, (left, top, right, bottom): the crop, or the whole frame."""
+        return self.crop or (0, 0, self.width, self.height)
 
     @property
     def index_to_world(self) -> np.ndarray:
@@ -313,7 +347,7 @@ class Scene:
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """A finished picture, row 0 on top.
+    """A finished picture, row 0 on top: the scene's crop, or its whole frame.
 
     ``rgba``: (H, W, 4) float32, scene-linear, premultiplied, without the background.
     ``depth``: (H, W) float32, planar distance along the camera's axis in world units at which the

@@ -10,11 +10,11 @@ from ..read.layout import BYTE_ORDERS
 from ..scene import (
     BACKENDS,
     CLASSIFICATIONS,
-    DEPTH_RULES,
     FOOTPRINTS,
     KNOB_TEXTS,
     MINIFICATIONS,
     MODELS,
+    NAMED_DEPTH_RULES,
     QUALITY_PRESETS,
     RECORDS,
     WARP_FILTERS,
@@ -26,7 +26,7 @@ from ..volume.volume import STORED_TYPES
 # One table of knobs: option -> (field of Quality, how to read it, how the help names its values).
 KNOBS = {
     "--classification": ("classification", str, "|".join(CLASSIFICATIONS)),
-    "--depth-rule": ("depth_rule", str, "|".join(DEPTH_RULES)),
+    "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M"))),
     "--sheet-density": ("sheet_density", float, "R"),
     "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
     "--minification": ("minification", str, "|".join(MINIFICATIONS)),

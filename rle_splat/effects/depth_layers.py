@@ -12,24 +12,36 @@ from dataclasses import dataclass
 import numpy as np
 
 REACH = 4  # pixels past a silhouette that the warp's filter may read
+HALO = 2 * REACH + 1  # pixels on either side that the layers of a pixel depend on
 
 
 @dataclass(frozen=True, eq=False)
 class DepthLayers:
     """``near`` and ``far``: (H, W) float32 planar depths, inf for no mesh.  ``coverage``: (H, W) float32, the
-    part of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same."""
+    part of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same.
+    ``first_pixel``: column and row in the picture of their first."""
 
     near: np.ndarray
     far: np.ndarray
     coverage: np.ndarray
+    first_pixel: tuple[int, int] = (0, 0)
 
     @property
     def has_silhouettes(self) -> bool:
         return bool((self.near != self.far).any())
 
+    def coverage_of(self, region) -> np.ndarray:
+        """The coverage of the pixels (left, top, right, bottom) of the picture."""
+        (left, top), (across, down) = region[:2], self.first_pixel
+        return self.coverage[top - down : region[3] - down, left - across : region[2] - across]
 
-def depth_layers(samples: np.ndarray, step: float) -> DepthLayers:
-    """Layers from (H, W, S) sample depths; depths further apart than ``step`` (world units) are two surfaces."""
+
+def depth_layers(samples: np.ndarray, step: float, first_pixel=(0, 0)) -> DepthLayers:
+    """Layers from (H, W, S) sample depths; depths further apart than ``step`` (world units) are two surfaces.
+
+    ``first_pixel``: column and row in the picture of the first.  Within HALO pixels of a side that is none of the
+    picture's, layers are not what they are in the whole picture.
+    """
     count = samples.shape[-1]
     least, most = samples.min(axis=-1), samples.max(axis=-1)
     with np.errstate(invalid="ignore"):
@@ -47,7 +59,8 @@ def depth_layers(samples: np.ndarray, step: float) -> DepthLayers:
     far[split] = np.where(is_near, 0.0, ordered).sum(axis=-1) / (count - in_front)
     coverage[split] = in_front / count
     known = split | _silhouettes_between_pixels(near, far, coverage, split, spread, step)
-    return _carried_past_silhouettes(near, far, coverage, known)
+    layers = _carried_past_silhouettes(near, far, coverage, known)
+    return DepthLayers(*(layer.astype(np.float32) for layer in layers), first_pixel)
 
 
 def _neighbours(shape):
@@ -77,7 +90,7 @@ def _silhouettes_between_pixels(near, far, coverage, split, spread, step: float)
     return found
 
 
-def _carried_past_silhouettes(near, far, coverage, known) -> DepthLayers:
+def _carried_past_silhouettes(near, far, coverage, known) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Give pixels near a silhouette both of its depths; the one that is not their own gets no weight.
 
     The carried depths end somewhere too, and there the filter reads across that end: pixels as far again keep to
@@ -108,4 +121,4 @@ def _carried_past_silhouettes(near, far, coverage, known) -> DepthLayers:
                 coverage[to][new] = coverage[of][new]
                 reached[to][new] = True
             known = reached
-    return DepthLayers(*(layer.astype(np.float32) for layer in (near, far, coverage)))
+    return near, far, coverage

@@ -55,19 +55,23 @@ def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: in
 
 
 @kernel(parallel=True)
-def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, out):
-    """``out`` (H, W, SAMPLES) float32: planar depth of the first triangle between ``nearest`` and ``furthest``."""
-    height, width = out.shape[0], out.shape[1]
-    bands = (height + BAND - 1) // BAND
+def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
+    """``out`` (H, W, SAMPLES) float32: planar depth of the first triangle between ``nearest`` and ``furthest``.
+
+    ``out`` begins at column ``left``, row ``above`` of the picture.
+    """
+    right, below = left + out.shape[1], above + out.shape[0]
+    bands = (out.shape[0] + BAND - 1) // BAND
     for band in prange(bands):
-        top, bottom = band * BAND, min((band + 1) * BAND, height)
+        top = above + band * BAND
+        bottom = min(top + BAND, below)
         for t in range(edges.shape[0]):
-            if bounds[t, 3] < top or bounds[t, 1] > bottom or bounds[t, 2] < 0.0 or bounds[t, 0] > width:
+            if bounds[t, 3] < top or bounds[t, 1] > bottom or bounds[t, 2] < left or bounds[t, 0] > right:
                 continue
             first_row = int(max(float(top), math.floor(bounds[t, 1])))
             last_row = int(min(float(bottom), math.floor(bounds[t, 3]) + 1.0))
-            first_column = int(max(0.0, math.floor(bounds[t, 0])))
-            last_column = int(min(float(width), math.floor(bounds[t, 2]) + 1.0))
+            first_column = int(max(float(left), math.floor(bounds[t, 0])))
+            last_column = int(min(float(right), math.floor(bounds[t, 2]) + 1.0))
             for row in range(first_row, last_row):
                 for column in range(first_column, last_column):
                     for s in range(sample_columns.size):
@@ -80,16 +84,16 @@ def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
                         if total <= 0.0 or a < slack or b < slack or c < slack:
                             continue
                         depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
-                        if nearest <= depth <= furthest and depth < out[row, column, s]:
-                            out[row, column, s] = depth
+                        if nearest <= depth <= furthest and depth < out[row - above, column - left, s]:
+                            out[row - above, column - left, s] = depth
 
 
-def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, out):
+def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
     """The numpy twin of ``rasterise``: one triangle at a time."""
     height, width = out.shape[:2]
     for t in range(len(edges)):
-        first = np.maximum(np.floor(bounds[t, :2]), 0.0)
-        last = np.minimum(np.floor(bounds[t, 2:]) + 1.0, (width, height))
+        first = np.maximum(np.floor(bounds[t, :2]), (left, above))
+        last = np.minimum(np.floor(bounds[t, 2:]) + 1.0, (left + width, above + height))
         if (first >= last).any():
             continue
         (c0, r0), (c1, r1) = first.astype(int), last.astype(int)
@@ -101,19 +105,23 @@ def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sa
         with np.errstate(divide="ignore", invalid="ignore"):
             depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
         met = (total > 0.0) & (a >= slack) & (b >= slack) & (c >= slack) & (depth >= nearest) & (depth <= furthest)
-        part = out[r0:r1, c0:c1]
+        part = out[r0 - above : r1 - above, c0 - left : c1 - left]
         np.copyto(part, np.where(met, np.minimum(part, depth), part), casting="same_kind")
 
 
-def mesh_depth(triangles, camera: Camera, width: int, height: int, *, backend="auto", threads=0) -> np.ndarray:
+def mesh_depth(
+    triangles, camera: Camera, width: int, height: int, *, region=None, backend="auto", threads=0
+) -> np.ndarray:
     """(H, W, SAMPLES) float32: planar depth, in world units, of the first mesh on each of SAMPLES rays a pixel.
 
     ``triangles``: (n, 3, 3) world coordinates, seen from both sides.  inf where no mesh lies between the
-    camera's clip distances.
+    camera's clip distances.  ``region``: (left, top, right, bottom), the pixels of the picture wanted, None for all.
     """
     edges, depths, bounds = edge_functions(triangles, camera, width, height)
-    out = np.full((height, width, SAMPLES), np.inf, np.float32)
-    arguments = (edges, depths, bounds, camera.clip_start, camera.clip_end, SAMPLE_COLUMNS, SAMPLE_ROWS, out)
+    left, top, right, bottom = region or (0, 0, width, height)
+    out = np.full((bottom - top, right - left, SAMPLES), np.inf, np.float32)
+    clips = camera.clip_start, camera.clip_end
+    arguments = (edges, depths, bounds, *clips, SAMPLE_COLUMNS, SAMPLE_ROWS, left, top, out)
     if compiled(backend):
         with parallel_call(threads):
             rasterise(*arguments)

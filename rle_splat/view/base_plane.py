@@ -7,7 +7,7 @@ one-dimensional convolution: the claim the paper rests on.  One homography then 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,11 @@ MARGIN = 3
 # In strong perspective the densest corner does not decide the density of the whole sheet.
 DENSEST_CORNER = 2.0
 
+# Windows of a plane begin at a multiple of so many of its pixels, so that pixels which are handled together in the
+# whole plane are handled together in the window.
+ALIGNED = 16
+OFFSET_BITS = 51  # of a float's 53: room for a whole plane's pixels to be added twice
+
 PIXELS_AT_ONCE = 1 << 18  # sheet pixels whose rays are followed together
 
 
@@ -35,6 +40,10 @@ class BasePlane:
     ``homography``: (3, 3) float64, (X, Y, 1) to homogeneous pixel of the picture.
     ``scale`` and ``offset``: per sheet, ``u = scale[i, 0] * x + offset[i, 0]`` for the voxel coordinate x along
     the scanline, likewise v with index 1 for the scanline number.
+
+    A ``window`` is a base plane too, with fewer pixels: all that is reckoned for one of them is the same to the bit
+    as in the whole plane, because coordinates are whole numbers plus ``origin``, and taking whole numbers from
+    ``offset`` is exact.
     """
 
     axis: int
@@ -49,6 +58,31 @@ class BasePlane:
     scale: np.ndarray
     offset: np.ndarray
     view: IndexView
+
+    def window(self, crop: tuple[int, int, int, int], reach: int) -> BasePlane | None:
+        """The part of the plane that the pixels of ``crop`` read, None when they read nothing of it.
+
+        ``crop``: (left, top, right, bottom) in pixels of the picture.  ``reach``: sheet pixels on either side of a
+        ray that a pixel may read.
+        """
+        left, top, right, bottom = crop
+        size = np.array((self.width, self.height))
+        u0, v0 = self.origin
+        u1, v1 = self.origin + size - 1
+        # Pixels look through their centres, half a pixel inside: ample for the rounding of this polygon.
+        polygon = _seen_through(
+            self.homography, np.array(((u0, v0), (u1, v0), (u1, v1), (u0, v1))) / self.density,
+            left, top, right, bottom,
+        )
+        if len(polygon) < 3:
+            return None
+        place = polygon * self.density - self.origin
+        first = np.floor(place.min(axis=0)).astype(np.int64) - reach
+        last = np.minimum(np.ceil(place.max(axis=0)).astype(np.int64) + reach, size - 1)
+        first = np.maximum(first // ALIGNED * ALIGNED, 0)
+        width, height = (int(n) for n in last - first + 1)
+        origin = tuple(int(n) for n in self.origin + first)
+        return replace(self, origin=origin, width=width, height=height, offset=self.offset - first)
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Base-plane coordinates X (W,) and Y (H,) of the sheet pixels, float64."""
@@ -78,15 +112,18 @@ class BasePlane:
         rows = max(PIXELS_AT_ONCE // max(len(x), 1), 1)
         for first in range(0, len(y), rows):  # some rows at a time: what it takes is nine times its result
             steps = self.ray_steps(x[None, :], y[first : first + rows, None])
-            world = np.tensordot(self.view.to_world, steps, axes=1)
-            length[first : first + rows] = np.sqrt((world**2).sum(axis=0))
+            squared = 0.0
+            for row in self.view.to_world:  # element by element: the bits of a matrix product depend on its size
+                squared = squared + (row[0] * steps[0] + row[1] * steps[1] + row[2] * steps[2]) ** 2
+            length[first : first + rows] = np.sqrt(squared)
         return length
 
     def depth_along(self, x, y) -> tuple[np.ndarray, np.ndarray]:
         """Planar depth at axis position 0 and per voxel of axis position, of the rays through points (X, Y)."""
         i, j, k = AXES[self.axis]
         row = self.view.depth
-        per_voxel = np.tensordot(row[:3], self.ray_steps(x, y), axes=1)
+        steps = self.ray_steps(x, y)
+        per_voxel = row[0] * steps[0] + row[1] * steps[1] + row[2] * steps[2]
         at_reference = row[i] * x + row[j] * y + row[k] * self.reference + row[3]
         return at_reference - self.reference * per_voxel, per_voxel
 
@@ -104,6 +141,25 @@ def _clip(polygon: np.ndarray, line: np.ndarray) -> np.ndarray:
         if (side[a] >= 0.0) != (side[b] >= 0.0):
             kept.append(polygon[a] + (polygon[b] - polygon[a]) * (side[a] / (side[a] - side[b])))
     return np.array(kept).reshape(-1, 2)
+
+
+def _seen_through(homography: np.ndarray, polygon: np.ndarray, left, top, right, bottom) -> np.ndarray:
+    """The part of a polygon on the base plane that is seen through a rectangle of the picture, in its pixels."""
+    h = homography
+    # Inside means left <= a/c <= right and top <= b/c <= bottom with c > 0 for (a, b, c) = H (X, Y, 1).
+    for line in (h[0] - left * h[2], right * h[2] - h[0], h[1] - top * h[2], bottom * h[2] - h[1]):
+        polygon = _clip(polygon, line / np.abs(line).max())
+    return polygon
+
+
+def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
+    """Offsets in pixels rounded to a power of two so large that adding whole numbers up to ``furthest`` is exact.
+
+    Rounding by less than 2**-OFFSET_BITS of the distances involved: nothing that could be seen.
+    """
+    most = np.maximum(np.abs(offsets), max(furthest, 1.0))
+    unit = 2.0 ** (np.ceil(np.log2(most)) - OFFSET_BITS)
+    return np.rint(offsets / unit) * unit
 
 
 def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
@@ -155,14 +211,8 @@ def base_plane(
             if (least >= most).any():
                 return np.empty((0, 2))
         polygon = np.array([(least[0], least[1]), (most[0], least[1]), (most[0], most[1]), (least[0], most[1])])
-        h = homography
-        # Inside the picture means 0 <= a/c <= W and 0 <= b/c <= H with c > 0 for (a, b, c) = H (X, Y, 1).
-        for line in (
-            h[0] + pixel_margin * h[2], (view.width + pixel_margin) * h[2] - h[0],
-            h[1] + pixel_margin * h[2], (view.height + pixel_margin) * h[2] - h[1],
-        ):
-            polygon = _clip(polygon, line / np.abs(line).max())
-        return polygon
+        margin = pixel_margin
+        return _seen_through(homography, polygon, -margin, -margin, view.width + margin, view.height + margin)
 
     polygon = window(0.0, 0.0)
     if len(polygon) < 3:
@@ -175,7 +225,8 @@ def base_plane(
     last = np.ceil(polygon.max(axis=0) * density).astype(np.int64) + MARGIN
     size = last - first + 1
     scales = scale[:, None] * density
-    offsets = np.stack((move_x, move_y), axis=1) * density - first
+    lands = np.stack((move_x, move_y), axis=1) * density
+    offsets = _exactly_movable(lands, float(np.abs((first, last)).max())) - first
     return BasePlane(
         axis, sign, reference, tuple(density), tuple(int(f) for f in first), int(size[0]), int(size[1]),
         homography, sheets, np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view,

@@ -11,26 +11,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import DEPTH_RULES
+from ..scene import NAMED_DEPTH_RULES, midpoints_of
 from .footprints import FOOTPRINTS, Footprint, footprint_weights
 
 _INSET = 0.5 / np.sqrt(3.0)
 
 
-def _midpoint(m: int):
-    return tuple(((i + 0.5) / m, 1.0 / m) for i in range(m))
-
-
 # Nodes (position in a unit cell, weight) of each rule; the weights of a cell sum to one.  algorithm.md 1.7
-CELL_NODES = {
+NAMED_NODES = {
     "slice": ((0.0, 0.5), (1.0, 0.5)),
     "simpson": ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)),
     "gauss2": ((0.5 - _INSET, 0.5), (0.5 + _INSET, 0.5)),
-    **{rule: _midpoint(int(rule.removeprefix("midpoint-"))) for rule in DEPTH_RULES if rule.startswith("midpoint-")},
 }
-assert set(CELL_NODES) == set(DEPTH_RULES), "the table of names in scene.py is the one that people see"
+assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "the table of names in scene.py is the one that people see"
+
+
+def cell_nodes(rule: str) -> tuple:
+    """The nodes of a rule by its name: one of NAMED_NODES, or midpoint-M for M midpoints of equal weight."""
+    m = midpoints_of(rule)
+    return NAMED_NODES[rule] if m is None else tuple(((i + 0.5) / m, 1.0 / m) for i in range(m))
+
+
 # The cell that the eye lies in is integrated from the eye on, and no sheet may lie in the eye itself.
-FIRST_CELL_NODES = CELL_NODES["gauss2"]
+FIRST_CELL_NODES = NAMED_NODES["gauss2"]
 # A slice closer to the eye than this, in voxels, joins the next cell: its own would be a sheet in the eye, or one
 # that the slice map magnifies beyond number.
 NEAREST_SLICE = 1e-3
@@ -84,7 +87,7 @@ def place_sheets(
     else:
         cells = np.arange(first, last)
     if len(cells):
-        nodes = np.array(CELL_NODES[rule])
+        nodes = np.array(cell_nodes(rule))
         along, weights = (cells[:, None] + nodes[:, 0]).ravel(), np.tile(nodes[:, 1], len(cells))
         if nodes[0, 0] == 0.0:  # the last node of a cell is the first of the next: one sheet
             last_of_cell = np.arange(len(nodes) - 1, len(along) - 1, len(nodes))

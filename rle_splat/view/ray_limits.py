@@ -21,18 +21,21 @@ def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, 
     return float(depths.min()), float(depths.max())
 
 
-def ray_limits(plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None) -> np.ndarray:
+def ray_limits(
+    plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0)
+) -> np.ndarray:
     """(2, H, W) float32: where each sheet pixel's ray begins and ends, voxels along the viewing direction.
 
-    ``nearest`` and ``furthest``: planar depths, world units.  ``layer``: (picture height, picture width) planar
-    depth at which each pixel's ray meets a mesh, inf for none.
+    ``nearest`` and ``furthest``: planar depths, world units.  ``layer``: (rows, columns) planar depth at which each
+    pixel's ray meets a mesh, inf for none, of the picture's pixels from ``first_pixel`` (column, row) on; it must
+    hold ``pixels_read(plane)``.
     """
     x, y = (a.astype(np.float64) for a in plane.points())
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     per_voxel = plane.sign * per_voxel
     end = np.full(at_zero.shape, furthest)
     if layer is not None:
-        end = np.minimum(end, _sampled(layer, plane, x, y))
+        end = np.minimum(end, _sampled(layer, first_pixel, *_picture_positions(plane)))
     with np.errstate(divide="ignore", invalid="ignore"):
         limits = np.stack(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel))
     sideways = ~(per_voxel > 0.0)  # never visible: such a ray runs across or against the camera's axis
@@ -41,22 +44,36 @@ def ray_limits(plane: BasePlane, nearest: float, furthest: float, layer: np.ndar
     return np.clip(limits, -most, most).astype(np.float32)
 
 
-def _sampled(layer: np.ndarray, plane: BasePlane, x, y) -> np.ndarray:
-    """The layer at sheet pixels: linear on one surface, the nearest pixel's value elsewhere."""
-    height, width = layer.shape
+def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
+    """(left, top, right, bottom): the part of the picture from which ``ray_limits`` reads a layer for this plane."""
+    column, row = _picture_positions(plane)
+    return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
+
+
+def _picture_positions(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row (H, W) of each sheet pixel among the centres of the picture's pixels, cut off at its sides."""
+    x, y = plane.points()
     h = plane.homography
     a, b, c = (h[i, 0] * x[None, :] + h[i, 1] * y[:, None] + h[i, 2] for i in range(3))
     with np.errstate(divide="ignore", invalid="ignore"):
-        column = np.clip(np.nan_to_num(a / c) - 0.5, 0.0, width - 1.0)
-        row = np.clip(np.nan_to_num(b / c) - 0.5, 0.0, height - 1.0)
-    c0, r0 = column.astype(np.intp), row.astype(np.intp)
+        column = np.clip(np.nan_to_num(a / c) - 0.5, 0.0, plane.view.width - 1.0)
+        row = np.clip(np.nan_to_num(b / c) - 0.5, 0.0, plane.view.height - 1.0)
+    return column, row
+
+
+def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
+    """The layer at positions in the picture: linear on one surface, the nearest pixel's value elsewhere."""
+    height, width = layer.shape
+    left, top = first_pixel
+    whole_column, whole_row = column.astype(np.intp), row.astype(np.intp)
+    c0, r0 = whole_column - left, whole_row - top
     c1, r1 = np.minimum(c0 + 1, width - 1), np.minimum(r0 + 1, height - 1)
     corners = layer[r0, c0], layer[r0, c1], layer[r1, c0], layer[r1, c1]
     least = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
     most = np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
     with np.errstate(invalid="ignore"):
-        smooth = most - least <= SAME_SURFACE * np.abs(most)
-        fc, fr = column - c0, row - r0
+        smooth = np.isfinite(most) & (most - least <= SAME_SURFACE * np.abs(most))
+        fc, fr = column - whole_column, row - whole_row
         linear = (1 - fr) * ((1 - fc) * corners[0] + fc * corners[1]) + fr * ((1 - fc) * corners[2] + fc * corners[3])
-    nearest = layer[np.rint(row).astype(np.intp), np.rint(column).astype(np.intp)]
+    nearest = layer[np.rint(row).astype(np.intp) - top, np.rint(column).astype(np.intp) - left]
     return np.where(smooth, linear, nearest)

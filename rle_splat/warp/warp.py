@@ -8,37 +8,46 @@ from ..jit import compiled, parallel_call
 from ..scene import NO_DEPTH, Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
-from .filters import is_prefiltered, table_of, taps_of
 from .resample import resample
 from .resample_numpy import resample_numpy
-from .spline_prefilter import spline_coefficients, spline_coefficients_numpy
+from .spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
+
+TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
 
 
-def warp(images: list[IntermediateImage], view: IndexView, quality: Quality, most_colour: float):
+def warp_reach(quality: Quality) -> int:
+    """Sheet pixels on either side of a ray that its pixel depends on."""
+    return TAPS + (MARGIN if quality.warp_filter == "cubic" else 0)
+
+
+def warp(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_colour: float):
     """Warp one intermediate image per principal axis and direction into one picture.
+
+    ``region``: (left, top, right, bottom), the pixels of the view that are wanted; the images hold what they read.
 
     Every pixel belongs to one of them, by the 45-degree rule on its own ray; a pixel that belongs to none sees
     nothing.  ``most_colour``: the largest unassociated colour in the medium; after a filter with negative lobes
     transmittance is clamped to [0, 1] and colour to [0, most_colour * alpha].
 
     Returns rgba (H, W, 4) float32 premultiplied and depth (H, W) float32, world units, NO_DEPTH where the
-    transmittance stays above one half.
+    transmittance stays above one half, of the region's size.
     """
-    rgba = np.zeros((view.height, view.width, 4), np.float32)
-    depth = np.full((view.height, view.width), np.float32(NO_DEPTH), np.float32)
-    name = quality.warp_filter
+    left, top, right, bottom = region
+    rgba = np.zeros((bottom - top, right - left, 4), np.float32)
+    depth = np.full((bottom - top, right - left), np.float32(NO_DEPTH), np.float32)
+    cubic = quality.warp_filter == "cubic"
     with_kernels = compiled(quality.backend)
     square = view.projection[:, :3]
     directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
     for image in images:
         plane = image.base_plane
-        pixels = _coefficients(image.pixels, quality) if is_prefiltered(name) else image.pixels
+        pixels = _coefficients(image.pixels, quality) if cubic else _with_alpha(image.pixels)
         to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
         # Sheet pixel from picture pixel, both homogeneous, both by their numbers in the whole sheet and picture.
         to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
-            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, taps_of(name),
-            table_of(name), np.float32(most_colour), _depth_map(plane), (0, 0), rgba, depth,
+            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, cubic,
+            np.float32(most_colour), _depth_map(plane), (left, top), rgba, depth,
         )
         if with_kernels:
             with parallel_call(quality.threads):
@@ -46,6 +55,13 @@ def warp(images: list[IntermediateImage], view: IndexView, quality: Quality, mos
         else:
             resample_numpy(*arguments)
     return rgba, depth
+
+
+def _with_alpha(pixels):
+    """Alpha rather than transmittance, so that where there is nothing the filter works on exact zeros."""
+    pixels = pixels.copy()
+    np.subtract(1.0, pixels[..., 3], out=pixels[..., 3])
+    return pixels
 
 
 def _coefficients(pixels, quality: Quality):

@@ -69,11 +69,12 @@ def test_finer_depth_rules_come_nearer_to_the_truth(stage, name, perspective):
     true = stage.truth(scene)[0]
     rmse = {
         rule: difference(stage.render(scene, depth_rule=rule, sheet_density=6.0, termination=0.0).rgba, true).rmse
-        for rule in DEPTH_RULES
+        for rule in (*DEPTH_RULES, "midpoint-3")
     }
     assert rmse["simpson"] < 0.35 * rmse["slice"] and rmse["gauss2"] < 0.35 * rmse["slice"]
     order = math.log2((rmse["midpoint-1"] - rmse["midpoint-16"]) / (rmse["midpoint-4"] - rmse["midpoint-16"])) / 2
     assert 1.4 < order < 2.6, rmse
+    assert rmse["midpoint-4"] < rmse["midpoint-3"] < rmse["midpoint-2"]
     assert rmse["midpoint-16"] < 0.1
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rle_splat.axes import AXES
-from rle_splat.scene import Camera, RleSplatError
+from rle_splat.scene import DEPTH_RULES, Camera, Quality, RleSplatError
 from rle_splat.view.base_plane import base_plane
-from rle_splat.view.depth_rules import CELL_NODES, place_sheets
+from rle_splat.view.depth_rules import cell_nodes, place_sheets
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
 from rle_splat.view.projection import world_to_pixel
@@ -116,7 +116,7 @@ def test_path_length_is_the_world_length_between_slices():
             np.testing.assert_allclose(plane.path_length()[v, u], length / depth, rtol=1e-5)
 
 
-@pytest.mark.parametrize("rule", sorted(CELL_NODES))
+@pytest.mark.parametrize("rule", [*DEPTH_RULES, "midpoint-3", "midpoint-64"])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_sheets_fill_the_depth_without_gaps(rule, sign):
     sheets = place_sheets(7, sign, rule, None)
@@ -126,6 +126,23 @@ def test_sheets_fill_the_depth_without_gaps(rule, sign):
     # The tent medium of a constant grid holds exactly n voxels of it, ramps included.
     tent = np.clip(np.minimum(sheets.position + 1, 7 - sheets.position), 0, 1)
     np.testing.assert_allclose((sheets.thickness * tent).sum(), 7.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("m", range(1, 65))
+def test_midpoints_halve_m_equal_parts_of_a_cell(m):
+    assert Quality(depth_rule=f"midpoint-{m}").depth_rule == f"midpoint-{m}"
+    position, weight = np.array(cell_nodes(f"midpoint-{m}")).T
+    edges = np.linspace(0.0, 1.0, m + 1)
+    np.testing.assert_allclose(position, (edges[:-1] + edges[1:]) / 2, atol=1e-12)
+    np.testing.assert_allclose(weight, np.diff(edges), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "rule", ["midpoint-0", "midpoint-65", "midpoint-x", "midpoint-", "midpoint--2", "midpoint-2.5", "midpoint-03", "mid"]
+)
+def test_a_depth_rule_that_is_none_is_refused_in_a_sentence(rule):
+    with pytest.raises(RleSplatError, match=r"no depth rule called .*midpoint-M with a whole number M from 1 to 64\.$"):
+        Quality(depth_rule=rule)
 
 
 def test_the_cell_around_the_eye_is_integrated_from_the_eye_on():
