@@ -8,6 +8,7 @@ from ..jit import compiled, parallel_call
 from ..scene import NO_DEPTH, Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
+from .filters import is_prefiltered, table_of, taps_of
 from .resample import resample
 from .resample_numpy import resample_numpy
 from .spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
@@ -17,7 +18,7 @@ TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
 
 def warp_reach(quality: Quality) -> int:
     """Sheet pixels on either side of a ray that its pixel depends on."""
-    return TAPS + (MARGIN if quality.warp_filter == "cubic" else 0)
+    return TAPS + (MARGIN if is_prefiltered(quality.warp_filter) else 0)
 
 
 def warp(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_colour: float):
@@ -35,19 +36,19 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
     left, top, right, bottom = region
     rgba = np.zeros((bottom - top, right - left, 4), np.float32)
     depth = np.full((bottom - top, right - left), np.float32(NO_DEPTH), np.float32)
-    cubic = quality.warp_filter == "cubic"
+    name = quality.warp_filter
     with_kernels = compiled(quality.backend)
     square = view.projection[:, :3]
     directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
     for image in images:
         plane = image.base_plane
-        pixels = _coefficients(image.pixels, quality) if cubic else _with_alpha(image.pixels)
+        pixels = _coefficients(image.pixels, quality) if is_prefiltered(name) else image.pixels
         to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
         # Sheet pixel from picture pixel, both homogeneous, both by their numbers in the whole sheet and picture.
         to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
-            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, cubic,
-            np.float32(most_colour), _depth_map(plane), (left, top), rgba, depth,
+            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, taps_of(name),
+            table_of(name), np.float32(most_colour), _depth_map(plane), (left, top), rgba, depth,
         )
         if with_kernels:
             with parallel_call(quality.threads):
@@ -55,13 +56,6 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
         else:
             resample_numpy(*arguments)
     return rgba, depth
-
-
-def _with_alpha(pixels):
-    """Alpha rather than transmittance, so that where there is nothing the filter works on exact zeros."""
-    pixels = pixels.copy()
-    np.subtract(1.0, pixels[..., 3], out=pixels[..., 3])
-    return pixels
 
 
 def _coefficients(pixels, quality: Quality):
