@@ -13,51 +13,54 @@ ROWS = 8  # of the picture, by one thread
 STRETCH = 64  # pixels of a row whose places are found together, as vectors
 
 
-@kernel
-def _half_depth(half_depths, width, at, nearest, across, down):
-    """Half depth at fractions ``across`` and ``down`` beyond pixel ``at``: linear on one surface, the ``nearest``
-    pixel's across an edge."""
+@kernel(inner=True)
+def _half_depth(half_depths, width, at, across, down):
+    """Half depth at fractions ``across`` and ``down`` beyond pixel ``at``: linear on one surface, the nearest pixel's
+    across an edge."""
+    half = np.float32(0.5)
+    nearest = half_depths[at + (across >= half) + width * (down >= half)]
+    if nearest == np.inf:
+        return nearest
     a, b = half_depths[at], half_depths[at + 1]
     c, d = half_depths[at + width], half_depths[at + width + 1]
-    if max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) <= SAME_SURFACE:
+    least, most = a if a < b else b, b if a < b else a
+    least, most = c if c < least else least, c if c > most else most
+    least, most = d if d < least else least, d if d > most else most
+    if most - least <= SAME_SURFACE:
         upper, lower = a + across * (b - a), c + across * (d - c)
         return upper + down * (lower - upper)
-    return half_depths[nearest]
+    return nearest
 
 
-@kernel
-def _find_places(to_sheet, first_column, row, sheet_size, sheet_origin, u, v, across, down, at, nearest):
+@kernel(inner=True)
+def _find_places(maps, first_column, row, sheet_size, sheet_origin, at, across, down):
     """Where the pixels from ``first_column`` on look into the sheet; how many do.
 
-    Out: positions ``u`` and ``v``; ``at``, the flat number of the sheet pixel at or before them, -1 where a filter's
-    taps would leave the sheet, and the fractions ``across`` and ``down`` beyond it; ``nearest``, that of the nearest.
+    Out: ``at``, the flat number of the sheet pixel at or before their position, -1 where a filter's taps would leave
+    the sheet, and the fractions ``across`` and ``down`` beyond it.
     """
     width, height = sheet_size
-    at_u = to_sheet[0, 1] * row + to_sheet[0, 2]
-    at_v = to_sheet[1, 1] * row + to_sheet[1, 2]
-    at_w = to_sheet[2, 1] * row + to_sheet[2, 2]
-    step_u, step_v, step_w = to_sheet[0, 0], to_sheet[1, 0], to_sheet[2, 0]
+    at_u = maps[0, 1] * row + maps[0, 2]
+    at_v = maps[1, 1] * row + maps[1, 2]
+    at_w = maps[2, 1] * row + maps[2, 2]
+    step_u, step_v, step_w = maps[0, 0], maps[1, 0], maps[2, 0]
     least_u, least_v = sheet_origin[0] + 1.0, sheet_origin[1] + 1.0
     most_u, most_v = sheet_origin[0] + width - 2.0, sheet_origin[1] + height - 2.0
     count = 0
-    for i in range(len(u)):
+    for i in range(len(at)):
         column = first_column + i + 0.5
         scale = 1.0 / (step_w * column + at_w)
-        here_u = (step_u * column + at_u) * scale
-        here_v = (step_v * column + at_v) * scale
-        found = (here_u >= least_u) & (here_v >= least_v) & (here_u < most_u) & (here_v < most_v)
-        u[i], v[i] = here_u, here_v
-        whole_u, whole_v = np.floor(here_u), np.floor(here_v)
-        beyond_u, beyond_v = here_u - whole_u, here_v - whole_v
-        across[i], down[i] = beyond_u, beyond_v
+        u, v = (step_u * column + at_u) * scale, (step_v * column + at_v) * scale
+        found = (u >= least_u) & (v >= least_v) & (u < most_u) & (v < most_v)
+        whole_u, whole_v = np.floor(u), np.floor(v)
+        across[i], down[i] = u - whole_u, v - whole_v
         first = (np.int64(whole_v) - sheet_origin[1]) * width + (np.int64(whole_u) - sheet_origin[0])
         at[i] = first if found else -1
-        nearest[i] = first + width * (beyond_v >= 0.5) + (beyond_u >= 0.5)
         count += found
     return count
 
 
-@kernel
+@kernel(inner=True)
 def _keep_own(directions, first_column, row, axis, sign, at):
     """Make ``at`` -1 for pixels whose rays do not advance fastest along ``axis`` in direction ``sign`` (ties: earlier
     axis); how many are left."""
@@ -68,35 +71,33 @@ def _keep_own(directions, first_column, row, axis, sign, at):
     count = 0
     for i in range(len(at)):
         column = first_column + i + 0.5
-        along = directions[axis, 0] * column + here
+        along = sign * (directions[axis, 0] * column + here)
         sideways_one = abs(directions[one, 0] * column + here_one)
         sideways_two = abs(directions[two, 0] * column + here_two)
-        own = (along * sign > 0.0) & (sideways_one <= abs(along)) & (sideways_two <= abs(along))
-        own &= (sideways_one < abs(along)) | (axis < one)
-        own &= (sideways_two < abs(along)) | (axis < two)
+        own = (along > 0.0) & (sideways_one <= along) & (sideways_two <= along)
+        own &= ((sideways_one < along) | (axis < one)) & ((sideways_two < along) | (axis < two))
         at[i] = at[i] if own else -1
         count += at[i] >= 0
     return count
 
 
-@kernel
+@kernel(inner=True)
 def _resample_rows(
-    samples, half_depths, sheet_size, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour,
-    depth_map, picture_size, picture_origin, first_row, picture, depths,
+    samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_colour,
+    picture_size, picture_origin, first_row, picture, depths,
 ):
-    """ROWS rows of ``resample`` from ``first_row`` on; the arrays are flat, sizes are (width, height)."""
+    """ROWS rows of ``resample`` from ``first_row`` on.  The arrays are flat, sizes are (width, height); ``maps``: rows
+    u, v, w, w times the depth at axis position 0, and per voxel, of a pixel of the picture."""
     width, picture_width = sheet_size[0], picture_size[0]
     parallel_rays = directions[axis, 0] == 0.0 and directions[axis, 1] == 0.0 and directions[axis, 2] == 0.0
-    u, v = np.empty(STRETCH), np.empty(STRETCH)
-    across, down = np.empty(STRETCH, np.float32), np.empty(STRETCH, np.float32)
-    at, nearest = np.empty(STRETCH, np.int64), np.empty(STRETCH, np.int64)
+    at, across, down = np.empty(STRETCH, np.int64), np.empty(STRETCH, np.float32), np.empty(STRETCH, np.float32)
     for r in range(first_row, first_row + ROWS):
         if r >= picture_size[1]:
             break
         row = r + picture_origin[1] + 0.5
         for c in range(0, picture_width, STRETCH):
             column = c + picture_origin[0]
-            wanted = _find_places(to_sheet, column, row, sheet_size, sheet_origin, u, v, across, down, at, nearest)
+            wanted = _find_places(maps, column, row, sheet_size, sheet_origin, at, across, down)
             if wanted and not parallel_rays:
                 wanted = _keep_own(directions, column, row, axis, sign, at)
             if not wanted:
@@ -110,22 +111,24 @@ def _resample_rows(
                 else:
                     first_tap = 4 * (at[i] - width - 1)
                     tap4x4(samples, first_tap, 4 * width, across[i], down[i], table, most_colour, picture, 4 * to)
-                if half_depths[nearest[i]] < np.inf:
-                    at_half = _half_depth(half_depths, width, at[i], nearest[i], across[i], down[i])
-                    at_zero = depth_map[0, 0] * u[i] + (depth_map[0, 1] * v[i] + depth_map[0, 2])
-                    per_voxel = depth_map[1, 0] * u[i] + (depth_map[1, 1] * v[i] + depth_map[1, 2])
-                    depths[to] = at_zero + at_half * per_voxel
+                at_half = _half_depth(half_depths, width, at[i], across[i], down[i])
+                if at_half < np.inf:
+                    place = column + i + 0.5
+                    w = maps[2, 0] * place + (maps[2, 1] * row + maps[2, 2])
+                    at_zero = maps[3, 0] * place + (maps[3, 1] * row + maps[3, 2])
+                    per_voxel = maps[4, 0] * place + (maps[4, 1] * row + maps[4, 2])
+                    depths[to] = (at_half * per_voxel + at_zero) / w
 
 
 @kernel(parallel=True)
 def _resample(
-    samples, half_depths, sheet_size, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour,
-    depth_map, picture_size, picture_origin, bands, picture, depths,
+    samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_colour,
+    picture_size, picture_origin, bands, picture, depths,
 ):
     for band in prange(bands):
         _resample_rows(
-            samples, half_depths, sheet_size, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour,
-            depth_map, picture_size, picture_origin, band * ROWS, picture, depths,
+            samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_colour,
+            picture_size, picture_origin, band * ROWS, picture, depths,
         )
 
 
@@ -145,7 +148,7 @@ def resample(
     positions are reckoned in these numbers, so that a window of a sheet, or of a picture, gets the same bits.
     """
     _resample(
-        pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin, to_sheet, directions, axis, sign, taps,
-        table, most_colour, depth_map, depth.shape[::-1], picture_origin, -(-len(depth) // ROWS), rgba.reshape(-1),
-        depth.reshape(-1),
+        pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin,
+        np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_colour,
+        depth.shape[::-1], picture_origin, -(-len(depth) // ROWS), rgba.reshape(-1), depth.reshape(-1),
     )

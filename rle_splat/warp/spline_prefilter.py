@@ -27,14 +27,14 @@ ROWS, COLUMNS = 16, 8  # by one thread at a time: few enough to stay in its cach
 ONE = np.float32(1.0)
 
 
-@kernel
+@kernel(inner=True)
 def _copy(source, at, target, to, count, factor):
     taken, put = source[at : at + count], target[to : to + count]
     for i in range(count):
         put[i] = factor * taken[i]
 
 
-@kernel
+@kernel(inner=True)
 def _factor(source, target, shift, weight, count):
     """target[i] = sample i + shift of ``source`` times 1 + weight (z^shift + z^-shift), for ``count`` floats."""
     here, after = source[shift:], source[2 * shift :]
@@ -42,7 +42,7 @@ def _factor(source, target, shift, weight, count):
         target[i] = here[i] + weight * (source[i] + after[i])
 
 
-@kernel
+@kernel(inner=True)
 def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line, spare):
     """Filter ``lanes`` neighbouring floats, each a line of ``count`` samples ``step`` apart, from ``start`` on.
 
@@ -66,7 +66,7 @@ def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line
         _copy(line, run * lanes, target, start + run * step, length, gain)
 
 
-@kernel
+@kernel(inner=True)
 def _filter_some(source, target, first, together, pitch, end, step, count, lanes, to_alpha, gain):
     """Some lines of ``_filter_lines``, from number ``first`` on."""
     line = np.empty((count + 2 * MARGIN) * lanes, np.float32)
