@@ -8,11 +8,17 @@ from ..view.principal_axis import dominant_axis
 from .resample import SAME_SURFACE
 
 
+def _product(matrix, values):
+    """``matrix @ values`` along the first axis of ``values``, element by element: the bits of numpy's own product
+    depend on how many elements there are, so that a window of a picture would differ from the whole."""
+    return np.stack([sum(weight * value for weight, value in zip(row, values, strict=True)) for row in matrix])
+
+
 def _weights(fraction, polynomials):
     """(4, ...) float32 tap weights at fractions: ``polynomials``, (4, 4), has a row for each power."""
     fraction = fraction.astype(np.float32)
-    powers = np.stack([fraction**n for n in range(4)])
-    return np.tensordot(polynomials.T, powers, axes=1)
+    square = fraction * fraction
+    return _product(polynomials.T, (np.ones_like(fraction), fraction, square, square * fraction))
 
 
 def resample_numpy(
@@ -23,14 +29,14 @@ def resample_numpy(
     height, width = depth.shape
     sheet_height, sheet_width = half.shape
     column, row = np.meshgrid(picture_origin[0] + np.arange(width) + 0.5, picture_origin[1] + np.arange(height) + 0.5)
-    places = np.stack((column, row, np.ones_like(column)))
+    places = column, row, np.ones_like(column)
     if directions.any():
-        own_axis, own_sign = dominant_axis(np.moveaxis(np.tensordot(directions, places, axes=1), 0, -1))
+        own_axis, own_sign = dominant_axis(np.moveaxis(_product(directions, places), 0, -1))
         mine = (own_axis == axis) & (own_sign == sign)
     else:
         mine = np.ones((height, width), bool)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v, w = np.tensordot(to_sheet, places, axes=1)
+        u, v, w = _product(to_sheet, places)
         u, v = u / w, v / w
         for place, origin, count in ((u, sheet_origin[0], sheet_width), (v, sheet_origin[1], sheet_height)):
             mine &= (place >= origin + 1) & (place < origin + count - 2)
@@ -57,8 +63,7 @@ def resample_numpy(
         linear = (1 - fv) * ((1 - fu) * corners[0] + fu * corners[1]) + fv * ((1 - fu) * corners[2] + fu * corners[3])
         nearest = half[v0 + (fv >= 0.5), u0 + (fu >= 0.5)]
         at_half = np.where(smooth, linear, nearest)
-    place = np.stack((u, v, np.ones_like(u)))
-    at_zero, per_voxel = depth_map @ place
+    at_zero, per_voxel = _product(depth_map, (u, v, np.ones_like(u)))
     found = depth[mine]
     here = np.isfinite(at_half)
     found[here] = at_zero[here] + at_half[here] * per_voxel[here]
