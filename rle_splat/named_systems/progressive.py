@@ -148,9 +148,12 @@ def how_many(planes: list[BasePlane], scene: Scene, quality: Quality, fresh_voxe
 
     ``planes``: its base planes.  ``fresh_voxels``: how many visible voxels were not encoded before.
     """
+    left, top, right, bottom = scene.region
+    pixels = (right - left) * (bottom - top)
     pixel_sheets = sum(len(plane.sheets) * plane.width * plane.height for plane in planes)
-    picture = PER_PIXEL_SHEET * pixel_sheets + PER_VOXEL * fresh_voxels
-    preview = PER_PREVIEW_PIXEL * scene.width * scene.height * len(planes)
+    cropped = pixels / (scene.width * scene.height)  # the planes are those of the whole frame
+    picture = PER_PIXEL_SHEET * pixel_sheets * cropped + PER_VOXEL * fresh_voxels
+    preview = PER_PREVIEW_PIXEL * pixels * len(planes)
     speed = thread_count(quality.threads) if compiled(quality.backend) else 1.0 / NUMPY_FACTOR
     if picture < WORTH_WAITING * speed:
         return 0
@@ -163,7 +166,7 @@ def fits(shape_xyz, levels) -> bool:
 
 
 def seen_planes(scene: Scene, index_to_world, shape_xyz, quality: Quality) -> list[BasePlane]:
-    """The base planes that a picture of a grid in the place of the scene's volume is splatted on to."""
+    """The base planes that a picture, not cropped, of a grid in the place of the volume is splatted on to."""
     view = index_view(scene.camera, index_to_world, scene.width, scene.height)
     knobs = (quality.depth_rule, quality.sheet_density, FOOTPRINTS[quality.kernel])
     planes = [base_plane(view, shape_xyz, *pyramid, *knobs) for pyramid in candidate_pyramids(view)]

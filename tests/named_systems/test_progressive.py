@@ -132,6 +132,18 @@ def test_previews_keep_the_optical_depth_in_its_place(stand):
         assert np.abs(places - places[-1]).max() < 0.1
 
 
+def test_a_crop_is_previewed_alone(stand):
+    scene = stand.scene(smooth_shell(36), size=(48, 44), perspective=True)
+    crop = (11, 5, 40, 22)
+    part = (slice(5, 22), slice(11, 40))
+    whole = list(progressive.previews(scene, stand.quality))
+    cropped = list(progressive.previews(replace(scene, crop=crop), stand.quality))
+    for one, other in zip(whole, cropped, strict=True):
+        assert one.level == other.level
+        np.testing.assert_array_equal(one.rendering.rgba[part], other.rendering.rgba)
+        np.testing.assert_array_equal(one.error[part], other.error)
+
+
 @pytest.mark.parametrize("lit", ("plain", "headlight", "lamp"))
 def test_errors_hold_for_sharp_edges_and_bright_colors(stand, lit):
     function = TransferFunction(
