@@ -92,9 +92,10 @@ _TOKEN: queue.SimpleQueue = queue.SimpleQueue()
 _TOKEN.put(None)
 
 
-def kernel(function=None, *, parallel=False, inline="never", exact=False, inner=False):
+def kernel(function=None, *, parallel=False, inline="never", forceinline=False, exact=False, inner=False):
     """Compile a kernel of arrays and scalars in nopython mode, cached on disk, without the GIL.
 
+    ``forceinline``: for a part of another kernel's loop, so that handing it its arrays costs nothing.
     ``exact`` rounds after every operation as numpy does, for values that decide over a step.  ``inner``: only ever
     called by other kernels, which saves compiling its way in from Python and keeping it on disk.  Without numba the
     plain Python function comes back; callers choose the numpy twin instead of calling it.
@@ -104,7 +105,7 @@ def kernel(function=None, *, parallel=False, inline="never", exact=False, inner=
         if numba is None:
             return f
         return numba.njit(
-            nogil=True, cache=not inner, parallel=parallel, inline=inline, error_model="numpy",
+            nogil=True, cache=not inner, parallel=parallel, inline=inline, forceinline=forceinline, error_model="numpy",
             fastmath=False if exact else FASTMATH, no_cpython_wrapper=inner, no_cfunc_wrapper=inner,
         )(f)
 

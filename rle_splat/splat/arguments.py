@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..axes import AXES
+from ..view.base_plane import BasePlane
+
 
 class Tables(NamedTuple):
     """The tables of one principal axis (``encode.tables.RunLengthVolume``).
@@ -42,15 +45,43 @@ class SheetList(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Per sheet pixel.
+    """Per column and row of sheet pixels, for all of them would be as dear to make as to splat.
 
-    ``length``: (H, W) float32 length of the ray per voxel of depth, in world units (extinction) or reference
-    distances (opacity).  ``limits``: (2, H, W) float32 where it begins and ends along the viewing direction,
-    voxels, or None for no limits.
+    The length of the ray through pixel (u, v) per voxel of depth is
+    ``sqrt(along[u] + across[v] + along_slope[u] * across_slope[v])``, float64, in world units (extinction) or
+    reference distances (opacity).  ``limits``: (2, H, W) float32 where it begins and ends along the viewing
+    direction, voxels, or None for no limits.
     """
 
-    length: np.ndarray
+    along: np.ndarray
+    along_slope: np.ndarray
+    across: np.ndarray
+    across_slope: np.ndarray
     limits: np.ndarray | None
+
+    def lengths(self) -> np.ndarray:
+        """(H, W) float32: every pixel's length."""
+        squares = self.along + self.across[:, None] + self.along_slope * self.across_slope[:, None]
+        return np.sqrt(np.maximum(squares, 0.0)).astype(np.float32)
+
+
+def rays_of(plane: BasePlane, length_unit: float, corrected: bool, limits=None) -> Rays:
+    """The rays of a base plane, their lengths counted in ``length_unit``; all of length one if not ``corrected``.
+
+    A ray advances (dx, dy, 1) voxels a slice, dx by its column and dy by its row (algorithm.md 1.4, 5); its world
+    length is the square root of a quadratic form of that.
+    """
+    if limits is not None:
+        limits = np.ascontiguousarray(limits, np.float32)
+    x, y = plane.points()
+    if not corrected:
+        return Rays(np.ones(len(x)), np.zeros(len(x)), np.zeros(len(y)), np.zeros(len(y)), limits)
+    dx, dy = plane.slopes(x, y)
+    dx, dy = np.broadcast_to(dx, x.shape), np.broadcast_to(dy, y.shape)
+    axes = list(AXES[plane.axis])
+    to_world = plane.view.to_world[:, axes] / length_unit
+    ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = to_world.T @ to_world
+    return Rays(dx * (xx * dx + 2.0 * xz) + zz, 2.0 * xy * dx, dy * (yy * dy + 2.0 * yz), np.array(dy), limits)
 
 
 class Wide(NamedTuple):

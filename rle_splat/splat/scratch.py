@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .sheet_row import BLOCK
-from .voxel_scanline import VOXEL_BLOCK
+from .pixel_block import BLOCK
+from .voxel_scanline import WORD
 
 # Rows of scratch from one worker to the next: the shortest rows are a few bytes, and two workers that write to the
 # same cache line slow each other down (measured: two threads were no faster than one).  What is not touched costs
@@ -21,18 +21,23 @@ class Scratch(NamedTuple):
     """What each worker writes on while it walks through the sheets: arrays with the worker (times SPREAD) as
     their first axis, flat behind it unless a shape is given.
 
-    Voxel scanlines, one ``slot`` each: ``lines`` float32, ``touched`` uint8 marks, ``used``, ``reach``
-    (slots, 2) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
-    Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, blocks),
-    the last row for the band as a whole, ``bright`` (BAND, blocks) pixels above one half.
+    ``line``: one voxel scanline, float32, four channels a voxel; all zero between two uses.
+    ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at the end a block that stays
+    transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their blocks that is not empty.
+    ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from.
+    ``reach`` (2,) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
+    Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, words) a
+    bit for each block that is not opaque, the last row for the band as a whole, ``bright`` (BAND, blocks) pixels
+    above one half.
     Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
     ``placed`` for, per block.
     One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet.
     """
 
-    lines: np.ndarray
-    touched: np.ndarray
-    used: np.ndarray
+    line: np.ndarray
+    sheet: np.ndarray
+    marks: np.ndarray
+    row_slot: np.ndarray
     reach: np.ndarray
     live: np.ndarray
     state: np.ndarray
@@ -49,19 +54,20 @@ class Scratch(NamedTuple):
 
 def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
     """Scratch for ``workers`` workers; see ``arguments`` for the rest."""
-    image_width = rays.length.shape[1]
+    image_width = rays.along.size
     blocks = -(-image_width // BLOCK)
+    words = -(-blocks // WORD)
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     coarsest = sheets.scale.min(axis=0)
     stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
-    voxel_blocks = (tables.width + 2 * taps + 3) // VOXEL_BLOCK + 2
-    slots = math.ceil(BAND / coarsest[1]) + lines + 2
+    slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     shapes = {
-        "lines": (4 * VOXEL_BLOCK * voxel_blocks * slots, np.float32), "touched": (voxel_blocks * slots, np.uint8),
-        "used": (slots, np.int64), "reach": (slots, 2, np.int64), "live": (blocks, 2, np.int64),
+        "line": (4 * (tables.width + 2 * taps + 3), np.float32),
+        "sheet": (4 * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
+        "row_slot": (BAND, np.int64), "reach": (2, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, np.float32), "length": (BLOCK * blocks * BAND, np.float32),
-        "alive": (BAND + 1, blocks, np.uint8), "bright": (BAND, blocks, np.int32),
+        "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
         "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32), "length_inside": (BLOCK, np.float32),
         "before": (BLOCK, np.float32),

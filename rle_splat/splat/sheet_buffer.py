@@ -1,9 +1,13 @@
 """The sheet-buffer loop: voxel scanlines and sheet scanlines walked together (section 2.3 of the paper).
 
 The sheet buffer has shrunk to a band of a few scanlines per thread.  Because slices land on the base plane scaled
-and moved but never rotated, a row of the intermediate image depends on two neighbouring voxel scanlines per slice
+and moved but never rotated, a row of the intermediate image depends on a few neighbouring voxel scanlines per slice
 only; so each band takes all its sheets front to back before the next band begins (algorithm.md 1.5 and 1.8).
 Bands are independent: no races, and the same bits for any number of threads.
+
+For each sheet, the voxel scanlines that a band needs are walked run by run and resampled along the scanline, once
+for all rows that share them; then each row mixes its two (or more) scanlines and is composited.  Which blocks of
+pixels that concerns is known from the runs, as bits: nothing else is looked at.
 """
 
 from __future__ import annotations
@@ -14,23 +18,20 @@ import numpy as np
 
 from ..jit import kernel, prange
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
-from .scratch import BAND, SPREAD
-from .sheet_row import (
+from .pixel_block import (
     BLOCK,
-    BLUE,
     CLEAR,
-    GREEN,
-    RED,
     composite_extinction,
-    composite_opacity,
-    gather_samples,
-    gather_wide,
-    note_half_depth,
-    place_taps,
-    place_wide_taps,
-    tally,
+    interleaved,
+    lowest_bit,
+    place_tent,
+    resample_tent,
 )
-from .voxel_scanline import VOXEL_BLOCK, add_runs, clear_touched
+from .scratch import BAND, SPREAD
+from .sheet_row import composite_opacity, mix_blocks, note_half_depth, place_wide_taps, resample_wide
+from .voxel_scanline import ONE_BIT, WORD, add_runs, mark_blocks
+
+NO_BITS = np.uint64(0)
 
 
 @kernel
@@ -40,41 +41,58 @@ def _stretch(widen, scale):
 
 
 @kernel
-def _begin_band(state, lengths, alive, bright, placed, top_row, rows, length, corrected):
+def _begin_band(state, lengths, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope):
     """Clear the rows of a band: no colour, all light; pixels beyond the image are opaque from the start."""
-    image_width = length.shape[1]
+    image_width = along.size
     blocks = placed.size
-    for b in range(blocks):
-        count = min(BLOCK, image_width - b * BLOCK)
-        alive[BAND, b] = 1
-        placed[b] = -1
-        for r in range(rows):
-            alive[r, b] = 1
+    alive[:] = NO_BITS
+    mark_blocks(alive[BAND], 0, blocks - 1)
+    placed[:] = -1
+    state[:] = np.float32(0.0)
+    for r in range(rows):
+        mark_blocks(alive[r], 0, blocks - 1)
+        v = top_row + r
+        for b in range(blocks):
+            first = b * BLOCK
+            count = min(BLOCK, image_width - first)
             bright[r, b] = count
-            at = r * blocks + b
-            row = state[4 * BLOCK * at : 4 * BLOCK * (at + 1)]
-            for i in range(BLOCK):
-                row[RED + i] = row[GREEN + i] = row[BLUE + i] = 0.0
-                row[CLEAR + i] = 1.0 if i < count else 0.0
-                lengths[BLOCK * at + i] = 0.0
+            at = BLOCK * (r * blocks + b)
+            state[4 * at + CLEAR : 4 * at + CLEAR + count] = np.float32(1.0)
             for i in range(count):
-                lengths[BLOCK * at + i] = length[top_row + r, b * BLOCK + i] if corrected else 1.0
+                squared = along[first + i] + across[v] + along_slope[first + i] * across_slope[v]
+                lengths[at + i] = math.sqrt(max(squared, 0.0))
 
 
 @kernel
-def _live_voxels(alive, live, shift, step, radius):
+def _write_rows(state, rows, image_width, pixels):
+    """The finished rows of a band, block by block, to ``pixels``, flat, four channels a pixel."""
+    blocks = -(-image_width // BLOCK)
+    for r in range(rows):
+        for b in range(blocks):
+            row, to = 4 * BLOCK * (r * blocks + b), 4 * (r * image_width + b * BLOCK)
+            count = min(BLOCK, image_width - b * BLOCK)
+            if count == BLOCK:
+                interleaved(state, row, pixels, to)
+                continue
+            for i in range(count):
+                for channel in range(4):
+                    pixels[to + 4 * i + channel] = state[row + BLOCK * channel + i]
+
+
+@kernel(forceinline=True)
+def _live_voxels(alive, blocks, live, shift, step, radius):
     """The voxel intervals that the footprints of the band's live blocks reach; their number.
 
-    A pixel u reads voxels up to ``radius`` from x = (u - shift) / step.
+    ``alive``: (words,) a bit a block.  A pixel u reads voxels up to ``radius`` from x = (u - shift) / step.
     """
     count = 0
     b = 0
-    while b < alive.size:
-        if alive[b] == 0:
+    while b < blocks:
+        if (alive[b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
             b += 1
             continue
         first = b
-        while b < alive.size and alive[b] != 0:
+        while b < blocks and (alive[b // WORD] >> np.uint64(b % WORD)) & ONE_BIT != NO_BITS:
             b += 1
         low = math.floor((first * BLOCK - shift) / step - radius)
         high = math.ceil((b * BLOCK - 1 - shift) / step + radius) + 1
@@ -87,90 +105,115 @@ def _live_voxels(alive, live, shift, step, radius):
     return count
 
 
-@kernel
-def _decode_sheet(
-    pointers, data_starts, runs, voxels, decoding, width, first_slice, slice_weights, kind, radius_u, radius_v, margin,
-    shift_u, step_u, shift, step, top_row, rows, lines, touched, used, reach, live, band_alive,
+@kernel(forceinline=True)
+def _splat_sheet(
+    pointers, data_starts, runs, voxels, decoding, width, number, first_slice, slice_weights, wide, margin, shift_u,
+    scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, reach, live, band_alive, cells, weights,
+    placed, samples,
 ):
-    """Blend the voxel scanlines that a band needs from the slices that reach a sheet.
+    """The scanlines of one sheet that a band is splatted from, resampled along the scanline, each in a slot.
 
-    ``slice_weights``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``, ``step_u``, ``shift``, ``step``:
-    sheet pixel = step * voxel + shift, along and across scanlines; ``radius_u``, ``radius_v`` of the footprint.
-    ``margin``: voxels of zeros before a scanline's first.
-    Returns the first scanline (slot 0), the number of slots, whether anything was found, and whether every pixel
-    of the band is already opaque.
+    ``number``: of the sheet.  ``slice_weights``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``,
+    ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift, along and across scanlines.
+    ``margin``: voxels of zeros before a scanline's first.  Other arrays: see ``Tables`` and ``Scratch``.
+    Returns whether anything was found, and whether every pixel of the band is already opaque.
     """
     n_slices, n_scanlines = pointers.shape
-    voxel_blocks = touched.size // used.size
-    pitch = 4 * VOXEL_BLOCK * voxel_blocks
-    taps = tap_count(radius_v)
-    first_line = first_tap(kind, (top_row - shift) / step, radius_v)
+    blocks = placed.size
+    kind, stretch_u, radius_u, radius_v = TENT, 1.0, 1.0, 1.0
+    if wide is not None:
+        kind, radius, widen = wide
+        stretch_u = _stretch(widen, scale_u)
+        radius_u, radius_v = radius * stretch_u, radius * _stretch(widen, scale_v)
+    taps_u, taps_v = tap_count(radius_u), tap_count(radius_v)
+    step = 1.0 / scale_u
+    # Pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach.
+    low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
     found = False
     live_count = -1
-    tapped = first_line - 1  # the last scanline dealt with
+    slot = -1  # the slot of the scanline dealt with last
+    tapped = first_tap(kind, (top_row - shift_v) / scale_v, radius_v) - 1  # and its number
     for r in range(rows):
-        j = first_tap(kind, (top_row + r - shift) / step, radius_v)
-        for line in range(max(j, tapped + 1), j + taps):
-            tapped = line
-            slot = line - first_line
-            used[slot] = 0
-            reach[slot, 0] = width + margin
-            reach[slot, 1] = 0
-            if line < 0 or line >= n_scanlines:
+        first_line = first_tap(kind, (top_row + r - shift_v) / scale_v, radius_v)
+        if first_line > tapped:
+            tapped = first_line - 1
+        row_slot[r] = slot + first_line - tapped
+        for scanline in range(tapped + 1, first_line + taps_v):
+            tapped = scanline
+            slot += 1
+            marks[slot, :] = NO_BITS
+            if scanline < 0 or scanline >= n_scanlines:
                 continue
+            reach[0] = width + margin
+            reach[1] = 0
             for deeper in range(slice_weights.size):
                 k = first_slice + deeper
                 weight = slice_weights[deeper]
                 if weight == 0.0 or k < 0 or k >= n_slices:
                     continue
-                run = pointers[k, line]
+                run = pointers[k, scanline]
                 if run < 0:  # the paper's flag: nothing on this scanline
                     continue
                 if live_count < 0:
-                    live_count = _live_voxels(band_alive, live, shift_u, step_u, radius_u)
+                    live_count = _live_voxels(band_alive, blocks, live, shift_u, scale_u, radius_u)
                     if live_count == 0:
-                        return first_line, 0, False, True
+                        return False, True
                 add_runs(
-                    lines, pitch * slot, touched, voxel_blocks * slot, reach[slot], margin, weight, runs, run, voxels,
-                    decoding, data_starts[k, line], width, live, live_count,
+                    line, reach, margin, marks[slot], scale_u, shift_u, radius_u, weight, runs, int(run), voxels,
+                    decoding, data_starts[k, scanline], width, live, live_count,
                 )
-                used[slot] = 1
-                found = True
-    return first_line, tapped - first_line + 1, found, False
+            if reach[1] == 0:
+                continue
+            found = True
+            for word in range(band_alive.size):
+                bits = marks[slot, word] & band_alive[word]
+                marks[slot, word] = bits
+                while bits != NO_BITS:
+                    b = word * WORD + lowest_bit(bits)
+                    bits &= bits - ONE_BIT
+                    at = 4 * BLOCK * (slot * blocks + b)
+                    if placed[b] != number:  # the taps are the same for all scanlines of the sheet
+                        placed[b] = number
+                        start = (b * BLOCK - shift_u) * step + margin
+                        if wide is None:
+                            place_tent(cells, weights, BLOCK * b, start, step, top)
+                        else:
+                            place_wide_taps(
+                                cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, kind,
+                                stretch_u, radius_u, start, step, low_end, top,
+                            )
+                    if wide is None:
+                        resample_tent(line, cells, weights, BLOCK * b, sheet, at)
+                    else:
+                        resample_wide(
+                            line, cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, samples,
+                            sheet, at,
+                        )
+            line[4 * reach[0] : 4 * reach[1]] = 0.0
+    return found, False
 
 
 @kernel
-def _blend_lines(kind, y, radius, stretch, first_line, lines, touched, used, reach, pitch, voxel_blocks):
-    """Blend the scanlines around ``y`` into the last slot by a footprint of any height; whether there is anything."""
-    target = used.size - 1
+def _add_scanlines(kind, y, radius, stretch, slot, b, blocks, sheet, marks, to):
+    """sheet[to:] = block ``b`` of the scanlines from ``slot`` on, by a footprint of any height around ``y``."""
     first = first_tap(kind, y, radius)
     taps = tap_count(radius)
+    mixed = sheet[to : to + 4 * BLOCK]
+    mixed[:] = np.float32(0.0)
     total = 0.0
-    found = False
     for tap in range(taps):
         total += footprint_weight(kind, (y - (first + tap)) / stretch)
-        found |= used[first + tap - first_line] != 0
-    if not found:
-        return False
-    reach[target, 0] = reach[first - first_line, 0]
-    reach[target, 1] = 0
     for tap in range(taps):
-        slot = first + tap - first_line
-        weight = np.float32(footprint_weight(kind, (y - (first + tap)) / stretch) / total)
-        if used[slot] == 0 or weight == 0.0:
+        if (marks[slot + tap, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
             continue
-        reach[target, 0] = min(reach[target, 0], reach[slot, 0])
-        reach[target, 1] = max(reach[target, 1], reach[slot, 1])
-        for block in range(voxel_blocks):
-            if touched[voxel_blocks * slot + block] != 0:
-                touched[voxel_blocks * target + block] = 1
-                source, to = pitch * slot + 4 * VOXEL_BLOCK * block, pitch * target + 4 * VOXEL_BLOCK * block
-                for i in range(4 * VOXEL_BLOCK):
-                    lines[to + i] += weight * lines[source + i]
-    return True
+        weight = np.float32(footprint_weight(kind, (y - (first + tap)) / stretch) / total)
+        at = 4 * BLOCK * ((slot + tap) * blocks + b)
+        block = sheet[at : at + 4 * BLOCK]
+        for i in range(4 * BLOCK):
+            mixed[i] += weight * block[i]
 
 
-@kernel
+@kernel(forceinline=True)
 def _inside_limits(limits, v, first_pixel, count, begin, end, length, length_inside):
     """Shorten the rays of one block to the part of a slab between the near clip and the first mesh or far clip."""
     for i in range(count):
@@ -179,182 +222,147 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, length, length_ins
         length_inside[i] = length[i] * np.float32(min(max(1.0 - (ahead + behind) / (end - begin), 0.0), 1.0))
 
 
-@kernel
+@kernel(forceinline=True)
 def _composite_sheet(
-    sheet, shift_u, scale_u, shift_v, scale_v, begin, end, thickness, wide, margin, first_line, top_row, rows,
-    image_width, limits, least, additive_opacity, width, lines, touched, used, reach, state, lengths, alive,
-    bright, cells, weights, placed, samples, length_inside, before, half,
+    shift_v, scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet,
+    marks, row_slot, state, lengths, alive, bright, blocks, length_inside, before, half,
 ):
-    """One sheet over the rows of a band: footprints added, sheet composited; whether a block became opaque.
+    """One sheet over the rows of a band: its scanlines mixed, the row composited; whether a block became opaque.
 
-    ``shift_u``, ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift; ``begin``, ``end``: the
-    slab; ``margin``: voxels before a scanline's first.  Arrays: see ``Scratch`` and ``splat_rows``.  (Separate
-    arrays, not tuples of them, and one call a sheet: numba counts references at every hand-over.)
+    ``shift_v``, ``scale_v``: sheet row = scale * scanline + shift; ``begin``, ``end``: the slab.  Arrays: see
+    ``Scratch`` and ``splat_rows``.  (Separate arrays, not tuples of them, and one call a sheet: numba counts
+    references at every hand-over.)
     """
-    blocks = placed.size
-    voxel_blocks = touched.size // used.size
-    pitch = 4 * VOXEL_BLOCK * voxel_blocks
-    step = 1.0 / scale_u
-    kind, stretch_u, stretch_v, radius_u, radius_v = TENT, 1.0, 1.0, 1.0, 1.0
+    transparent = sheet.size - 8 * BLOCK  # a block that nothing is ever written to
+    mixed = sheet.size - 4 * BLOCK
+    kind, stretch_v, radius_v, taps = TENT, 1.0, 1.0, 2
     if wide is not None:
         kind, radius, widen = wide
-        stretch_u, stretch_v = _stretch(widen, scale_u), _stretch(widen, scale_v)
-        radius_u, radius_v = radius * stretch_u, radius * stretch_v
-    taps = tap_count(radius_u)
-    # Pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach.
-    low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
+        stretch_v = _stretch(widen, scale_v)
+        radius_v = radius * stretch_v
+        taps = tap_count(radius_v)
     died = False
     for r in range(rows):
         v = top_row + r
         y = (v - shift_v) / scale_v
-        slot = first_tap(kind, y, radius_v) - first_line
-        down = np.float32(0.0)
-        next_slot = slot
-        if wide is None:  # two lines, mixed as they are read
-            if used[slot] == 0 and used[slot + 1] == 0:
-                continue
-            down = np.float32(y - (slot + first_line))
-            next_slot = slot + 1
-        else:
-            if not _blend_lines(
-                kind, y, radius_v, stretch_v, first_line, lines, touched, used, reach, pitch, voxel_blocks
-            ):
-                continue
-            slot = next_slot = used.size - 1
-        mark, next_mark = voxel_blocks * slot, voxel_blocks * next_slot
-        # Only pixels whose taps can reach a touched voxel.
-        first_u = (min(reach[slot, 0], reach[next_slot, 0]) - margin - radius_u) * scale_u + shift_u
-        last_u = (max(reach[slot, 1], reach[next_slot, 1]) - margin + radius_u) * scale_u + shift_u
-        for b in range(max(int(first_u) // BLOCK, 0), min(int(max(last_u, 0.0)) // BLOCK + 1, blocks)):
-            if alive[r, b] == 0:
-                continue
-            start = (b * BLOCK - shift_u) * step + margin
-            low, high = max(start, low_end), min(start + (BLOCK - 1) * step, top)
-            hit = False
-            first_voxel = max(int(low - radius_u), 0)
-            for block in range(first_voxel // VOXEL_BLOCK, int(max(high + radius_u, 0.0)) // VOXEL_BLOCK + 1):
-                if touched[mark + block] != 0 or touched[next_mark + block] != 0:
-                    hit = True
-                    break
-            if not hit:
-                continue
-            block_cells = cells[BLOCK * b : BLOCK * (b + 1)]
-            block_weights = weights[BLOCK * taps * b : BLOCK * taps * (b + 1)]
-            if placed[b] != sheet:  # the taps are the same for all rows of the band
-                placed[b] = sheet
+        slot = row_slot[r]
+        down = np.float32(y - first_tap(kind, y, radius_v))
+        for word in range(alive.shape[1]):
+            bits = NO_BITS
+            for tap in range(taps):
+                bits |= marks[slot + tap, word]
+            bits &= alive[r, word]
+            while bits != NO_BITS:
+                lowest = lowest_bit(bits)
+                b = word * WORD + lowest
+                bit = ONE_BIT << np.uint64(lowest)
+                bits ^= bit
+                upper = lower = mixed
                 if wide is None:
-                    place_taps(block_cells, block_weights, start, step, top)
+                    upper = 4 * BLOCK * (slot * blocks + b) if marks[slot, word] & bit != NO_BITS else transparent
+                    lower = transparent
+                    if marks[slot + 1, word] & bit != NO_BITS:
+                        lower = 4 * BLOCK * ((slot + 1) * blocks + b)
                 else:
-                    place_wide_taps(
-                        block_cells, block_weights, taps, kind, stretch_u, radius_u, start, step, low_end, top
+                    _add_scanlines(kind, y, radius_v, stretch_v, slot, b, blocks, sheet, marks, mixed)
+                at = r * blocks + b
+                first_pixel = b * BLOCK
+                count = min(BLOCK, image_width - first_pixel)
+                length, deep = lengths, BLOCK * at
+                if limits is not None:
+                    _inside_limits(
+                        limits, v, first_pixel, count, begin, end, lengths[BLOCK * at : BLOCK * (at + 1)], length_inside
                     )
-            if wide is None:
-                gather_samples(samples, lines, pitch * slot, pitch, down, block_cells, block_weights)
-            else:
-                gather_wide(samples, lines, pitch * slot, block_cells, block_weights, taps)
-            at = r * blocks + b
-            row = state[4 * BLOCK * at : 4 * BLOCK * (at + 1)]
-            length = lengths[BLOCK * at : BLOCK * (at + 1)]
-            first_pixel = b * BLOCK
-            count = min(BLOCK, image_width - first_pixel)
-            if limits is not None:
-                _inside_limits(limits, v, first_pixel, count, begin, end, length, length_inside)
-                length = length_inside
-            if additive_opacity is not None:
-                composite_opacity(row, samples, length, thickness, before, least)
-            else:
-                composite_extinction(row, samples, length, thickness, before, least)
-            live_pixels, bright_pixels = tally(row, least)
-            if bright_pixels != bright[r, b]:
-                bright[r, b] = bright_pixels
-                note_half_depth(row, before, begin, end, half[v, first_pixel : first_pixel + count], count)
-            if limits is not None:  # a ray that has reached its end is done as well
-                live_pixels = 0
-                for i in range(count):
-                    live_pixels += np.int32(row[CLEAR + i] >= least and limits[1, v, first_pixel + i] > end)
-            if live_pixels == 0:
-                alive[r, b] = 0
-                died = True
-        if wide is not None:
-            clear_touched(lines, pitch * slot, touched, mark, voxel_blocks)
+                    length, deep = length_inside, 0
+                row = 4 * BLOCK * at
+                if additive_opacity is not None:
+                    if wide is None:
+                        mix_blocks(sheet, upper, lower, down, mixed)
+                    pixels = composite_opacity(sheet, mixed, length, deep, thickness, least, state, row, before)
+                else:
+                    pixels = composite_extinction(
+                        sheet, upper, lower, down, length, deep, thickness, least, state, row, before
+                    )
+                bright_pixels = pixels >> 8
+                if bright_pixels != bright[r, b]:
+                    bright[r, b] = bright_pixels
+                    note_half_depth(
+                        before, state, row + CLEAR, begin, end, half[v, first_pixel : first_pixel + count], count
+                    )
+                live_pixels = pixels & 255
+                if limits is not None:  # a ray that has reached its end is done as well
+                    live_pixels = 0
+                    for i in range(count):
+                        live_pixels += state[row + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
+                if live_pixels == 0:
+                    alive[r, word] ^= bit
+                    died = True
     return died
 
 
 @kernel
 def _splat_band(
-    tables, sheets, rays, wide, least, additive_opacity, corrected, top_row, rows, worker, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, top_row, rows, worker, scratch, out, half
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, voxels, decoding, width = tables
     first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
-    path_length, limits = rays
-    kind, radius, widen = TENT, 1.0, False
+    along, along_slope, across, across_slope, limits = rays
+    radius, widen = 1.0, False
     if wide is not None:
-        kind, radius, widen = wide
+        _, radius, widen = wide
     mine = worker * SPREAD
-    lines, touched = scratch.lines[mine], scratch.touched[mine]
-    used, reach = scratch.used[mine], scratch.reach[mine]
-    live, state, length = scratch.live[mine], scratch.state[mine], scratch.length[mine]
+    line, sheet_buffer, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
+    row_slot, reach, live = scratch.row_slot[mine], scratch.reach[mine], scratch.live[mine]
+    state, length = scratch.state[mine], scratch.length[mine]
     alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
     cells, weights, samples = scratch.cells[mine], scratch.weights[mine], scratch.samples[mine]
     length_inside, before = scratch.length_inside[mine], scratch.before[mine]
     n_scanlines = pointers.shape[1]
-    image_width = path_length.shape[1]
+    image_width = along.size
     blocks = placed.size
-    voxel_blocks = touched.size // used.size
-    pitch = 4 * VOXEL_BLOCK * voxel_blocks
-    margin = weights.size // cells.size  # as many voxels as a footprint has taps
+    margin = weights.size // cells.size if wide is not None else 1  # as many voxels as a footprint reaches
     band_alive = alive[BAND]
-    _begin_band(state, length, alive, bright, placed, top_row, rows, path_length, corrected)
+    _begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
     for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
-        radius_u = radius * _stretch(widen, scale[sheet, 0])
         radius_v = radius * _stretch(widen, step)
         first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
         if last_y <= -radius_v or first_y >= n_scanlines - 1 + radius_v:
             continue
-        first_line, slots, found, opaque = _decode_sheet(
-            pointers, data_starts, runs, voxels, decoding, width, first_slice[sheet], slice_weights[sheet], kind,
-            radius_u, radius_v, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, lines, touched,
-            used, reach, live, band_alive,
+        found, opaque = _splat_sheet(
+            pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights[sheet],
+            wide, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, line, sheet_buffer, marks,
+            row_slot, reach, live, band_alive, cells, weights, placed, samples,
         )
         if opaque:
             break  # early termination
         if not found:
             continue
         died = _composite_sheet(
-            sheet, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], end[sheet],
-            np.float32(thickness[sheet]), wide, margin, first_line, top_row, rows, image_width, limits,
-            least, additive_opacity, width, lines, touched, used, reach, state, length, alive, bright, cells, weights,
-            placed, samples, length_inside, before, half,
+            shift, step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width,
+            limits, least, additive_opacity, sheet_buffer, marks, row_slot, state, length, alive, bright, blocks,
+            length_inside, before, half,
         )
-        for slot in range(slots):
-            if used[slot] != 0:
-                used[slot] = 0
-                clear_touched(lines, pitch * slot, touched, voxel_blocks * slot, voxel_blocks)
         if died:
-            for b in range(blocks):
-                band_alive[b] = 0
-                for r in range(rows):
-                    band_alive[b] |= alive[r, b]
-    for r in range(rows):
-        for u in range(image_width):
-            at = 4 * BLOCK * (r * blocks + u // BLOCK) + u % BLOCK
-            for channel in range(4):
-                out[top_row + r, u, channel] = state[at + BLOCK * channel]
+            band_alive[:] = NO_BITS
+            for r in range(rows):
+                for word in range(band_alive.size):
+                    band_alive[word] |= alive[r, word]
+    _write_rows(state, rows, image_width, out[top_row : top_row + rows].reshape(-1))
 
 
 @kernel(parallel=True)
 def splat_rows(
-    tables, sheets, rays, wide, least, additive_opacity, corrected, first_row, last_row, workers, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, workers, scratch, out, half
 ):
     """Rows [first_row, last_row) of the intermediate image.
 
     ``tables``, ``sheets``, ``rays``, ``wide``: see ``arguments``.  ``least``: float32 transmittance at which a pixel
-    is opaque.  ``additive_opacity``: True for the paper's model in place of extinction, else None.  ``corrected``:
-    whether the length of rays counts.  What is None is not even compiled: numba makes a kernel of its own, when it
-    is first needed, for each combination of footprint, model and limits.
+    is opaque.  ``additive_opacity``: True for the paper's model in place of extinction, else None.  What is None is
+    not even compiled: numba makes a kernel of its own, when it is first needed, for each combination of footprint,
+    model and limits.
     Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
     viewing direction at which the transmittance falls below one half, left alone where it does not.
     """
@@ -365,6 +373,6 @@ def splat_rows(
         for band in range(worker, bands, workers):
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, wide, least, additive_opacity, corrected, top_row,
+                tables, sheets, rays, wide, least, additive_opacity, top_row,
                 min(BAND, last_row - top_row), worker, scratch, out, half,
             )

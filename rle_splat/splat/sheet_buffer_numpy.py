@@ -60,11 +60,11 @@ def _opacity(samples, exponent):
     return opacity, ONE - opacity, np.maximum(added, TINY)
 
 
-def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, corrected, pixels, half):
+def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
     n_slices = tables.pointers.shape[0]
-    length = rays.length if corrected else np.ones((height, width), np.float32)
+    length = rays.lengths()
     limits = rays.limits
     pixels[..., :3], pixels[..., 3] = 0.0, 1.0
     kind, _, widen = wide or (TENT, 1.0, False)

@@ -9,7 +9,7 @@ from ..jit import compiled, parallel_call, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
-from .arguments import Rays, SheetList, Tables, Wide
+from .arguments import SheetList, Tables, Wide, rays_of
 from .intermediate_image import IntermediateImage
 from .scratch import BAND, scratch_for
 from .sheet_buffer import splat_rows
@@ -47,10 +47,7 @@ def splat_steps(
         placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale,
         plane.offset,
     )
-    rays = Rays(
-        (plane.path_length() / np.float32(length_unit)).astype(np.float32),
-        None if limits is None else np.ascontiguousarray(limits, np.float32),
-    )
+    rays = rays_of(plane, length_unit, quality.length_correction, limits)
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
@@ -59,7 +56,7 @@ def splat_steps(
     wide = None
     if footprint.kind != TENT or widen:
         wide = Wide(footprint.kind, footprint.radius, widen)
-    model = (least, True if quality.model == "opacity" else None, quality.length_correction)
+    model = (least, True if quality.model == "opacity" else None)
     if not compiled(quality.backend):
         yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, pixels, half)
         return IntermediateImage(plane, pixels, half)

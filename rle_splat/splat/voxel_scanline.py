@@ -1,31 +1,53 @@
-"""The voxel scanline: runs of non-transparent voxels added into the scanline of a sheet.
+"""The voxel scanline: runs of non-transparent voxels added to a scanline of voxels, and marked in the sheet's.
 
-Only runs inside the spans of the row that are not yet opaque are touched, so both coherences of the paper meet
+Only runs inside the spans of the rows that are not yet opaque are touched, so both coherences of the paper meet
 here: the volume's (runs) and the image's (live spans).
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..jit import kernel
 from ..lanes import add4, add_coded
+from .pixel_block import BLOCK
 
-VOXEL_BLOCK = 8  # voxels of a scanline that share one "touched" mark
+WORD = 64  # blocks of a scanline that share one word of marks
+ONE_BIT, ALL_BITS = np.uint64(1), np.uint64(2**64 - 1)
+BLOCK_BITS = BLOCK.bit_length() - 1
+BEFORE = 1 << 20  # blocks added before a position is cut to a whole number, so that cutting rounds down
 
 
-@kernel
+@kernel(forceinline=True)
+def mark_blocks(marks, first, last):
+    """Set the marks, a bit each, of blocks ``first`` to ``last`` (inclusive) in ``marks`` (words,) uint64."""
+    first, last = max(first, 0), min(last, marks.size * WORD - 1)
+    while first <= last:
+        word = first // WORD
+        end = min(last, word * WORD + WORD - 1)
+        marks[word] |= (ALL_BITS >> np.uint64(WORD - 1 - (end - first))) << np.uint64(first - word * WORD)
+        first = end + 1
+
+
+@kernel(forceinline=True)
 def add_runs(
-    lines, line, touched, mark, reach, margin, weight, runs, run, voxels, decoding, voxel, width, live, live_count
+    line, reach, margin, marks, scale, shift, radius, weight, runs, run, voxels, decoding, voxel, width, live,
+    live_count,
 ):
-    """Add ``weight`` times the voxels of one scanline that lie in live spans to one line of the sheet.
+    """Add ``weight`` times the voxels of one scanline that lie in live spans to ``line``.
 
-    ``lines[line:]``: flat float32, four channels a voxel, index 0 is voxel ``-margin``.  ``touched[mark:]``: uint8
-    mark per VOXEL_BLOCK of shifted voxels.  ``reach``: (2,) first and last shifted voxel touched, widened.
+    ``line``: flat float32, four channels a voxel, index 0 is voxel ``-margin``.  ``reach``: (2,) first voxel of the
+    line touched and the one behind the last, widened.  ``marks``: (words,) uint64, a bit for each block of sheet
+    pixels u = ``scale`` * voxel + ``shift`` that a footprint of ``radius`` voxels around a touched one can reach.
     ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``: flat
     records, float32 or, with a ``decoding``, codes; the first of this scanline is number ``voxel``.  ``live``: (n, 2)
     half-open voxel intervals, ascending.
     """
+    left = shift - radius * scale + BEFORE * BLOCK
+    right = shift + (radius - 1.0) * scale + 1.0 + BEFORE * BLOCK
     x = 0
     span = 0
+    touched_first, touched_last = width, 0
     while x < width:
         x += int(runs[run])
         if x >= width:
@@ -41,27 +63,19 @@ def add_runs(
             first = max(x, live[s, 0])
             last = min(end, live[s, 1])
             source = voxel + first - x
-            for i in range(first, last):
+            for i in range(first + margin, last + margin):
                 if decoding is None:
-                    add4(voxels, 4 * source, weight, lines, line + 4 * (i + margin))
+                    add4(voxels, 4 * source, weight, line, 4 * i)
                 else:
-                    add_coded(voxels, source, decoding, weight, lines, line + 4 * (i + margin))
+                    add_coded(voxels, source, decoding, weight, line, 4 * i)
                 source += 1
-            reach[0] = min(reach[0], first + margin)
-            reach[1] = max(reach[1], last - 1 + margin)
-            for block in range((first + margin) // VOXEL_BLOCK, (last - 1 + margin) // VOXEL_BLOCK + 1):
-                touched[mark + block] = 1
+            touched_first, touched_last = min(touched_first, first), last
+            mark_blocks(
+                marks, (int(first * scale + left) >> BLOCK_BITS) - BEFORE,
+                (int(last * scale + right) >> BLOCK_BITS) - BEFORE,
+            )
             s += 1
         voxel += end - x
         x = end
-
-
-@kernel
-def clear_touched(lines, line, touched, mark, blocks):
-    """Zero what ``add_runs`` wrote to one line, and its marks."""
-    for block in range(blocks):
-        if touched[mark + block] != 0:
-            touched[mark + block] = 0
-            first = line + 4 * VOXEL_BLOCK * block
-            for i in range(first, first + 4 * VOXEL_BLOCK):
-                lines[i] = 0.0
+    reach[0] = min(reach[0], touched_first + margin)
+    reach[1] = max(reach[1], touched_last + margin if touched_last > 0 else 0)

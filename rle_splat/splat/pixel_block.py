@@ -1,0 +1,213 @@
+"""A block of BLOCK pixels of a sheet's scanline in vector registers: footprints added, sheet composited.
+
+Blocks are planar: BLOCK numbers of red, then green, blue and the fourth channel, which is extinction (or opacity) in
+a sheet and transmittance in the row behind it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..jit import numba
+
+BLOCK = 16  # pixels handled together; a multiple of every SIMD width in use
+RED, GREEN, BLUE, CLEAR = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block; CLEAR is transmittance
+
+LOG2E = 1.0 / math.log(2.0)
+# 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!, relative error below float32's rounding.
+EXPONENTIAL = [float(np.float32(math.log(2.0) ** n / math.factorial(n))) for n in range(1, 8)]
+TINY = float(np.float32(1e-37))  # keeps 0/0 out of colour = associated colour / extinction
+MOST = 126.0  # exponent at which a sheet is opaque and 2**-n is still a normal number
+
+if numba is not None:
+    from llvmlite import ir
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    from ..vectors import DOUBLE, INTEGER, Vector, count_lanes, place, transpose4
+
+    def _planes(context, builder, array_type, array, at):
+        """Loads the four planes of the block at float number ``at``."""
+        return [
+            Vector.load(
+                builder, place(context, builder, array_type, array, builder.add(at, ir.Constant(at.type, plane))), BLOCK
+            )
+            for plane in (RED, GREEN, BLUE, CLEAR)
+        ]
+
+    def _transmitted(tau2):
+        """2**-tau2 as a product (power, 1 + p): p without cancellation, power exact."""
+        whole = (tau2 + 0.5).truncated()
+        rest = whole.as_float() - tau2
+        p = rest * EXPONENTIAL[-1]
+        for term in EXPONENTIAL[-2::-1]:
+            p = (p + term) * rest
+        zero = Vector(tau2.builder, ir.Constant(whole.value.type, [0] * BLOCK))
+        negated = Vector(tau2.builder, tau2.builder.sub(zero.value, whole.value))
+        return negated.power_of_two(), p
+
+    @intrinsic
+    def place_tent(typing, cells, fractions, to, start, step, top):
+        """Where the samples of one block lie on a scanline: float index of the left voxel, fraction to the right one.
+
+        ``start``, ``step`` and ``top``, the last valid coordinate: float64, in voxels, shifted by one: index 0 of a
+        scanline is voxel -1, and the outermost voxels are zero.  Out: ``cells`` int32 and ``fractions`` float32, from
+        number ``to`` on.
+        """
+
+        def generate(context, builder, signature, arguments):
+            cells, fractions, to, start, step, top = arguments
+            start, step, top = (Vector.spread(builder, number, BLOCK) for number in (start, step, top))
+            pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
+            x = (start + pixels * step).most(0.0).least(top)
+            cell = x.truncated()
+            (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
+            four = Vector(builder, builder.shl(cell.value, ir.Constant(ir.VectorType(INTEGER, BLOCK), [2] * BLOCK)))
+            four.store(place(context, builder, signature.args[0], cells, to))
+            return context.get_dummy_value()
+
+        numbers = (types.float64,) * 3
+        return types.void(cells, fractions, types.intp, *numbers), generate
+
+    @intrinsic
+    def resample_tent(typing, line, cells, fractions, first, sheet, at):
+        """The tent footprint along a scanline: a block of sheet pixels, each between two voxels.
+
+        ``line``: flat float32, four channels a voxel.  ``cells`` and ``fractions``, from number ``first`` on: index of
+        the left voxel's first float, int32, and float32 fraction to the right one.  Out: ``sheet`` from ``at`` on.
+        """
+
+        def generate(context, builder, signature, arguments):
+            line, cells, fractions, first, sheet, at = arguments
+            line_type, cells_type, fractions_type, _, sheet_type, _ = signature.args
+
+            def number(n):
+                return ir.Constant(at.type, n)
+
+            for group in range(0, BLOCK, 4):
+                mixed = []
+                for i in range(group, group + 4):
+                    which = builder.add(first, number(i))
+                    cell = builder.sext(builder.load(place(context, builder, cells_type, cells, which)), at.type)
+                    fraction = builder.load(place(context, builder, fractions_type, fractions, which))
+                    left = Vector.load(builder, place(context, builder, line_type, line, cell), 4)
+                    after = place(context, builder, line_type, line, builder.add(cell, number(4)))
+                    right = Vector.load(builder, after, 4)
+                    mixed.append(left + (right - left) * Vector.spread(builder, fraction, 4))
+                for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), transpose4(mixed), strict=True):
+                    lanes.store(place(context, builder, sheet_type, sheet, builder.add(at, number(plane + group))))
+            return context.get_dummy_value()
+
+        arguments = (line, cells, fractions, types.intp, sheet, types.intp)
+        return types.void(*arguments), generate
+
+    @intrinsic
+    def composite_extinction(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
+        """One block of one sheet of extinction over the row: the exact solution of a homogeneous slab.
+
+        ``sheet``: associated colour and extinction of the scanlines at ``at`` and ``below``, ``down`` the fraction
+        (float32) towards the latter.  ``depth[deep:]``: float32 world length of the rays per voxel of ``thickness``.
+        ``least``: transmittance at which a pixel is opaque.  ``state[row:]``: the block so far; ``before`` (BLOCK,)
+        is where its transmittance ahead of this sheet goes.
+        C += T * (1 - exp(-tau)) * Q / tau ;  T *= exp(-tau)   (algorithm.md 1.6).  1 - exp is formed without
+        cancellation, as (1 - 2**-n) - 2**-n * (2**r - 1).
+        Returns how many pixels are not yet opaque, plus 256 times how many have at least half their light left.
+        """
+
+        def generate(context, builder, signature, arguments):
+            sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
+            sheet_type, depth_type, state_type = signature.args[0], signature.args[4], signature.args[8]
+            upper = _planes(context, builder, sheet_type, sheet, at)
+            lower = _planes(context, builder, sheet_type, sheet, below)
+            down = Vector.spread(builder, down, BLOCK)
+            red, green, blue, sigma = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
+            length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
+            length = length * Vector.spread(builder, thickness, BLOCK)
+            power, p = _transmitted((sigma * length * LOG2E).least(MOST))
+            so_far = _planes(context, builder, state_type, state, row)
+            clear = so_far[3]
+            clear.store(place(context, builder, signature.args[10], before, ir.Constant(row.type, 0)))
+            least = Vector.spread(builder, least, BLOCK)
+            alive = clear.at_least(least)
+            passed = power * p
+            one = Vector(builder, clear.like(1.0))
+            weight = clear.where(alive, 0.0) * (one - power - passed) / sigma.most(TINY)
+            clear = (clear * (power + passed)).where(alive, clear)
+            planes = (*(c + weight * q for c, q in zip(so_far, (red, green, blue), strict=False)), clear)
+            for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), planes, strict=True):
+                lanes.store(place(
+                    context, builder, state_type, state, builder.add(row, ir.Constant(row.type, plane))
+                ))
+            left = count_lanes(builder, clear.at_least(least), BLOCK)
+            bright = count_lanes(builder, clear.at_least(0.5), BLOCK)
+            return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
+
+        arguments = (
+            sheet, types.intp, types.intp, types.float32, depth, types.intp, types.float32, types.float32, state,
+            types.intp, before,
+        )
+        return types.int64(*arguments), generate
+
+    @intrinsic
+    def planar(typing, samples, sheet, at):
+        """A block of samples, four channels a pixel, to planes of ``sheet`` from ``at`` on."""
+
+        def generate(context, builder, signature, arguments):
+            samples, sheet, at = arguments
+            samples_type, sheet_type, _ = signature.args
+            for group in range(0, BLOCK, 4):
+                pixels = [
+                    Vector.load(
+                        builder,
+                        place(context, builder, samples_type, samples, ir.Constant(at.type, 4 * (group + i))), 4,
+                    )
+                    for i in range(4)
+                ]
+                for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), transpose4(pixels), strict=True):
+                    to = builder.add(at, ir.Constant(at.type, plane + group))
+                    lanes.store(place(context, builder, sheet_type, sheet, to))
+            return context.get_dummy_value()
+
+        return types.void(samples, sheet, types.intp), generate
+
+    @intrinsic
+    def interleaved(typing, state, row, pixels, to):
+        """The block ``state[row:]`` to four channels a pixel in ``pixels`` from float number ``to`` on."""
+
+        def generate(context, builder, signature, arguments):
+            state, row, pixels, to = arguments
+            state_type, _, pixels_type, _ = signature.args
+            planes = _planes(context, builder, state_type, state, row)
+            for group in range(0, BLOCK, 4):
+                columns = [plane.shuffle(plane.value, range(group, group + 4)) for plane in planes]
+                for i, pixel in enumerate(transpose4(columns)):
+                    at = builder.add(to, ir.Constant(to.type, 4 * (group + i)))
+                    pixel.store(place(context, builder, pixels_type, pixels, at))
+            return context.get_dummy_value()
+
+        return types.void(state, types.intp, pixels, types.intp), generate
+
+    @intrinsic
+    def lowest_bit(typing, word):
+        """The number of a word's lowest bit that is set; the word is not zero."""
+
+        def generate(context, builder, signature, arguments):
+            return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+        return types.int64(types.uint64), generate
+
+else:  # never called: callers take the numpy twin
+
+    def place_tent(cells, fractions, to, start, step, top): ...
+
+    def resample_tent(line, cells, fractions, first, sheet, at): ...
+
+    def composite_extinction(sheet, at, below, down, depth, deep, thickness, least, state, row, before): ...
+
+    def planar(samples, sheet, at): ...
+
+    def interleaved(state, row, pixels, to): ...
+
+    def lowest_bit(word): ...

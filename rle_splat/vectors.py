@@ -1,0 +1,126 @@
+"""LLVM's own vectors for kernels: arithmetic on many floats at once, written once for every processor.
+
+numba leaves vectors to LLVM's loop vectoriser, which gives up where it cannot prove that streams do not overlap, and
+its straight-line vectoriser is off.  A ``Vector`` is such a value inside an intrinsic, with the operators of Python, so
+that a formula still reads like one.  Products and sums may contract, as everywhere in the kernels; nothing else.
+"""
+
+from __future__ import annotations
+
+from .jit import numba
+
+FLAGS = ("contract", "arcp", "nsz")
+
+if numba is not None:
+    from llvmlite import ir
+
+    FLOAT, DOUBLE, INTEGER = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
+
+    class Vector:
+        """``count`` lanes of float32, float64 or int32."""
+
+        def __init__(self, builder, value):
+            self.builder, self.value = builder, value
+
+        @property
+        def count(self) -> int:
+            return self.value.type.count
+
+        @classmethod
+        def load(cls, builder, pointer, count: int, kind=FLOAT):
+            """From memory of any alignment; ``pointer`` to a single number."""
+            value = builder.load(builder.bitcast(pointer, ir.VectorType(kind, count).as_pointer()))
+            value.align = 4
+            return cls(builder, value)
+
+        @classmethod
+        def spread(cls, builder, scalar, count: int):
+            """The same number in all lanes."""
+            one = builder.insert_element(
+                ir.Constant(ir.VectorType(scalar.type, count), ir.Undefined), scalar, ir.Constant(INTEGER, 0)
+            )
+            return cls(builder, one).shuffle(one, [0] * count)
+
+        def store(self, pointer):
+            place = self.builder.bitcast(pointer, self.value.type.as_pointer())
+            self.builder.store(self.value, place).align = 4
+
+        def like(self, number):
+            """``number`` as a vector of this one's kind."""
+            if isinstance(number, Vector):
+                return number.value
+            return ir.Constant(self.value.type, [number] * self.count)
+
+        def shuffle(self, other, lanes):
+            """Lanes of this vector (below ``count``) and of another value, in the order given."""
+            mask = ir.Constant(ir.VectorType(INTEGER, len(lanes)), list(lanes))
+            return Vector(self.builder, self.builder.shuffle_vector(self.value, other, mask))
+
+        def _with(self, operation, other, flags=FLAGS):
+            return Vector(self.builder, operation(self.value, self.like(other), flags=flags))
+
+        def __add__(self, other):
+            return self._with(self.builder.fadd, other)
+
+        def __sub__(self, other):
+            return self._with(self.builder.fsub, other)
+
+        def __mul__(self, other):
+            return self._with(self.builder.fmul, other)
+
+        def __truediv__(self, other):
+            return self._with(self.builder.fdiv, other, ())
+
+        def at_least(self, other):
+            """A mask: lanes not below ``other``."""
+            return self.builder.fcmp_ordered(">=", self.value, self.like(other))
+
+        def where(self, mask, other):
+            """These lanes where the mask holds, else ``other``'s."""
+            return Vector(self.builder, self.builder.select(mask, self.value, self.like(other)))
+
+        def least(self, other):
+            """The smaller of two, lane by lane."""
+            below = self.builder.fcmp_ordered("<", self.value, self.like(other))
+            return self.where(below, other)
+
+        def most(self, other):
+            """The larger of two, lane by lane."""
+            above = self.builder.fcmp_ordered(">", self.value, self.like(other))
+            return self.where(above, other)
+
+        def truncated(self):
+            """The whole part as int32 lanes."""
+            return Vector(self.builder, self.builder.fptosi(self.value, ir.VectorType(INTEGER, self.count)))
+
+        def as_float(self, kind=FLOAT):
+            """int32 lanes to floating point lanes of the same value."""
+            return Vector(self.builder, self.builder.sitofp(self.value, ir.VectorType(kind, self.count)))
+
+        def as_single(self):
+            """float64 lanes rounded to float32."""
+            return Vector(self.builder, self.builder.fptrunc(self.value, ir.VectorType(FLOAT, self.count)))
+
+        def power_of_two(self):
+            """2**n of int32 lanes -126 <= n <= 127, exactly: the exponent field of a float32."""
+            biased = self.builder.shl(self.builder.add(self.value, self.like(127)), self.like(23))
+            return Vector(self.builder, self.builder.bitcast(biased, ir.VectorType(FLOAT, self.count)))
+
+    def count_lanes(builder, mask, count: int):
+        """How many lanes of a mask hold, as an integer of 64 bits."""
+        bits = builder.bitcast(mask, ir.IntType(count))
+        return builder.zext(builder.ctpop(bits), ir.IntType(64))
+
+    def transpose4(rows):
+        """Four vectors of four lanes, rows and columns exchanged."""
+        a, b, c, d = rows
+        low, high = a.shuffle(b.value, [0, 4, 1, 5]), a.shuffle(b.value, [2, 6, 3, 7])
+        low2, high2 = c.shuffle(d.value, [0, 4, 1, 5]), c.shuffle(d.value, [2, 6, 3, 7])
+        return (
+            low.shuffle(low2.value, [0, 1, 4, 5]), low.shuffle(low2.value, [2, 3, 6, 7]),
+            high.shuffle(high2.value, [0, 1, 4, 5]), high.shuffle(high2.value, [2, 3, 6, 7]),
+        )
+
+    def place(context, builder, array_type, array, index):
+        """Pointer to element ``index`` of a flat array; no bounds checks."""
+        return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
