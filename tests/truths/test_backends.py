@@ -6,7 +6,7 @@ import pytest
 from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.jit import numba
 from rle_splat.render import render
-from rle_splat.scene import Quality
+from rle_splat.scene import WARP_FILTERS, Quality
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def scene(stage):
 @pytest.mark.skipif(numba is None, reason="numba cannot be loaded, so there is nothing to compare with")
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson"))
-@pytest.mark.parametrize("warp_filter", ("bilinear", "cubic"))
+@pytest.mark.parametrize("warp_filter", WARP_FILTERS)
 def test_numpy_equals_numba(stage, scene, model, depth_rule, warp_filter):
     knobs = dict(model=model, depth_rule=depth_rule, warp_filter=warp_filter)
     fast, slow = (stage.render(scene, backend=backend, **knobs) for backend in ("numba", "numpy"))

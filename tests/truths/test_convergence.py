@@ -5,6 +5,7 @@ import pytest
 
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import FIELDS
+from rle_splat.scene import WARP_FILTERS
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 
@@ -36,7 +37,7 @@ def test_depth_rules_are_of_second_order_and_simpson_is_ten_times_better(stage, 
 
 
 def test_warp_error_falls_with_the_sheet_density(stage):
-    """Cubic beats bilinear, and both fall at least linearly on a thin shell; depth errors are taken out by
+    """Cubic beats Keys, Keys bilinear, and all fall at least linearly on a thin shell; depth errors are taken out by
     comparing with a picture of much higher density."""
     scene = stage.on_turntable(FIELDS["thin"](24), size=(64, 64))
     knobs = dict(depth_rule="slice", termination=0.0)
@@ -45,11 +46,14 @@ def test_warp_error_falls_with_the_sheet_density(stage):
         (name, density): difference(
             stage.render(scene, sheet_density=density, warp_filter=name, **knobs).rgba, best
         ).rmse
-        for name in ("bilinear", "cubic")
+        for name in WARP_FILTERS
         for density in (1.0, 2.0)
     }
     assert rmse["bilinear", 1.0] / rmse["bilinear", 2.0] > 2.0
+    assert rmse["keys", 1.0] / rmse["keys", 2.0] > 2.3
     assert rmse["cubic", 1.0] / rmse["cubic", 2.0] > 2.5
+    assert rmse["cubic", 1.0] < rmse["keys", 1.0] < 0.9 * rmse["bilinear", 1.0]
+    assert rmse["cubic", 2.0] < rmse["keys", 2.0] < 0.9 * rmse["bilinear", 2.0]
     assert rmse["cubic", 1.0] < 0.8 * rmse["bilinear", 1.0] and rmse["cubic", 2.0] < 0.75 * rmse["bilinear", 2.0]
 
 
