@@ -79,8 +79,9 @@ def without_scale(matrix_world) -> np.ndarray:
     return matrix
 
 
-def frame_crop(render) -> tuple[slice, slice] | None:
-    """Rows (from the top) and columns of the full frame that a cropped render region keeps; None without one.
+def frame_crop(render) -> tuple[int, int, int, int] | None:
+    """Left, top, right and bottom, in pixels of the full frame, row 0 on top, of what a cropped render region keeps;
+    None without one.
 
     Blender rounds the region's corners down to whole pixels counted from the bottom left.
     """
@@ -89,4 +90,4 @@ def frame_crop(render) -> tuple[slice, slice] | None:
     width, height = image_size(render)
     left, right = int(render.border_min_x * width), int(render.border_max_x * width)
     bottom, top = int(render.border_min_y * height), int(render.border_max_y * height)
-    return slice(height - top, height - bottom), slice(left, right)
+    return left, height - top, right, height - bottom

@@ -77,7 +77,7 @@ def splat_over_render(scene, depsgraph) -> None:
     if not compositor.is_inserted(scene):
         _complain(settings, "The volume's nodes were taken out of the compositor; press Composite into Render again.")
         return
-    _update(scene, depsgraph, settings.composite_object, image, with_meshes=settings.meshes_occlude, crop=True)
+    _update(scene, depsgraph, settings.composite_object, image, with_meshes=settings.meshes_occlude, in_region=True)
 
 
 def splat_backdrop(scene, depsgraph) -> None:
@@ -86,10 +86,10 @@ def splat_backdrop(scene, depsgraph) -> None:
     image = bpy.data.images.get((pictures.name_of(settings.backdrop_object, "backdrop"), None))
     if image is not None:
         with_meshes = settings.meshes_occlude and settings.backdrop_depth == "FRONT"
-        _update(scene, depsgraph, settings.backdrop_object, image, with_meshes=with_meshes, crop=False)
+        _update(scene, depsgraph, settings.backdrop_object, image, with_meshes=with_meshes, in_region=False)
 
 
-def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, crop: bool) -> None:
+def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, in_region: bool) -> None:
     settings = scene.rle_splat
     try:
         if volume_object is None:
@@ -97,13 +97,12 @@ def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, crop: 
         if not render_scene.is_rendered(volume_object, depsgraph):
             images.clear(image)
             return
-        plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
+        plain, quality = render_scene.read_scene(
+            volume_object, depsgraph, with_meshes=with_meshes, in_region=in_region
+        )
         rendering = drain(render_scene.steps(plain, quality, refuse_empty_view=False))
-        rgba, depth = rendering.rgba, rendering.depth
-        if crop:
-            rgba, depth = render_scene.cropped(rendering, depsgraph.scene_eval.render)
-        height, width = depth.shape
-        images.write_color(images.ensure_image(image, image.name, width, height), rgba)
+        height, width = rendering.depth.shape
+        images.write_color(images.ensure_image(image, image.name, width, height), rendering.rgba)
         settings.message = ""
         pictures.note_report(settings, rendering.report)
     except Exception as problem:  # a traceback from every frame of a render would help no one: one sentence, once

@@ -11,7 +11,7 @@ import numpy as np
 from ..rle_splat.kept import Kept
 from ..rle_splat.named_systems.progressive import progressive_steps
 from ..rle_splat.render import render_steps
-from ..rle_splat.scene import Rendering, RleSplatError, Scene
+from ..rle_splat.scene import RleSplatError, Scene
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .lights import read_lights
@@ -33,10 +33,11 @@ def still_there(name: str):
     return found
 
 
-def read_scene(volume_object, depsgraph, *, with_meshes: bool, warn=None):
+def read_scene(volume_object, depsgraph, *, with_meshes: bool, in_region: bool = False, warn=None):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
-    ``with_meshes``: stop each ray at the first mesh surface.  ``warn``: called with a sentence for what is odd.
+    ``with_meshes``: stop each ray at the first mesh surface.  ``in_region``: only what a cropped render region keeps
+    of the frame.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
@@ -57,6 +58,7 @@ def read_scene(volume_object, depsgraph, *, with_meshes: bool, warn=None):
         lights=lights,
         headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
         triangles=triangles if triangles is not None and len(triangles) else None,
+        crop=frame_crop(scene.render) if in_region else None,
     )
     return plain, settings.quality_of(scene)
 
@@ -76,11 +78,3 @@ def steps(plain: Scene, quality, *, refuse_empty_view: bool = True, previews: bo
     """
     make = progressive_steps if previews else render_steps
     return make(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)
-
-
-def cropped(rendering: Rendering, render) -> tuple[np.ndarray, np.ndarray]:
-    """The picture and the depth of the part of the frame that a cropped render region keeps."""
-    crop = frame_crop(render)
-    if crop is None:
-        return rendering.rgba, rendering.depth
-    return rendering.rgba[crop], rendering.depth[crop]

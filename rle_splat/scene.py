@@ -286,13 +286,14 @@ class Quality:
         )
 
 
-def _checked_crop(crop, width: int, height: int) -> tuple[int, int, int, int]:
+def checked_crop(crop, width: int, height: int) -> tuple[int, int, int, int]:
+    """(left, top, right, bottom) of a crop of a frame, or a RleSplatError when it is none."""
     sides = tuple(crop) if np.iterable(crop) else ()
     whole = len(sides) == 4 and all(isinstance(side, (int, np.integer)) for side in sides)
     if not (whole and 0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height):
         raise RleSplatError(
-            f"The crop must be four whole numbers of pixels, left, top, right and bottom, with left < right within 0 "
-            f"to {width} and top < bottom within 0 to {height}, not {crop!r}."
+            f"A crop must be four whole numbers of pixels, left, top, right and bottom, with left < right within 0 to "
+            f"{width} and top < bottom within 0 to {height}, not {crop!r}."
         )
     return tuple(int(side) for side in sides)
 
@@ -331,7 +332,7 @@ class Scene:
                 raise RleSplatError(f"The image's {name} must be a whole number from 1 to 65536, not {value!r}.")
             object.__setattr__(self, name, int(value))
         if self.crop is not None:
-            object.__setattr__(self, "crop", _checked_crop(self.crop, self.width, self.height))
+            object.__setattr__(self, "crop", checked_crop(self.crop, self.width, self.height))
 
     @property
     def region(self) -> tuple[int, int, int, int]:

@@ -134,6 +134,10 @@ def add_size_option(parser) -> None:
 def add_image_options(parser) -> None:
     add_size_option(parser)
     parser.add_argument(
+        "--crop", nargs=4, type=int, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
+        help="make only these pixels of the picture, from 0 at the top left; RIGHT and BOTTOM are the first left out",
+    )
+    parser.add_argument(
         "--background", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear, under the picture of a .png; left out, a .png has straight alpha",
     )

@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
@@ -60,11 +60,13 @@ def run(args) -> None:
     check_outputs(outputs, inputs=scene_inputs(args))
     _check_background(args.background)
     check_scene_options(args)
+    crop = None if args.crop is None else checked_crop(args.crop, *args.size)
     quality = quality_from(args)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
         is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
         prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
+        prepared = replace(prepared, scene=replace(prepared.scene, crop=crop))
         line.show(0.1, "loading the renderer")
         from ..render import render_steps
 

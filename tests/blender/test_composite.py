@@ -6,6 +6,8 @@ one unit of length, so a ray along an axis meets N units in all, and from the to
 medium (0 <= z <= N - 1) it meets N - 1/2 - z: half a unit in the ramp above the face, the rest below it.
 """
 
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -219,6 +221,32 @@ def test_the_picture_follows_the_render_size_and_region(volume, tmp_path):
     half = scenes.rendered(tmp_path / "half.exr")
     assert half.shape == (32, 32, 4)
     np.testing.assert_allclose(half[16, column_of(7.5) // 2], over(N), atol=TOLERANCE)
+
+
+def test_a_cropped_render_region_is_splatted_alone_and_to_the_bit(volume):
+    """The picture that is laid over the render: the same pixels as of the whole frame, from a part of the sheets."""
+    bpy.ops.rle_splat.composite()
+    scene = bpy.context.scene
+    render, settings = scene.render, scene.rle_splat
+
+    def splatted():
+        bpy.ops.render.render()
+        width, height = settings.composite_image.size
+        pixels = np.empty(4 * width * height, np.float32)
+        settings.composite_image.pixels.foreach_get(pixels)
+        return pixels.reshape(height, width, 4)[::-1], json.loads(settings.last_report_json)
+
+    strip(2.0, 3.5, 4.0, (0.1, 1.0, 0.1))
+    whole, report = splatted()
+    assert "crop" not in report["image"] and whole[..., 3].max() > 0.3
+    render.use_border = render.use_crop_to_border = True
+    render.border_min_x, render.border_max_x = 20 / 64, 50 / 64
+    render.border_min_y, render.border_max_y = 30 / 64, 41 / 64
+    part, cropped = splatted()
+    np.testing.assert_array_equal(part, whole[23:34, 20:50])
+    assert cropped["image"]["crop"] == [20, 23, 50, 34] and cropped["image"]["full_width"] == 64
+    rows = [sum(plane["height"] for plane in r["plan"]["base_planes"]) for r in (report, cropped)]
+    assert rows[1] < rows[0]
 
 
 def test_a_render_region_that_is_not_cropped(volume, tmp_path):

@@ -226,5 +226,5 @@ def test_windows_move_offsets_by_whole_pixels_exactly():
     (0.0, 0.0, 5.0, 5.0),
 ])
 def test_a_crop_that_is_none_is_refused_in_a_sentence(crop):
-    with pytest.raises(RleSplatError, match=r"crop must be four whole numbers .*within 0 to 90 .*within 0 to 74"):
+    with pytest.raises(RleSplatError, match=r"A crop must be four whole numbers .*within 0 to 90 .*within 0 to 74"):
         scene_of("ortho", crop=crop)
