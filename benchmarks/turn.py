@@ -94,7 +94,7 @@ class Turn:
                 next(steps)
             except StopIteration as finished:
                 most = float(medium.colors.max(initial=0.0))
-                return warp([finished.value], medium.view, quality, most)[0]
+                return warp([finished.value], medium.view, medium.scene.region, quality, most)[0]
 
     def round(self, step: float) -> list[dict]:
         """JSON-ready, one entry a frame: difference in levels from the frame before, alpha, principal axis."""

@@ -28,7 +28,7 @@ def by_axis(scene, axis, quality):
         try:
             next(steps)
         except StopIteration as finished:
-            return warp([finished.value], view, quality, 1.0)[0]
+            return warp([finished.value], view, scene.region, quality, 1.0)[0]
 
 
 @pytest.mark.parametrize("azimuth", ANGLES)
