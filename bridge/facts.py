@@ -3,9 +3,11 @@
 import json
 import os
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 
+from ..rle_splat.memory_estimate import estimate_from_histogram, picture_bytes
 from ..rle_splat.volume.histogram import histogram
 
 BINS = 256
@@ -21,8 +23,10 @@ def write_facts(volume_object, volume) -> None:
     properties.length_unit = volume.unit
     properties.facts = "\n".join(fact_lines(volume, os.path.basename(properties.filepath.replace("\\", "/"))))
     properties.remarks = "\n".join(volume.remarks)
-    properties.histogram = json.dumps({"edges": [float(counted.edges[0]), float(counted.edges[-1])],
-                                       "counts": counted.counts.tolist()})
+    properties.histogram = json.dumps({
+        "edges": [float(counted.edges[0]), float(counted.edges[-1])], "counts": counted.counts.tolist(),
+        "shape": list(volume.shape_xyz), "dtype": volume.voxels.dtype.name,
+    })  # fmt: skip
 
 
 def fact_lines(volume, file_name: str) -> list[str]:
@@ -60,11 +64,19 @@ def memory_text(count: int) -> str:
 
 @dataclass(frozen=True)
 class StoredHistogram:
-    """Counts (n,) int64 over equal bins from ``low`` to ``high``, physical values."""
+    """Counts (n,) int64 over equal bins from ``low`` to ``high``, physical values, of a volume of ``shape_xyz`` and
+    ``dtype``, which files of former versions do not hold: None."""
 
     counts: np.ndarray
     low: float
     high: float
+    shape_xyz: tuple | None = None
+    dtype: str | None = None
+
+    @property
+    def centers(self) -> np.ndarray:
+        """(n,) float64 the value in the middle of each bin."""
+        return self.low + (self.high - self.low) * (np.arange(len(self.counts)) + 0.5) / len(self.counts)
 
 
 def stored_histogram(properties) -> StoredHistogram | None:
@@ -72,4 +84,22 @@ def stored_histogram(properties) -> StoredHistogram | None:
     if not properties.histogram:
         return None
     kept = json.loads(properties.histogram)
-    return StoredHistogram(np.array(kept["counts"], dtype=np.int64), *kept["edges"])
+    return StoredHistogram(
+        np.array(kept["counts"], dtype=np.int64), *kept["edges"], kept.get("shape"), kept.get("dtype"))
+
+
+def picture_memory(properties, transfer_function, quality, width: int, height: int) -> str:
+    """About how much memory a picture will take beside the voxels, in words; "" where that cannot be said.
+
+    From what is kept on the object alone, so a panel may ask on every redraw.
+    """
+    counted = stored_histogram(properties)
+    if counted is None or counted.dtype is None:
+        return ""
+    density = quality.sheet_density
+    sides = (density * width, density * height) if density else sorted(counted.shape_xyz)[1:]
+    sheet = SimpleNamespace(width=int(sides[0]), height=int(sides[1]))
+    wanted = estimate_from_histogram(
+        counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
+        shaded=transfer_function.shade is not None, picture=picture_bytes((sheet,), width, height, False))
+    return f"About {memory_text(wanted.needed)}, {wanted.visible_fraction:.1%} of the voxels"

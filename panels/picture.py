@@ -2,8 +2,24 @@
 
 import bpy
 
+from ..bridge import facts, transfer, volumes
+from ..bridge.camera import image_size
+from ..bridge.settings import quality_of
+from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
 from .quality import RLE_SPLAT_PT_render_quality
+
+
+def _memory(context) -> str:
+    """What the next picture will take of memory, in words; "" without a volume that can be drawn."""
+    owner = volumes.volume_object(context)
+    if owner is None:
+        return ""
+    try:
+        function, quality = transfer.read_transfer(owner), quality_of(context.scene)
+    except RleSplatError:
+        return ""
+    return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render))
 
 
 class PicturePanel:
@@ -12,6 +28,9 @@ class PicturePanel:
     def draw(self, context):
         layout = self.layout
         settings = context.scene.rle_splat
+        needed = _memory(context)
+        if needed:
+            layout.label(text=needed, icon="MEMORY")
         column = layout.column()
         column.scale_y = 1.2
         column.operator("rle_splat.render_image", icon="RENDER_STILL")

@@ -22,6 +22,7 @@ NORMAL, LOOK = 12, 20
 ROW, SCANLINE = 28, 72
 VOXELS_AT_ONCE = 1 << 22  # voxels whose records are made together; the encoder's own number
 SAMPLED_PLANES = 32
+TYPICAL_PIECE = 4  # visible voxels side by side in a row of a scan, where nothing but a histogram is known
 SHEET_PIXEL = 24  # colour, transmittance, half depth and ray length of a sheet pixel
 WARPED = 16  # a sheet pixel once more, as its picture is warped
 LIMITS = 40  # where the ray of a sheet pixel begins and ends, and what finding that takes
@@ -111,7 +112,18 @@ def estimate(volume, tf, quality: Quality | None = None, *, axes: int = 1, shade
         values = volume.physical(stored_values(volume.voxels.dtype))
         count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
     shaded = tf.shade is not None if shaded is None else shaded
-    return _reckon(volume, count, pieces, lines, quality, axes, shaded, 0)
+    return _reckon(volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, quality, axes, shaded, 0)
+
+
+def estimate_from_histogram(
+    shape_xyz, dtype, values, counts, tf, quality: Quality, *, shaded: bool = True, picture: int = 0
+) -> MemoryEstimate:
+    """As ``estimate`` for one principal axis, roughly, without the voxels: from ``counts`` (n,) of the physical
+    ``values`` (n,) of a volume of ``shape_xyz`` and ``dtype``."""
+    _, ny, nz = shape_xyz
+    count = int(counts[tf.alpha_at(values) > 0.0].sum())
+    pieces = count // TYPICAL_PIECE
+    return _reckon(shape_xyz, np.dtype(dtype), count, pieces, min(pieces, ny * nz), quality, 1, shaded, picture)
 
 
 def estimate_of(
@@ -123,20 +135,22 @@ def estimate_of(
     """
     counts, pieces = counted
     lines = int(np.count_nonzero(counts))
-    return _reckon(volume, int(counts.sum()), int(pieces.sum()), lines, quality, axes, shaded, picture)
+    return _reckon(
+        volume.shape_xyz, volume.voxels.dtype, int(counts.sum()), int(pieces.sum()), lines, quality, axes, shaded,
+        picture,
+    )  # fmt: skip
 
 
-def _reckon(volume, count, pieces, lines, quality, axes, shaded, picture) -> MemoryEstimate:
-    shape = volume.shape_xyz
+def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture) -> MemoryEstimate:
     nx, ny, nz = shape
-    visible = count * ((2 if nx <= 65536 else 4) + volume.voxels.dtype.itemsize) + ROW * ny * nz
-    if not counts_values(volume.voxels.dtype):
+    visible = count * ((2 if nx <= 65536 else 4) + dtype.itemsize) + ROW * ny * nz
+    if not counts_values(dtype):
         visible += LOOK * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
     runs = (2 * pieces + lines) * (2 if max(shape) <= 65535 else 4)
     scanlines = max(shape[across] * shape[principal] for _, across, principal in AXES.values())
     return MemoryEstimate(
-        visible_voxels=count, voxels=nx * ny * nz, volume=volume.voxels.nbytes, visible=visible,
+        visible_voxels=count, voxels=nx * ny * nz, volume=nx * ny * nz * dtype.itemsize, visible=visible,
         normals=NORMAL * count if shaded else 0, runs=axes * (runs + SCANLINE * scanlines),
         records=axes * quality.record * count, work=_work_bytes(count, quality.record), picture=picture, axes=axes,
         record=quality.record,

@@ -102,6 +102,18 @@ def test_the_quick_estimate_is_near_the_counted_one(dtype):
     assert estimate.VOXELS_AT_ONCE == VOXELS_AT_ONCE
 
 
+@pytest.mark.parametrize("dtype", (np.uint8, np.float32))
+def test_the_estimate_of_a_histogram_is_near_the_others(dtype):
+    volume = noise(dtype=dtype)
+    values, counts = np.unique(volume.voxels, return_counts=True)
+    rough = estimate.estimate_from_histogram(
+        volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION, QUALITY, picture=1000
+    )
+    quick = estimate.estimate(volume, FUNCTION, QUALITY)
+    assert rough.visible_voxels == (volume.voxels > 80).sum() and rough.volume == volume.voxels.nbytes
+    assert rough.needed == pytest.approx(quick.needed, rel=0.05) and rough.picture == 1000
+
+
 def traced(work):
     """(what ``work`` returns, the most bytes it held at a time)."""
     tracemalloc.start()
@@ -119,7 +131,7 @@ def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
     render(scene, quality)  # whatever is made once
     rendering, peak = traced(lambda: render(scene, quality))
     needed = rendering.report["memory_estimate_bytes"]["needed"]
-    assert 0.9 * peak <= needed <= 1.8 * peak
+    assert 0.9 * peak <= needed <= 2.0 * peak  # writing a file, which is in it too, is not done here
 
 
 @pytest.mark.parametrize("record", (16, 8))

@@ -1,0 +1,71 @@
+"""What a picture will take of memory stands in the panel before it is made, and what does not fit is refused."""
+
+import json
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+from tests.blender.test_panels import draw_all, texts
+
+UNITS = {"bytes": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
+
+
+@pytest.fixture
+def volume(bridge, core, tmp_path):
+    """A ball that fills a fifth of 48 voxels cubed, under a function that shows the ball alone."""
+    at = np.indices((48, 48, 48)) - 23.5
+    owner = scenes.import_raw(tmp_path, np.where((at**2).sum(axis=0) < 17.5**2, 180, 20).astype(np.uint8))
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (100.0, 0.0), (150.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+    scenes.use_cycles((32, 32))
+    scenes.add_camera((23.5, 23.5, 150.0))
+    return owner
+
+
+def told(monkeypatch):
+    """(bytes, share of the voxels) as the panel has them."""
+    found = re.search(r"About ([\d.]+) (\w+), ([\d.]+)% of the voxels", texts(draw_all(monkeypatch)))
+    return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
+
+
+def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch):
+    bridge("volumes").forget_all()  # no voxels in memory: the panel must not read them
+    needed, share = told(monkeypatch)
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    plain, quality = bridge("render_scene").read_scene(
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    rendering = core("steps").drain(bridge("render_scene").steps(plain, quality))
+    assert share == pytest.approx(rendering.report["volume"]["visible_fraction"], abs=0.001)
+    assert needed == pytest.approx(rendering.report["memory_estimate_bytes"]["needed"], rel=0.3)
+
+
+def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, monkeypatch):
+    first, share = told(monkeypatch)
+    settings = bpy.context.scene.rle_splat
+    settings.record = "4"
+    assert told(monkeypatch)[0] < first
+    settings.record = "16"
+    bpy.context.scene.render.resolution_x = 2000
+    assert told(monkeypatch)[0] > 2.0 * first
+    volume.rle_splat.opacity_scale = 0.0
+    assert told(monkeypatch)[1] == 0.0 < share
+
+
+def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
+    kept = json.loads(volume.rle_splat.histogram)
+    volume.rle_splat.histogram = json.dumps({name: kept[name] for name in ("edges", "counts")})
+    assert "of the voxels" not in texts(draw_all(monkeypatch))
+
+
+@pytest.mark.parametrize("operator", ("render_image", "set_backdrop"))
+def test_too_little_memory_is_refused_before_the_work(volume, core, operator, monkeypatch):
+    for module in ("memory_estimate", "kept", "memory"):
+        monkeypatch.setattr(core(module), "available_bytes", lambda: 900_000)
+    images = len(bpy.data.images)
+    with pytest.raises(RuntimeError, match=r"are free; .* would fit") as refusal:
+        getattr(bpy.ops.rle_splat, operator)()
+    assert "Traceback" not in str(refusal.value) and len(bpy.data.images) == images
