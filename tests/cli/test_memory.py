@@ -1,0 +1,64 @@
+"""Memory on the command line: told before it is taken, refused by every command that could not have it."""
+
+from __future__ import annotations
+
+import gzip
+import json
+
+import pytest
+
+from rle_splat.memory import bytes_text
+
+
+@pytest.fixture
+def short_of_memory(monkeypatch):
+    """``short_of_memory(free)``: as if the machine had that many bytes."""
+
+    def run(free):
+        for module in ("memory_estimate", "kept", "memory"):
+            monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
+
+    return run
+
+
+@pytest.mark.parametrize("command, suffix", (("render", ".npy"), ("encode", ".rle")))
+def test_what_is_needed_is_told_before_it_is_encoded(command, suffix, call, raw, raw_options, tmp_path):
+    report = tmp_path / "report.json"
+    result = call(command, raw, *raw_options, "-o", tmp_path / f"out{suffix}", "--json", report, "--progress")
+    assert result.code == 0, result.err
+    known = json.loads(report.read_text())
+    kept, needed = known["volume"]["visible_voxels"], known["memory_estimate_bytes"]["needed"]
+    told = result.err.index(f"Classifying {kept} voxels, about {bytes_text(needed)} in all")
+    assert result.err.index("Counting") < told < result.err.index("Encoding")
+
+
+@pytest.mark.parametrize(
+    "words", (("render", "-o", "out.npy"), ("encode", "-o", "out.rle"), ("convert", "out.raw"), ("info",))
+)
+def test_voxels_that_do_not_fit_are_refused_before_they_are_unpacked(
+    words, refused, raw, raw_options, tmp_path, short_of_memory, monkeypatch
+):
+    packed = tmp_path / "ball.raw.gz"
+    packed.write_bytes(gzip.compress(raw.read_bytes()))
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    short_of_memory(3000)
+    command, *rest = words
+    target = rest if command == "convert" else []
+    options = [] if command == "convert" else rest
+    sentence = refused(command, packed, *target, *raw_options, *options)
+    assert "need 3.8 KiB of memory and 2.9 KiB are free" in sentence and "crop or thin the volume" in sentence
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("axes, words", (("xyz", "principal axis at a time"), ("y", "records of 4 bytes would fit")))
+def test_tables_that_do_not_fit_are_refused_with_what_would(
+    axes, words, refused, call, raw, raw_options, tmp_path, short_of_memory
+):
+    report, target = tmp_path / "report.json", tmp_path / "out.rle"
+    whole = call("encode", raw, *raw_options, "-o", tmp_path / "whole.rle", "--axes", axes, "--json", report)
+    assert whole.code == 0, whole.err
+    needed = json.loads(report.read_text())["memory_estimate_bytes"]["needed"]
+    short_of_memory(int((0.6 if len(axes) == 3 else 0.95) * needed / 0.9))
+    assert words in refused("encode", raw, *raw_options, "-o", target, "--axes", axes)
+    assert not target.exists()
