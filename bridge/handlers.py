@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.steps import drain
-from . import compositor, images, pictures, render_scene, volumes
+from . import compositor, following, images, pictures, render_scene, volumes
 
 # Scenes whose volume is splatted for the frame being rendered; None while nothing is rendered (exporters change
 # frames with a render's depsgraph too).  Further view layers, and the subframes that motion blur visits after the
@@ -26,6 +26,7 @@ _splatted: set[str] | None = None
 def _on_render_pre(*_arguments):
     global _splatted
     _splatted = set()
+    following.stop()
 
 
 @persistent
@@ -53,6 +54,7 @@ def _on_save_pre(*_arguments):
 
 @persistent
 def _on_load_pre(*_arguments):
+    following.stop()
     render_scene.forget_stages()
     volumes.forget_all()
 
@@ -82,14 +84,19 @@ def splat_over_render(scene, depsgraph) -> None:
 
 def splat_backdrop(scene, depsgraph) -> None:
     """Bring the camera's backdrop up to date with the frame; blank and a message on failure."""
+    following.stop()
     settings = scene.rle_splat
     image = bpy.data.images.get((pictures.name_of(settings.backdrop_object, "backdrop"), None))
     if image is not None:
         with_meshes = settings.meshes_occlude and settings.backdrop_depth == "FRONT"
-        _update(scene, depsgraph, settings.backdrop_object, image, with_meshes=with_meshes, in_region=False)
+        later = settings.use_previews and following.is_moving()
+        _update(
+            scene, depsgraph, settings.backdrop_object, image, with_meshes=with_meshes, in_region=False, later=later
+        )
 
 
-def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, in_region: bool) -> None:
+def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, in_region: bool, later: bool = False) -> None:
+    """``later``: the picture may be made after the frame, and previews shown until it is there."""
     settings = scene.rle_splat
     try:
         if volume_object is None:
@@ -100,15 +107,52 @@ def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, in_reg
         plain, quality = render_scene.read_scene(
             volume_object, depsgraph, with_meshes=with_meshes, in_region=in_region
         )
-        rendering = drain(render_scene.steps(plain, quality, refuse_empty_view=False))
-        height, width = rendering.depth.shape
-        images.write_color(images.ensure_image(image, image.name, width, height), rendering.rgba)
-        settings.message = ""
-        pictures.note_report(settings, rendering.report)
+        if later:
+            steps = render_scene.steps(plain, quality, refuse_empty_view=False, previews=True)
+            following.begin(_refinement(steps, scene.name, image.name))
+            return
+        _finish(settings, image, drain(render_scene.steps(plain, quality, refuse_empty_view=False)))
     except Exception as problem:  # a traceback from every frame of a render would help no one: one sentence, once
-        images.clear(image)  # nothing stale may pass for this frame
-        known = isinstance(problem, RleSplatError)
-        _complain(settings, str(problem) if known else f"The volume was not splatted: {problem!r}.")
+        _blank(settings, image, problem)
+
+
+def _refinement(steps, scene_name: str, image_name: str) -> following.Refinement:
+    """A backdrop's work for a timer: what it writes to is found by name each time, or left alone."""
+
+    def show(rendering):
+        with_both(lambda _settings, image: _show(image, rendering))
+
+    def finish(rendering):
+        with_both(lambda settings, image: _finish(settings, image, rendering))
+
+    def fail(problem):
+        with_both(lambda settings, image: _blank(settings, image, problem))
+
+    def with_both(act):
+        scene, image = bpy.data.scenes.get((scene_name, None)), bpy.data.images.get((image_name, None))
+        if scene is not None and image is not None:
+            act(scene.rle_splat, image)
+
+    return following.Refinement(steps, show, finish, fail)
+
+
+def _show(image, rendering) -> None:
+    height, width = rendering.depth.shape
+    images.write_color(images.ensure_image(image, image.name, width, height), rendering.rgba)
+
+
+def _finish(settings, image, rendering) -> None:
+    """Show the picture, and what it took."""
+    _show(image, rendering)
+    settings.message = ""
+    pictures.note_report(settings, rendering.report)
+
+
+def _blank(settings, image, problem) -> None:
+    """Show nothing rather than what is stale, and say why."""
+    images.clear(image)
+    known = isinstance(problem, RleSplatError)
+    _complain(settings, str(problem) if known else f"The volume was not splatted: {problem!r}.")
 
 
 def _complain(settings, sentence: str) -> None:
@@ -124,4 +168,5 @@ def register():
 def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
+    following.stop()
     render_scene.forget_stages()

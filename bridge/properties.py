@@ -156,9 +156,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Composite Picture", type=bpy.types.Image, description="The picture that is laid over renders")
     use_previews: BoolProperty(
         name="Progressive Preview", default=True,
-        description="While a picture is made in a window, show coarse ones first, with a bound on their error, if it "
-        "is likely to take more than 0.15 seconds from when the volume is classified. The picture stays the same; "
-        "Esc brings the former one back. Takes up to 100 MB of memory; scripts and renders have no previews")
+        description="While a picture is made in a window, or a backdrop follows the timeline, show coarse ones "
+        "first, with a bound on their error, if it is likely to take more than 0.15 seconds from when the volume is "
+        "classified. The picture stays the same; Esc brings the former one back. Takes up to 100 MB of memory; "
+        "scripts and renders have no previews")
     message: StringProperty(name="Message", description="What went wrong in the last render or frame change")
     use_composite: BoolProperty(
         name="Composite into Render", description="Splat anew for every rendered frame and lay it over the render",

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ..bridge import backdrop, pictures, render_scene, volumes
+from ..bridge import backdrop, following, pictures, render_scene, volumes
 from ..bridge.canvas import Canvas
 from ..bridge.jobs import StepwiseOperator
 from .render_image import has_volume_and_camera, report_picture
@@ -29,6 +29,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         return has_volume_and_camera(cls, context)
 
     def prepare(self, context):
+        following.stop()
         settings = context.scene.rle_splat
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
         self._follow = self.follow if self.properties.is_property_set("follow") else settings.backdrop_follows
@@ -79,6 +80,7 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         return True
 
     def execute(self, context):
+        following.stop()
         backdrop.hide(context.scene.camera.data)
         context.scene.rle_splat.backdrop_object = None
         return {"FINISHED"}

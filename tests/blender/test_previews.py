@@ -247,3 +247,91 @@ def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch
         assert bpy.ops.rle_splat.render_image(how) == {"FINISHED"}
         assert bpy.ops.rle_splat.set_backdrop(how) == {"FINISHED"}
     assert made.get("pyramid", 0) == before
+
+
+@pytest.fixture
+def timeline(volume, slow, bridge, monkeypatch):
+    """A following backdrop whose camera moves from frame 1 to 2, with the user scrubbing; bridge.following."""
+    scene, camera, following = bpy.context.scene, bpy.context.scene.camera, bridge("following")
+    for frame, x in ((1, 40.0), (2, 50.0), (3, 30.0)):
+        camera.location.x = x
+        camera.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+    bpy.ops.rle_splat.set_backdrop(follow=True)
+    monkeypatch.setattr(following, "is_moving", lambda: True)
+    monkeypatch.setattr(following, "is_playing", lambda: False)
+    monkeypatch.setattr(bpy.app.timers, "register", lambda *_args, **_options: None)  # the test ticks by itself
+    yield following
+    following.stop()
+
+
+def backdrop_pixels():
+    return scenes.image_pixels(bpy.data.images["ball Splat Backdrop"])
+
+
+def tick(following, most=5000):
+    """The timer's calls to the end; the pictures that were shown."""
+    shown = [backdrop_pixels()]
+    for _ in range(most):
+        again = following._tick()
+        if not np.array_equal(backdrop_pixels(), shown[-1]):
+            shown.append(backdrop_pixels())
+        if again is None:
+            return shown
+    raise AssertionError("the work has no end")
+
+
+def test_a_scrubbed_backdrop_shows_a_preview_and_refines(timeline, monkeypatch):
+    scene, settings = bpy.context.scene, bpy.context.scene.rle_splat
+    first = backdrop_pixels()
+    monkeypatch.setattr(timeline.time, "perf_counter", iter(range(10**9)).__next__)  # a second for each look at it
+    monkeypatch.setattr(timeline, "BITE", 1.5)  # so that each tick is one step
+    scene.frame_set(2)
+    settings.last_report_json = ""
+    shown = tick(timeline)
+    assert len(shown) == 3 and settings.last_report_json
+    monkeypatch.undo()
+    scene.frame_set(1)
+    np.testing.assert_array_equal(backdrop_pixels(), first)
+    scene.frame_set(2)  # a script's: at once
+    np.testing.assert_array_equal(backdrop_pixels(), shown[-1])
+    errors = [np.abs(preview - shown[-1]).mean() for preview in shown]
+    assert errors[0] > errors[1] > errors[2] == 0.0
+
+
+def test_the_next_frame_drops_what_is_not_done(timeline):
+    scene = bpy.context.scene
+    scene.frame_set(2)
+    scene.frame_set(3)
+    shown = tick(timeline)
+    bpy.ops.rle_splat.set_backdrop(follow=True)
+    np.testing.assert_array_equal(backdrop_pixels(), shown[-1])
+    scene.frame_set(1)
+    bpy.ops.rle_splat.set_backdrop(follow=True)  # the operator's own picture stays
+    made = backdrop_pixels()
+    assert timeline._tick() is None
+    np.testing.assert_array_equal(backdrop_pixels(), made)
+
+
+def test_while_playing_nothing_is_refined(timeline, monkeypatch):
+    monkeypatch.setattr(timeline, "is_playing", lambda: True)
+    bpy.context.scene.frame_set(2)
+    preview = backdrop_pixels()
+    assert timeline._tick() == timeline.WAIT
+    np.testing.assert_array_equal(backdrop_pixels(), preview)
+    monkeypatch.setattr(timeline, "is_playing", lambda: False)
+    assert len(tick(timeline)) > 1
+
+
+def test_a_refinement_that_fails_blanks_and_says_why(timeline, monkeypatch):
+    bpy.context.scene.frame_set(2)
+    monkeypatch.setattr(timeline, "_unfinished", [
+        timeline.Refinement(iter(()), None, None, work.fail) for work in timeline._unfinished])
+    assert timeline._tick() is None
+    assert backdrop_pixels().max() == 0.0 and "was not splatted" in bpy.context.scene.rle_splat.message
+
+
+def test_switched_off_a_scrubbed_backdrop_is_made_at_once(timeline):
+    bpy.context.scene.rle_splat.use_previews = False
+    bpy.context.scene.frame_set(2)
+    assert timeline._unfinished == []
