@@ -31,10 +31,11 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     look = yield from look_steps(scene, quality, job, clock, len(axes))
     classified = look.classified
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)
-    for axis in axes:
+    for axis in sorted(axes, reverse=True):  # the others take the records of z, so that all is shaded once
         steps = axis_steps(look, quality, axis, job, clock)
         encoded[axis] = yield from portion(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
         begun += share
+    encoded = {axis: encoded[axis] for axis in axes}
     volume = scene.volume
     stored = StoredVolume(
         encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),

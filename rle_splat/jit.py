@@ -106,7 +106,7 @@ def kernel(function=None, *, parallel=False, inline="never", forceinline=False, 
             return f
         return numba.njit(
             nogil=True, cache=not inner, parallel=parallel, inline=inline, forceinline=forceinline, error_model="numpy",
-            fastmath=False if exact else FASTMATH, no_cpython_wrapper=inner, no_cfunc_wrapper=inner,
+            fastmath=False if exact else FASTMATH, no_cpython_wrapper=inner, no_cfunc_wrapper=True,
         )(f)
 
     return decorate if function is None else decorate(function)

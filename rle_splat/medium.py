@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from .axes import AXIS_NAMES
+from .axes import AXES, AXIS_NAMES
 from .classify.classification import ClassifiedVolume, classified, unit_length
 from .classify.shading import (
     DENSITY,
@@ -32,7 +32,7 @@ from .classify.shading import (
 )
 from .classify.transfer_function import TransferFunction
 from .classify.visible import Visibility, count_steps, fill_steps
-from .encode.encode import brightest_steps, record_steps, run_tables
+from .encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
 from .encode.records import decoding_of
 from .encode.store import StoredVolume
 from .kept import Job, Kept
@@ -42,6 +42,8 @@ from .scene import Quality, RleSplatError, Scene
 from .steps import Clock, Progress, drain, portion, timed
 from .view.projection import world_to_camera
 from .volume.blocks import block_steps
+
+IN_ORDER = 2  # the principal axis whose records are in the voxels' own order
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +77,11 @@ class Look:
     estimate: MemoryEstimate
 
     def write_records(self, model: str, backend: str, threads: int) -> Callable:
-        """For ``encode.record_steps``: a function that writes the records of a range of voxels."""
+        """For ``encode.record_steps``: a function that writes the records of some planes' voxels."""
 
-        def write(first, last, records):
+        def write(places, records):
             return light_records(
-                self.classified, self.normals, self.falling, model, first, last, records, backend=backend,
-                threads=threads,
+                self.classified, self.normals, self.falling, model, places, records, backend=backend, threads=threads
             )
 
         return write
@@ -94,7 +95,8 @@ def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: i
     found = look.classified
 
     def encode_steps(axis: int):
-        return axis_steps(look, quality, axis, job, clock)
+        # Where all three are wanted, the one that the others take their records from comes first.
+        return axes_steps(look, quality, (IN_ORDER, axis) if axes == len(AXES) else (axis,), job, clock)
 
     length = found.opacity_distance if quality.model == "opacity" else 1.0
     return Medium(found.shape_xyz, encode_steps, length, found.visible_voxels, found, look.estimate)
@@ -155,8 +157,24 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     return Look(found, directions, falling, visible_key, key, needs)
 
 
+def axes_steps(look: Look, quality: Quality, axes, job: Job, clock: Clock):
+    """Generator of fractions done: as ``axis_steps`` for some principal axes, one after the other; returns the last."""
+    for n, axis in enumerate(axes):
+        steps = axis_steps(look, quality, axis, job, clock)
+        while True:
+            try:
+                yield (n + next(steps)) / len(axes)
+            except StopIteration as finished:
+                made = finished.value
+                break
+    return made
+
+
 def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
-    """Generator of fractions done: the RunLengthVolume of one principal axis."""
+    """Generator of fractions done: the RunLengthVolume of one principal axis.
+
+    Where the records of principal z, which are in the voxels' own order, are at hand, nothing is shaded again.
+    """
     machine = dict(backend=quality.backend, threads=quality.threads)
     voxels = look.classified.voxels
     with clock.stage("encode"):
@@ -172,6 +190,9 @@ def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
         needs = look.estimate.one_axis()
         job.kept.make_room(needs.needed)
         refuse_too_much(needs)
+        if job.has("records", key_of(IN_ORDER)):
+            in_order = job.get("records", key_of(IN_ORDER), None)
+            return (yield from reorder_steps(tables, voxels, in_order, **machine))
         decoding = None
         if quality.record != 16:
             brightest = color_bound(look.classified, look.falling)
@@ -183,9 +204,11 @@ def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
             yield from record_steps(tables, voxels, timed_write, quality.model, quality.record, decoding, **machine)
         )
 
+    def key_of(axis):
+        return (look.key, quality.model, quality.record, axis)
+
     shaded_before = clock.stages["shade"]
-    key = (look.key, quality.model, quality.record, axis)
-    made = yield from timed(job.steps("records", key, records, lambda e: e.voxel_data.nbytes), clock, "encode")
+    made = yield from timed(job.steps("records", key_of(axis), records, lambda e: e.voxel_data.nbytes), clock, "encode")
     clock.stages["encode"] -= clock.stages["shade"] - shaded_before
     return made
 

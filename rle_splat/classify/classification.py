@@ -79,9 +79,9 @@ class ClassifiedVolume:
         return self.voxels.nan_voxels
 
     @property
-    def look_of(self) -> np.ndarray:
-        """(m,) index into ``looks`` by voxel; (0,) where voxel number i has look number i."""
-        return self.voxels.stored if self.by_value else self.voxels.stored[:0]
+    def look_of(self) -> np.ndarray | None:
+        """(m,) index into ``looks`` by voxel; None where voxel number i has look number i."""
+        return self.voxels.stored if self.by_value else None
 
     def _each(self, columns) -> np.ndarray:
         each = self.looks[self.voxels.stored, columns] if self.by_value else self.looks[:, columns]

@@ -9,17 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel, prange
+from ..jit import kernel
+from ..parallel import share_out
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z
 from .points import LARGEST, height_at, piece_of
 
 
-@kernel(parallel=True)
+@kernel
 def count_by_table(rows, n_y, relevant, visible, counts, pieces):
     """``rows`` as unsigned bit patterns index ``visible`` (256 or 65536,) uint8; writes the visible voxels of each
     row and the number of connected pieces they come in."""
+    share_out(_count_by_table, rows.shape[0], (rows, n_y, relevant, visible, counts, pieces))
+
+
+@kernel(inner=True)
+def _count_by_table(begin, end, rows, n_y, relevant, visible, counts, pieces):
     width = rows.shape[1]
-    for row in prange(rows.shape[0]):
+    for row in range(begin, end):
         z, y = row // n_y, row % n_y
         count = 0
         piece = 0
@@ -37,20 +43,25 @@ def count_by_table(rows, n_y, relevant, visible, counts, pieces):
         pieces[row] = piece
 
 
-@kernel(parallel=True)
+@kernel
 def fill_by_table(rows, n_y, relevant, visible, row_start, column, stored):
     """Writes ``column`` and ``stored``; see ``count_by_table``."""
+    share_out(_fill_by_table, rows.shape[0], (rows, n_y, relevant, visible, row_start, column, stored))
+
+
+@kernel(inner=True)
+def _fill_by_table(begin, end, rows, n_y, relevant, visible, row_start, column, stored):
     width = rows.shape[1]
-    for row in prange(rows.shape[0]):
-        at, end = row_start[row], row_start[row + 1]
+    for row in range(begin, end):
+        at, stop = row_start[row], row_start[row + 1]
         z, y = row // n_y, row % n_y
         for b in range(relevant.shape[2]):
-            if at == end:
+            if at == stop:
                 break
             if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
                 continue
             for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, width)):
-                if at == end:
+                if at == stop:
                     break
                 # Written whether visible or not, kept by moving on: no branch to mispredict.
                 pattern = rows[row, x]
@@ -79,32 +90,43 @@ def _is_shown(value, intervals):
     return False
 
 
-@kernel(parallel=True, exact=True)
+@kernel
 def count_by_points(rows, n_y, relevant, slope, intercept, intervals, counts, pieces):
     """As ``count_by_table``; ``intervals`` (k, 2): the physical values with an opacity above 0."""
+    share_out(_count_by_points, rows.shape[0], (rows, n_y, relevant, slope, intercept, intervals, counts, pieces))
+
+
+@kernel(exact=True, inner=True)
+def _count_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals, counts, pieces):
     width = rows.shape[1]
-    for row in prange(rows.shape[0]):
+    for row in range(begin, end):
         z, y = row // n_y, row % n_y
         count = 0
         piece = 0
-        end = -1  # one past the last visible voxel
+        stop = -1  # one past the last visible voxel
         for b in range(relevant.shape[2]):
             if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
                 continue
             for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, width)):
                 if _is_shown(_physical(rows[row, x], slope, intercept), intervals):
                     count += 1
-                    piece += x != end
-                    end = x + 1
+                    piece += x != stop
+                    stop = x + 1
         counts[row] = count
         pieces[row] = piece
 
 
-@kernel(parallel=True, exact=True)
+@kernel
 def fill_by_points(rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored):
     """Writes ``column`` and ``stored``; see ``count_by_points``."""
+    arguments = (rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored)
+    share_out(_fill_by_points, rows.shape[0], arguments)
+
+
+@kernel(exact=True, inner=True)
+def _fill_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored):
     width = rows.shape[1]
-    for row in prange(rows.shape[0]):
+    for row in range(begin, end):
         at = row_start[row]
         if row_start[row + 1] == at:
             continue
@@ -119,7 +141,7 @@ def fill_by_points(rows, n_y, relevant, slope, intercept, intervals, row_start, 
                     at += 1
 
 
-@kernel(parallel=True, exact=True)
+@kernel
 def looks_by_points(
     stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights, color_rates,
     alpha_cap, distance, looks,
@@ -128,7 +150,19 @@ def looks_by_points(
 
     Points as in ``points.Pieces``; ``distance``: world length that opacity refers to.
     """
-    for i in prange(stored.size):
+    arguments = (
+        stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
+        color_rates, alpha_cap, distance, looks,
+    )
+    share_out(_looks_by_points, stored.size, arguments)
+
+
+@kernel(exact=True, inner=True)
+def _looks_by_points(
+    begin, end, stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
+    color_rates, alpha_cap, distance, looks,
+):
+    for i in range(begin, end):
         value = _physical(stored[i], slope, intercept)
         piece = piece_of(opacity_values, value)
         alpha = height_at(opacity_heights, opacity_rates, opacity_values, piece, value, 0)

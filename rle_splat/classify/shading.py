@@ -10,22 +10,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange, read_only
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
 from ..volume.gradient import CHUNK, unit_normals
 from .classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN, light_rows
+from .placing import Places, find_targets
 
 SHARPEST = 1e9  # a larger shininess is a highlight of no width; the whole part must also fit an integer
-DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: -1}  # column of the looks that weights a colour
+DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # column of the looks that weights a colour
 
 # Voxels shaded together: their scratch stays in the first cache, and loops are long enough.
 LANES = 256
-# Planes of the float32 scratch: normal; unit vectors to the light and to the eye; cosine, its power and the light's
+# Planes of the float32 scratch: unit vectors to the light and to the eye; cosine, its power and the light's
 # falloff; light gathered by the matt colour and by the highlight.
-NX, NY, NZ, LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB = (
-    LANES * plane for plane in range(18)
-)
-SCRATCH = 18 * LANES
+LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB = (LANES * plane for plane in range(15))
+SCRATCH = 15 * LANES
 PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
 PLACES = 3 * LANES
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
@@ -46,10 +46,16 @@ class Lighting:
     eye: np.ndarray
 
     @property
-    def needs_places(self) -> bool:
-        """Whether it matters where a voxel is: not for parallel light seen along parallel rays."""
+    def is_far(self) -> bool:
+        """Whether it does not matter where a voxel is: parallel light, and parallel rays where highlights are seen."""
         sees_highlights = self.material[2] > 0.0 and self.eye[3] != 0.0
-        return bool(sees_highlights or (self.rows[:, KIND] != SUN).any())
+        return not (sees_highlights or (self.rows[:, KIND] != SUN).any())
+
+    def rays(self) -> np.ndarray:
+        """(n, 9) float32 of lights that are far: unit vectors to the light, and half-way to the eye; RGB."""
+        towards = -self.rows[:, AXIS:RGB]
+        halfway = _unit_numpy(towards + _unit_numpy(self.eye[None, :3]))
+        return np.ascontiguousarray(np.hstack((towards, halfway, self.rows[:, RGB:NEAREST])), dtype=np.float32)
 
 
 def is_shaded(shading, lights, headlight_direction=None) -> bool:
@@ -76,7 +82,8 @@ def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, ey
     eye = np.zeros(4) if eye is None else np.asarray(eye, dtype=np.float64) * (-1.0 if eye[3] < 0.0 else 1.0)
     shininess = min(shading.shininess, SHARPEST)
     material = np.array([shading.ambient, shading.diffuse, shading.specular, shininess], dtype=np.float64)
-    return Lighting(read_only(matrix), material, light_rows(lights, headlight_direction, matrix), eye)
+    rows = light_rows(lights, headlight_direction, matrix)
+    return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 
 
 def normals(classified, volume, index_to_world, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
@@ -112,9 +119,8 @@ def shaded_colors(
     if falling is None:
         return classified.color
     records = np.empty((classified.visible_voxels, 4), dtype=np.float32)
-    light_records(
-        classified, normals, falling, None, 0, classified.visible_voxels, records, backend=backend, threads=threads
-    )
+    everywhere = Places.in_order(classified.voxels, 0, classified.shape_xyz[2])
+    light_records(classified, normals, falling, None, everywhere, records, backend=backend, threads=threads)
     return read_only(np.ascontiguousarray(records[:, :3]))
 
 
@@ -132,72 +138,164 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
 
 
 def light_records(
-    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, first: int, last: int, records,
-    *, backend: str = "auto", threads: int = 0,
+    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, places: Places, records, *,
+    backend: str = "auto", threads: int = 0,
 ) -> float:
-    """Write the records of voxels [first, last) into ``records`` (n, 4) float32; the largest channel of any colour.
+    """Write the records of the voxels of ``places`` where they belong in ``records`` (n, 4) float32; the largest
+    channel of any of their colours.
 
     A record is (density * RGB, density): by ``model`` the density is the extinction or the opacity, None makes it 1.
     ``normals``: (m, 3) float32, None without ``falling``.
     """
-    look_of, looks = read_only(classified.look_of), classified.looks
-    most = np.zeros(max(-(-(last - first) // LANES), 1), np.float32)
-    use_kernels = compiled(backend)
-    if falling is None:
-        arguments = (look_of, looks, DENSITY[model], first, last, records, most)
-        run = _plain_records if use_kernels else _plain_records_numpy
+    most = np.zeros(max(len(places.data_starts), 1), np.float32)
+    looks, density = classified.looks, DENSITY[model]
+    if density is None:
+        looks, density = looks.copy(), EXTINCTION
+        looks[:, density] = 1.0
+    look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
+    seen = (look_of, read_only(looks), density)
+    if not compiled(backend):
+        _write_numpy(places, *seen, normals, falling, records, most)
     else:
-        voxels = classified.voxels
-        arguments = (
-            voxels.shape_xyz[1], voxels.row_start, voxels.column, look_of, looks, DENSITY[model], read_only(normals),
-            falling.matrix, falling.material, falling.rows, falling.eye, falling.needs_places, first, last, records,
-            most,
-        )
-        run = _lit_records if use_kernels else _lit_records_numpy
-    if use_kernels:
+        light = (None, None, None, None)
+        if falling is not None:
+            near = None if falling.is_far else (falling.matrix, falling.rows, falling.eye)
+            normals = read_only(np.asfortranarray(normals))  # as they come: one component after the other
+            light = (normals, falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
-            run(*arguments)
-    else:
-        run(*arguments)
+            _write_records(places.arguments, *seen, *light, records, most)
     return float(most.max())
 
 
-@kernel(inline="always")
-def _write_record(records, i, looks, look, density_column, red, green, blue):
-    """One record and its largest colour channel."""
-    density = looks[look, density_column] if density_column >= 0 else _ONE
-    records[i, 0] = density * red
-    records[i, 1] = density * green
-    records[i, 2] = density * blue
-    records[i, 3] = density
-    return max(red, max(green, blue))
+# --- kernels: the loop over planes, in chunks of voxels --------------------------------------------------------
 
 
-@kernel(parallel=True)
-def _plain_records(look_of, looks, density_column, first, last, records, most):
-    """Unshaded records; ``look_of``: (m,) index into ``looks`` (n, 5), or (0,) where it is the voxel's own number."""
-    for chunk in prange(most.size):
-        begin = first + chunk * LANES
+@kernel
+def _write_records(places, look_of, looks, density_column, normals, material, rays, near, records, most):
+    """``places``: Places.arguments.  ``look_of``: (m,) index into ``looks`` (n, 5), None where it is the voxel's own
+    number.  ``normals`` (m, 3) and ``material``: None where nothing shines.  Then either ``rays``, see
+    ``Lighting.rays``, or ``near``, (matrix, rows, eye) of a Lighting, is None: what is not wanted is not compiled."""
+    arguments = (places, look_of, looks, density_column, normals, material, rays, near, records, most)
+    share_out(_write_planes, places[5].shape[0], arguments)
+
+
+@kernel(inner=True)
+def _write_planes(
+    begin, end, places, look_of, looks, density_column, normals, material, rays, near, records, most
+):
+    """Records in chunks of LANES voxels, every step of the formula a loop over one chunk, so that it becomes wide SIMD.
+    (Chunks are handed on as slices: counted from zero, the compiler knows that no index is negative.)"""
+    n_y, first_plane, row_start, column, across, data_starts = places
+    cursors = np.empty(data_starts.shape[1], np.int64)
+    targets = np.empty(LANES, np.uint64)
+    s = np.empty(0 if normals is None else SCRATCH, np.float32)
+    for plane in range(begin, end):
+        for key in range(cursors.size):
+            cursors[key] = data_starts[plane, key]
+        first_row = (first_plane + plane) * n_y
+        row = first_row
+        at, last = row_start[first_row], row_start[first_row + n_y]
         brightest = _ZERO
-        for i in range(begin, min(begin + LANES, last)):
-            look = np.int64(look_of[i]) if look_of.size > 0 else i
-            brightest = max(brightest, _write_record(
-                records, i - first, looks, look, density_column, looks[look, RED], looks[look, RED + 1],
-                looks[look, RED + 2],
-            ))
-        most[chunk] = brightest
+        while at < last:
+            stop = min(at + LANES, last)
+            begun = row
+            row = find_targets(across, first_row, row, row_start, column, at, stop - at, cursors, targets)
+            if normals is not None:
+                _clear_light(material, s)
+            if rays is not None:
+                _add_rays(rays, normals[at:stop], material, stop - at, s)
+            if near is not None:
+                _add_near(near, normals[at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
+            for i in range(stop - at):
+                look = at + i if look_of is None else np.int64(look_of[at + i])
+                red, green, blue = looks[look, RED], looks[look, RED + 1], looks[look, RED + 2]
+                if normals is not None:
+                    if normals[at + i, 0] != _ZERO or normals[at + i, 1] != _ZERO or normals[at + i, 2] != _ZERO:
+                        red = red * s[DR + i] + s[SR + i]
+                        green = green * s[DG + i] + s[SG + i]
+                        blue = blue * s[DB + i] + s[SB + i]
+                density = looks[look, density_column]
+                to = targets[i]
+                records[to, 0] = density * red
+                records[to, 1] = density * green
+                records[to, 2] = density * blue
+                records[to, 3] = density
+                brightest = max(brightest, max(red, max(green, blue)))
+            at = stop
+        most[plane] = brightest
 
 
-def _plain_records_numpy(look_of, looks, density_column, first, last, records, most):
-    """Twin of ``_plain_records``."""
-    seen = looks[look_of[first:last]] if look_of.size else looks[first:last]
-    _write_numpy(seen[:, RED:], seen, density_column, records)
-    most[0] = seen[:, RED:].max(initial=0.0)
+@kernel(inline="always")
+def _clear_light(material, s):
+    """A chunk in the ambient light."""
+    ambient = np.float32(material[0])
+    for i in range(3 * LANES):
+        s[DR + i] = ambient
+    for i in range(3 * LANES):
+        s[SR + i] = _ZERO
 
 
-def _write_numpy(colors, seen, density_column, records):
-    records[:, 3] = seen[:, density_column] if density_column >= 0 else 1.0
-    records[:, :3] = records[:, 3:] * colors
+@kernel(inline="always")
+def _raise_to(shininess, count, s):
+    """POWER = COS ** shininess, COS 0 or more; the whole part, mostly all there is, by squarings.
+
+    What is too faint to see becomes 0 at once: denormal numbers would take a hundred times as long.
+    """
+    whole = np.int64(shininess)
+    rest = np.float32(shininess - whole)
+    for i in range(count):
+        s[POWER + i] = _ONE
+    if rest != _ZERO:
+        for i in range(count):
+            s[POWER + i] = s[COS + i] ** rest
+    while whole > 0:
+        if whole & 1:
+            for i in range(count):
+                power = s[POWER + i] * s[COS + i]
+                s[POWER + i] = power if power > _FAINT else _ZERO
+        whole >>= 1
+        if whole > 0:
+            for i in range(count):
+                square = s[COS + i] * s[COS + i]
+                s[COS + i] = square if square > _FAINT else _ZERO
+
+
+@kernel(inline="always")
+def _add_rays(rays, normals, material, count, s):
+    """What parallel lights, seen along parallel rays, add to the matt colour and to the highlight of every voxel of a
+    chunk; ``rays``: see ``Lighting.rays``."""
+    diffuse, specular = np.float32(material[1]), np.float32(material[2])
+    for k in range(rays.shape[0]):
+        lx, ly, lz = rays[k, 0], rays[k, 1], rays[k, 2]
+        hx, hy, hz = rays[k, 3], rays[k, 4], rays[k, 5]
+        red, green, blue = rays[k, 6], rays[k, 7], rays[k, 8]
+        for i in range(count):
+            matt = diffuse * abs(normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz)
+            s[DR + i] += matt * red
+            s[DG + i] += matt * green
+            s[DB + i] += matt * blue
+        if specular > _ZERO:
+            for i in range(count):
+                s[COS + i] = abs(normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz)
+            _raise_to(material[3], count, s)
+            for i in range(count):
+                gloss = specular * s[POWER + i]
+                s[SR + i] += gloss * red
+                s[SG + i] += gloss * green
+                s[SB + i] += gloss * blue
+
+
+@kernel(inner=True)
+def _add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
+    """As ``_add_rays``, for lights and eyes that may stand among the voxels; the chunk's first is in ``row``."""
+    matrix, lights, eye = near
+    places = np.empty(PLACES, np.float64)
+    _place_voxels(n_y, row, row_start, column, matrix, begin, count, places)
+    if material[2] > 0.0:
+        _view_voxels(eye, count, places, s)
+    for k in range(lights.shape[0]):
+        _towards(lights[k], count, places, s)
+        _add_light(lights[k], normals, material, count, s)
 
 
 @kernel(inline="always")
@@ -207,10 +305,9 @@ def _scale_of(x, y, z):
     return 1.0 / length if length > 0.0 else 0.0
 
 
-@kernel
-def _place_voxels(n_y, row_start, column, matrix, begin, count, places):
-    """World positions of ``count`` voxels from number ``begin`` on."""
-    row = np.searchsorted(row_start, begin, side="right") - 1
+@kernel(inner=True)
+def _place_voxels(n_y, row, row_start, column, matrix, begin, count, places):
+    """World positions of ``count`` voxels from number ``begin`` on, which is in ``row`` or after it."""
     i = 0
     while i < count:
         z, y = row // n_y, row % n_y
@@ -227,27 +324,20 @@ def _place_voxels(n_y, row_start, column, matrix, begin, count, places):
         row += 1
 
 
-@kernel
-def _view_voxels(eye, needs_places, count, places, s):
+@kernel(inner=True)
+def _view_voxels(eye, count, places, s):
     """Unit vectors to the eye into VX, VY, VZ."""
-    scale = _scale_of(eye[0], eye[1], eye[2])
-    ex, ey, ez = np.float32(eye[0] * scale), np.float32(eye[1] * scale), np.float32(eye[2] * scale)
     for i in range(count):
-        s[VX + i] = ex
-        s[VY + i] = ey
-        s[VZ + i] = ez
-    if needs_places and eye[3] != 0.0:
-        for i in range(count):
-            x = eye[0] - eye[3] * places[PX + i]
-            y = eye[1] - eye[3] * places[PY + i]
-            z = eye[2] - eye[3] * places[PZ + i]
-            scale = _scale_of(x, y, z)
-            s[VX + i] = x * scale
-            s[VY + i] = y * scale
-            s[VZ + i] = z * scale
+        x = eye[0] - eye[3] * places[PX + i]
+        y = eye[1] - eye[3] * places[PY + i]
+        z = eye[2] - eye[3] * places[PZ + i]
+        scale = _scale_of(x, y, z)
+        s[VX + i] = x * scale
+        s[VY + i] = y * scale
+        s[VZ + i] = z * scale
 
 
-@kernel
+@kernel(inner=True)
 def _towards(light, count, places, s):
     """Unit vectors to a light (a row of ``light_rows``) into LX, LY, LZ, and its FALLOFF."""
     ax, ay, az = light[AXIS], light[AXIS + 1], light[AXIS + 2]
@@ -278,35 +368,13 @@ def _towards(light, count, places, s):
         s[FALLOFF + i] = falloff
 
 
-@kernel
-def _power(whole, rest, count, s):
-    """POWER = COS ** (whole + rest), COS 0 or more; the whole part, mostly all there is, by squarings.
-
-    What is too faint to see becomes 0 at once: denormal numbers would take a hundred times as long.
-    """
-    for i in range(count):
-        s[POWER + i] = _ONE
-    if rest != _ZERO:
-        for i in range(count):
-            s[POWER + i] = s[COS + i] ** rest
-    while whole > 0:
-        if whole & 1:
-            for i in range(count):
-                power = s[POWER + i] * s[COS + i]
-                s[POWER + i] = power if power > _FAINT else _ZERO
-        whole >>= 1
-        if whole > 0:
-            for i in range(count):
-                square = s[COS + i] * s[COS + i]
-                s[COS + i] = square if square > _FAINT else _ZERO
-
-
-@kernel
-def _add_light(light, diffuse, specular, whole, rest, count, s):
+@kernel(inner=True)
+def _add_light(light, normals, material, count, s):
     """What one light adds to the matt colour and to the highlight of every voxel of a chunk."""
+    diffuse, specular = np.float32(material[1]), np.float32(material[2])
     red, green, blue = np.float32(light[RGB]), np.float32(light[RGB + 1]), np.float32(light[RGB + 2])
     for i in range(count):
-        facing = s[NX + i] * s[LX + i] + s[NY + i] * s[LY + i] + s[NZ + i] * s[LZ + i]
+        facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
         matt = diffuse * abs(facing) * s[FALLOFF + i]
         s[DR + i] += matt * red
         s[DG + i] += matt * green
@@ -315,10 +383,10 @@ def _add_light(light, diffuse, specular, whole, rest, count, s):
         return
     for i in range(count):
         hx, hy, hz = s[LX + i] + s[VX + i], s[LY + i] + s[VY + i], s[LZ + i] + s[VZ + i]
-        facing = s[NX + i] * hx + s[NY + i] * hy + s[NZ + i] * hz
+        facing = normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz
         length = np.sqrt(hx * hx + hy * hy + hz * hz)
         s[COS + i] = abs(facing) / length if length > _ZERO else _ZERO
-    _power(whole, rest, count, s)
+    _raise_to(material[3], count, s)
     for i in range(count):
         gloss = specular * s[POWER + i] * s[FALLOFF + i]
         s[SR + i] += gloss * red
@@ -326,91 +394,45 @@ def _add_light(light, diffuse, specular, whole, rest, count, s):
         s[SB + i] += gloss * blue
 
 
-@kernel
-def _gather_light(normals, lights, eye, ambient, diffuse, specular, whole, rest, needs_places, places, s):
-    """What falls on the voxels of one chunk, (n, 3) ``normals``, at ``places``."""
-    count = len(normals)
-    for i in range(count):
-        s[NX + i] = normals[i, 0]
-        s[NY + i] = normals[i, 1]
-        s[NZ + i] = normals[i, 2]
-        s[DR + i] = s[DG + i] = s[DB + i] = ambient
-        s[SR + i] = s[SG + i] = s[SB + i] = _ZERO
-    if specular > _ZERO:
-        _view_voxels(eye, needs_places, count, places, s)
-    for k in range(lights.shape[0]):
-        _towards(lights[k], count, places, s)
-        _add_light(lights[k], diffuse, specular, whole, rest, count, s)
+# --- twins ----------------------------------------------------------------------------------------------------
 
 
-@kernel
-def _write_lit(look_of, looks, first_look, density_column, s, records):
-    """The records of one chunk, (n, 4); its largest colour channel.  ``first_look``: look of voxel 0 when each voxel
-    has its own, that is, when ``look_of`` is empty."""
-    brightest = _ZERO
-    for i in range(len(records)):
-        look = np.int64(look_of[i]) if look_of.size > 0 else first_look + i
-        red, green, blue = looks[look, RED], looks[look, RED + 1], looks[look, RED + 2]
-        if s[NX + i] != _ZERO or s[NY + i] != _ZERO or s[NZ + i] != _ZERO:
-            red = red * s[DR + i] + s[SR + i]
-            green = green * s[DG + i] + s[SG + i]
-            blue = blue * s[DB + i] + s[SB + i]
-        brightest = max(brightest, _write_record(records, i, looks, look, density_column, red, green, blue))
-    return brightest
-
-
-@kernel(parallel=True)
-def _lit_records(
-    n_y, row_start, column, look_of, looks, density_column, normals, matrix, material, lights, eye, needs_places, first,
-    last, records, most,
-):
-    """Shaded records in chunks of LANES voxels, every step of the formula a loop over one chunk, so that it becomes
-    wide SIMD.  (Chunks are handed on as slices: counted from zero, the compiler knows that no index is negative.)
-    ``look_of``: as in ``_plain_records``; the others: see Lighting."""
-    ambient, diffuse, specular = np.float32(material[0]), np.float32(material[1]), np.float32(material[2])
-    whole = np.int64(material[3])
-    rest = np.float32(material[3] - whole)
-    for chunk in prange(most.size):
-        begin = first + chunk * LANES
-        end = max(min(begin + LANES, last), begin)
-        s = np.empty(SCRATCH, np.float32)
-        places = np.empty(PLACES if needs_places else 0, np.float64)
-        if needs_places and end > begin:
-            _place_voxels(n_y, row_start, column, matrix, begin, end - begin, places)
-        _gather_light(
-            normals[begin:end], lights, eye, ambient, diffuse, specular, whole, rest, needs_places, places, s
-        )
-        most[chunk] = _write_lit(
-            look_of[begin:end], looks, begin, density_column, s, records[begin - first : end - first]
-        )
-
-
-def _lit_records_numpy(
-    n_y, row_start, column, look_of, looks, density_column, normals, matrix, material, lights, eye, _needs_places,
-    first, last, records, most,
-):
-    """Twin of ``_lit_records``, in chunks of voxels."""
-    ambient, diffuse, specular, shininess = material
+def _write_numpy(places, look_of, looks, density_column, normals, falling, records, most):
+    """Twin of ``_write_records``, in chunks of voxels."""
+    voxels = places.voxels
+    targets = places.targets_numpy()
+    first, last = places.span
     for begin in range(first, last, CHUNK):
         part = slice(begin, min(begin + CHUNK, last))
-        row = np.searchsorted(row_start, np.arange(part.start, part.stop), side="right") - 1
-        index = np.stack((column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
-        points = index @ matrix[:3, :3].T + matrix[:3, 3]
-        n = normals[part].astype(np.float64)
-        view = _unit_numpy(eye[:3] - eye[3] * points)
-        matt = np.full((len(points), 3), ambient)
-        gloss = np.zeros((len(points), 3))
-        for light in lights:
-            towards, falloff = _towards_numpy(light, points)
-            strength = falloff[:, None] * light[RGB:NEAREST]
-            matt += diffuse * np.abs((n * towards).sum(axis=1))[:, None] * strength
-            if specular > 0.0:
-                half = _unit_numpy(towards + view)
-                gloss += specular * np.abs((n * half).sum(axis=1))[:, None] ** shininess * strength
-        seen = looks[look_of[part]] if look_of.size else looks[part]
-        lit = np.where(n.any(axis=1)[:, None], seen[:, RED:] * matt + gloss, seen[:, RED:]).astype(np.float32)
-        _write_numpy(lit, seen, density_column, records[part.start - first : part.stop - first])
-        most[0] = max(most[0], lit.max(initial=0.0))
+        seen = looks[part] if look_of is None else looks[look_of[part]]
+        colors = seen[:, RED:]
+        if falling is not None:
+            colors = _lit_numpy(falling, voxels, part, normals[part].astype(np.float64), colors)
+        made = np.empty((len(seen), 4), np.float32)
+        made[:, 3] = seen[:, density_column]
+        made[:, :3] = made[:, 3:] * colors
+        records[targets[part.start - first : part.stop - first]] = made
+        most[0] = max(most[0], colors.max(initial=0.0))
+
+
+def _lit_numpy(falling, voxels, part, n, colors):
+    """(k, 3) float32 shaded colours of voxels ``part``, a slice, with normals ``n`` and their own ``colors``."""
+    n_y, matrix = voxels.shape_xyz[1], falling.matrix
+    ambient, diffuse, specular, shininess = falling.material
+    row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
+    index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
+    points = index @ matrix[:3, :3].T + matrix[:3, 3]
+    view = _unit_numpy(falling.eye[:3] - falling.eye[3] * points)
+    matt = np.full((len(points), 3), ambient)
+    gloss = np.zeros((len(points), 3))
+    for light in falling.rows:
+        towards, falloff = _towards_numpy(light, points)
+        strength = falloff[:, None] * light[RGB:NEAREST]
+        matt += diffuse * np.abs((n * towards).sum(axis=1))[:, None] * strength
+        if specular > 0.0:
+            half = _unit_numpy(towards + view)
+            gloss += specular * np.abs((n * half).sum(axis=1))[:, None] ** shininess * strength
+    return np.where(n.any(axis=1)[:, None], colors * matt + gloss, colors).astype(np.float32)
 
 
 def _unit_numpy(vectors) -> np.ndarray:

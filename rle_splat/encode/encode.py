@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..axes import AXES
+from ..classify.placing import Places
 from ..classify.visible import VisibleVoxels
 from ..jit import compiled, parallel_call, read_only
 from ..scene import MODELS, RECORDS, RleSplatError
@@ -49,13 +50,16 @@ def encode(
 
     most_color = float(colors.max(initial=0.0))
 
-    def write(first, last, records):
+    def write(places, records):
+        first, last = places.span
+        made = empty_records(16, last - first)
         if compiled(backend):
             with parallel_call(threads):
-                passes.color_records(density[first:last], colors[first:last], records)
+                passes.color_records(density[first:last], colors[first:last], made)
         else:
-            records[:, 3] = density[first:last]
-            records[:, :3] = records[:, 3:] * colors[first:last]
+            made[:, 3] = density[first:last]
+            made[:, :3] = made[:, 3:] * colors[first:last]
+        _place(places, made, records, backend, threads)
         return most_color
 
     tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
@@ -84,81 +88,89 @@ def record_steps(
 ):
     """Generator: yields the fraction done; returns the RunLengthVolume of ``tables`` with its voxel records.
 
-    ``write(first, last, records)`` puts the records of voxels [first, last), counted as in ``voxels``, into
-    (last - first, 4) float32, and returns the largest channel of their colours.  ``record``, ``decoding``: bytes of
-    a record, and what ``records.decoding_of`` made for them.
+    ``write(places, records)`` puts the records of some planes' voxels, ``classify.placing.Places``, where they belong
+    in (n, 4) float32 ``records``, and returns the largest channel of their colours.  ``record``, ``decoding``: bytes
+    of a record, and what ``records.decoding_of`` made for them.
     """
-    _, ny, nz = voxels.shape_xyz
     voxel_data = empty_records(record, tables.n_voxels)
     floats, codes = empty_records(16, 0), empty_records(record, 0)
     most_color = 0.0
-    for first_plane, last_plane in _slabs(voxels.row_start[::ny]):
-        yield first_plane / nz
-        starts = voxels.row_start[first_plane * ny : last_plane * ny + 1]
-        first, last = int(starts[0]), int(starts[-1])
-        in_order = tables.axis == 2  # the voxels' own order: nothing to place
-        target = voxel_data[first:last] if in_order else codes
-        if not in_order and len(codes) < last - first:
-            target = codes = empty_records(record, last - first)
-        made = target[: last - first]
+    for fraction, first_plane, last_plane in _slabs(voxels):
+        yield fraction
+        places = _places(tables, voxels, first_plane, last_plane)
         if record == 16:
-            most_color = max(most_color, write(first, last, made))
-        else:
-            if len(floats) < last - first:
-                floats = empty_records(16, last - first)
-            most_color = max(most_color, write(first, last, floats[: last - first]))
-            pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
+            most_color = max(most_color, write(places, voxel_data))
+            continue
+        first, last = places.span
+        if len(floats) < last - first:
+            floats = empty_records(16, last - first)
+        most_color = max(most_color, write(Places.in_order(voxels, first_plane, last_plane), floats))
+        in_order = tables.axis == 2  # the voxels' own order: nothing to place
+        if not in_order and len(codes) < last - first:
+            codes = empty_records(record, last - first)
+        made = voxel_data[first:last] if in_order else codes[: last - first]
+        pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
         if not in_order:
-            data_starts = np.ascontiguousarray(tables.scanline_data_pointers[:, first_plane:last_plane].T)
-            column = voxels.column[first:last]
-            _place(tables.axis, starts, column, data_starts, words_of(made), words_of(voxel_data), backend, threads)
+            _place(places, words_of(made), words_of(voxel_data), backend, threads)
     return tables.with_voxels(model, voxel_data, decoding, most_color)
+
+
+def reorder_steps(
+    tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthVolume, *, backend: str = "auto", threads: int = 0
+):
+    """As ``record_steps``, with the records that principal z already has: they are in the voxels' own order."""
+    voxel_data = empty_records(in_order.record, tables.n_voxels)
+    words, target = words_of(in_order.voxel_data), words_of(voxel_data)
+    for fraction, first_plane, last_plane in _slabs(voxels):
+        yield fraction
+        places = _places(tables, voxels, first_plane, last_plane)
+        first, last = places.span
+        _place(places, words[first:last], target, backend, threads)
+    return tables.with_voxels(in_order.model, voxel_data, in_order.decoding, in_order.most_color)
 
 
 def brightest_steps(voxels: VisibleVoxels, write):
     """Generator: yields the fraction done; returns the largest channel of any colour.  ``write``: see
     ``record_steps``; what it writes is thrown away."""
-    _, ny, nz = voxels.shape_xyz
     floats = empty_records(16, 0)
     most_color = 0.0
-    for first_plane, last_plane in _slabs(voxels.row_start[::ny]):
-        yield first_plane / nz
-        first, last = int(voxels.row_start[first_plane * ny]), int(voxels.row_start[last_plane * ny])
+    for fraction, first_plane, last_plane in _slabs(voxels):
+        yield fraction
+        places = Places.in_order(voxels, first_plane, last_plane)
+        first, last = places.span
         if len(floats) < last - first:
             floats = empty_records(16, last - first)
-        most_color = max(most_color, write(first, last, floats[: last - first]))
+        most_color = max(most_color, write(places, floats))
     return most_color
 
 
-def _slabs(plane_start):
-    """(first, last) plane of pieces of about VOXELS_AT_ONCE visible voxels; ``plane_start`` (nz + 1,)."""
+def _slabs(voxels: VisibleVoxels):
+    """(fraction done, first plane, last plane) of pieces of about VOXELS_AT_ONCE visible voxels."""
+    _, ny, nz = voxels.shape_xyz
+    plane_start = voxels.row_start[::ny]
     first = 0
-    while first < len(plane_start) - 1:
+    while first < nz:
         last = int(np.searchsorted(plane_start, plane_start[first] + VOXELS_AT_ONCE, side="right")) - 1
-        last = min(max(last, first + 1), len(plane_start) - 1)
-        yield first, last
+        last = min(max(last, first + 1), nz)
+        yield first / nz, first, last
         first = last
 
 
-def _place(axis, row_start, column, data_starts, words, voxel_words, backend, threads):
-    """Copy the records of some planes to the scanlines of the tables; ``data_starts`` (planes, rows or columns)."""
-    n_rows = (len(row_start) - 1) // len(data_starts)
-    if not compiled(backend):
-        row = np.repeat(np.arange(len(row_start) - 1), np.diff(row_start))
-        if axis == 1:
-            line = row
-        else:
-            line = (row // n_rows) * data_starts.shape[1] + column
-        order = np.argsort(line, kind="stable")
-        line = line[order]
-        in_line = np.arange(len(line)) - np.searchsorted(line, line, side="left")
-        voxel_words[data_starts.reshape(-1)[line] + in_line] = words[order]
-        return
-    with parallel_call(threads):
-        if axis == 1:
-            passes.place_rows(row_start, data_starts.reshape(-1), words, voxel_words)
-        else:
-            passes.place_across(row_start, read_only(column), n_rows, data_starts, words, voxel_words)
+def _places(tables: RunTables, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> Places:
+    """Where the records of some planes' voxels go in ``tables``."""
+    starts = tables.scanline_data_pointers
+    # Planes are the slices of principal z, and number the scanlines of the other two.
+    starts = starts[first_plane:last_plane] if tables.axis == 2 else starts[:, first_plane:last_plane].T
+    return Places(voxels, first_plane, tables.axis == 0, starts)
+
+
+def _place(places: Places, words, voxel_words, backend, threads):
+    """Copy the records of some planes, as words in the voxels' own order, to the scanlines of the tables."""
+    if compiled(backend):
+        with parallel_call(threads):
+            passes.place_records(*places.arguments, read_only(words), voxel_words)
+    else:
+        voxel_words[places.targets_numpy()] = words
 
 
 def _tables_of_rows(voxels: VisibleVoxels, axis, threads):

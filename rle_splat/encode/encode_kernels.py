@@ -8,13 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel, prange
+from ..classify.placing import find_targets
+from ..jit import kernel
+from ..parallel import share_out
+
+PLACED = 256  # records whose places are found together
 
 
-@kernel(parallel=True)
+@kernel
 def color_records(density, colors, records):
     """(n, 4) float32 ``records``: (density * RGB, density), from (n,) and (n, 3) float32."""
-    for i in prange(records.shape[0]):
+    share_out(_color_records, records.shape[0], (density, colors, records))
+
+
+@kernel(inner=True)
+def _color_records(begin, end, density, colors, records):
+    for i in range(begin, end):
         thickness = density[i]
         records[i, 0] = thickness * colors[i, 0]
         records[i, 1] = thickness * colors[i, 1]
@@ -22,11 +31,16 @@ def color_records(density, colors, records):
         records[i, 3] = thickness
 
 
-@kernel(parallel=True)
+@kernel
 def fill_row_runs(rows, row_start, column, width, scanline_pointers, runs):
     """Writes the runs of each scanline that is a row; ``rows`` (n_slices, n_scanlines) int64: which row."""
+    share_out(_fill_row_runs, rows.size, (rows, row_start, column, width, scanline_pointers, runs))
+
+
+@kernel(inner=True)
+def _fill_row_runs(begin, end_line, rows, row_start, column, width, scanline_pointers, runs):
     n_scanlines = rows.shape[1]
-    for line in prange(rows.size):
+    for line in range(begin, end_line):
         k, j = line // n_scanlines, line % n_scanlines
         if scanline_pointers[k, j] < 0:
             continue
@@ -48,10 +62,15 @@ def fill_row_runs(rows, row_start, column, width, scanline_pointers, runs):
             runs[run + 1] = width - end
 
 
-@kernel(parallel=True)
+@kernel
 def count_across(row_start, column, n_rows, run_counts, voxel_counts):
     """Runs and voxels of each scanline along y; both counts (nz, nx), zero on entry, ``n_rows`` = ny."""
-    for z in prange(run_counts.shape[0]):
+    share_out(_count_across, run_counts.shape[0], (row_start, column, n_rows, run_counts, voxel_counts))
+
+
+@kernel(inner=True)
+def _count_across(begin, end_plane, row_start, column, n_rows, run_counts, voxel_counts):
+    for z in range(begin, end_plane):
         end = np.zeros(run_counts.shape[1], dtype=np.int64)  # per x, one past the last voxel seen
         for y in range(n_rows):
             for i in range(row_start[z * n_rows + y], row_start[z * n_rows + y + 1]):
@@ -65,15 +84,20 @@ def count_across(row_start, column, n_rows, run_counts, voxel_counts):
                 run_counts[z, x] += 1
 
 
-@kernel(parallel=True)
+@kernel
 def fill_across_runs(row_start, column, n_rows, run_cursors, runs):
     """Writes the runs of the nx scanlines along y that each plane z crosses.
 
     ``run_cursors`` (nz, nx) int64 hold where each scanline starts (-1 when transparent) and are moved along while it
     is written.
     """
+    share_out(_fill_across_runs, run_cursors.shape[0], (row_start, column, n_rows, run_cursors, runs))
+
+
+@kernel(inner=True)
+def _fill_across_runs(begin, end_plane, row_start, column, n_rows, run_cursors, runs):
     n_columns = run_cursors.shape[1]
-    for z in prange(run_cursors.shape[0]):
+    for z in range(begin, end_plane):
         end = np.full(n_columns, -1, dtype=np.int64)  # per x, one past the last voxel written; -1 before the first
         for y in range(n_rows):
             for i in range(row_start[z * n_rows + y], row_start[z * n_rows + y + 1]):
@@ -94,34 +118,33 @@ def fill_across_runs(row_start, column, n_rows, run_cursors, runs):
                 runs[run_cursors[z, x] + 1] = n_rows - end[x]
 
 
-@kernel(parallel=True)
-def place_rows(row_start, data_starts, words, voxel_words):
-    """Copies voxel records to where their scanlines begin, each scanline a row.
+@kernel
+def place_records(n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
+    """Copies voxel records, in the voxels' own order, to their scanlines.
 
-    ``row_start``: of these rows, and of one more; ``data_starts`` (rows,) int64; ``words`` (n, w): the records of
-    these rows as words; ``voxel_words`` (m, w): all records in the order of the tables.
+    ``words`` (n, w): the records of some planes as words; ``voxel_words`` (m, w): all records in the order of the
+    tables.  The others: see ``classify.placing``.
     """
-    first = row_start[0]
-    for row in prange(data_starts.size):
-        count = row_start[row + 1] - row_start[row]
-        if count > 0:
-            source = words[row_start[row] - first : row_start[row + 1] - first]
-            target = voxel_words[data_starts[row] : data_starts[row] + count]
+    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, voxel_words)
+    share_out(_place_records, data_starts.shape[0], arguments)
+
+
+@kernel(inner=True)
+def _place_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
+    first = row_start[first_plane * n_y]
+    cursors = np.empty(data_starts.shape[1], np.int64)
+    targets = np.empty(PLACED, np.uint64)
+    for plane in range(begin, end):
+        for key in range(cursors.size):
+            cursors[key] = data_starts[plane, key]
+        first_row = (first_plane + plane) * n_y
+        row = first_row
+        at = row_start[first_row]
+        while at < row_start[first_row + n_y]:
+            count = min(row_start[first_row + n_y] - at, PLACED)
+            row = find_targets(across, first_row, row, row_start, column, at, count, cursors, targets)
+            made = words[at - first : at - first + count]
             for i in range(count):
                 for w in range(words.shape[1]):
-                    target[i, w] = source[i, w]
-
-
-@kernel(parallel=True)
-def place_across(row_start, column, n_rows, data_starts, words, voxel_words):
-    """Copies voxel records to scanlines along y.  ``column``: of these rows' voxels; ``data_starts`` (planes, nx)
-    int64; the others as in ``place_rows``."""
-    first = row_start[0]
-    for z in prange(data_starts.shape[0]):
-        cursors = data_starts[z].copy()
-        for i in range(row_start[z * n_rows] - first, row_start[(z + 1) * n_rows] - first):
-            x = np.int64(column[i])
-            at = cursors[x]
-            cursors[x] = at + 1
-            for w in range(words.shape[1]):
-                voxel_words[at, w] = words[i, w]
+                    voxel_words[targets[i], w] = made[i, w]
+            at += count

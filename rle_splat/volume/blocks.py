@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange, read_only
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
 
 # Voxels of a block along z, y, x: small enough to follow a surface, and a whole number of cache lines along x.
 BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32
@@ -62,15 +63,24 @@ def block_steps(volume, *, backend: str = "auto", threads: int = 0):
     return Blocks(low, high, int(nan_voxels.sum()))
 
 
-@kernel(parallel=True)
+@kernel
 def _extremes(voxels, most, least, low, high, nan_voxels):
     """``voxels``: whole planes of blocks, the last may be cut off; ``most``, ``least``: the type's own extremes."""
+    share_out(_rows_of_blocks, low.shape[0] * low.shape[1], (voxels, most, least, low, high, nan_voxels))
+
+
+@kernel(inner=True)
+def _rows_of_blocks(begin, end, voxels, most, least, low, high, nan_voxels):
+    """Rows of blocks [begin, end), numbered along y, then z."""
     n_z, n_y, n_x = voxels.shape
     across, along = low.shape[1], low.shape[2]
-    for row in prange(low.shape[0] * across):
+    smallest = np.empty(n_x, voxels.dtype)  # whole rows at a time: long loops become wide SIMD
+    largest = np.empty(n_x, voxels.dtype)
+    for row in range(begin, end):
         k, j = row // across, row % across
-        smallest = np.full(n_x, most)  # whole rows at a time: long loops become wide SIMD
-        largest = np.full(n_x, least)
+        for x in range(n_x):
+            smallest[x] = most
+            largest[x] = least
         nans = 0
         for z in range(k * BLOCK_Z, min((k + 1) * BLOCK_Z, n_z)):
             for y in range(j * BLOCK_Y, min((j + 1) * BLOCK_Y, n_y)):
@@ -81,8 +91,12 @@ def _extremes(voxels, most, least, low, high, nan_voxels):
                     nans += value != value
         nan_voxels[k, j] = nans
         for b in range(along):
-            low[k, j, b] = smallest[b * BLOCK_X : (b + 1) * BLOCK_X].min()
-            high[k, j, b] = largest[b * BLOCK_X : (b + 1) * BLOCK_X].max()
+            lowest, highest = most, least
+            for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, n_x)):
+                lowest = smallest[x] if smallest[x] < lowest else lowest
+                highest = largest[x] if largest[x] > highest else highest
+            low[k, j, b] = lowest
+            high[k, j, b] = highest
 
 
 def _extremes_numpy(voxels, most, least, low, high, nan_voxels):

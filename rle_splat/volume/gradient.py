@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange, read_only
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
@@ -37,7 +38,7 @@ def unit_normals(
     covector = np.linalg.inv(linear / np.abs(linear).max()).T * np.sign(volume.slope)
     is_integer = voxels.dtype.kind in "iu"
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
-    normals = np.empty((len(column), 3), dtype=np.float32)
+    normals = np.empty((3, len(column)), dtype=np.float32).T  # one component after the other, for SIMD
     if compiled(backend):
         with parallel_call(threads):
             if is_integer:
@@ -53,28 +54,38 @@ def unit_normals(
 @kernel(inline="always")
 def _write_normal(gx, gy, gz, floor, covector, normals, i):
     """Unit world normal of the index-space gradient (stored values per voxel step) into ``normals[i]``."""
-    nx = ny = nz = 0.0
-    if gx * gx + gy * gy + gz * gz > floor * floor:
-        wx = covector[0, 0] * gx + covector[0, 1] * gy + covector[0, 2] * gz
-        wy = covector[1, 0] * gx + covector[1, 1] * gy + covector[1, 2] * gz
-        wz = covector[2, 0] * gx + covector[2, 1] * gy + covector[2, 2] * gz
-        length = np.sqrt(wx * wx + wy * wy + wz * wz)
-        if 0.0 < length < np.inf:
-            scale = 1.0 / length
-            nx, ny, nz = wx * scale, wy * scale, wz * scale
-    normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
+    wx = covector[0, 0] * gx + covector[0, 1] * gy + covector[0, 2] * gz
+    wy = covector[1, 0] * gx + covector[1, 1] * gy + covector[1, 2] * gz
+    wz = covector[2, 0] * gx + covector[2, 1] * gy + covector[2, 2] * gz
+    length = np.sqrt(wx * wx + wy * wy + wz * wz)
+    # No branch, so that the loop round it becomes SIMD.
+    found = gx * gx + gy * gy + gz * gz > floor * floor and 0.0 < length < np.inf
+    scale = 1.0 / length if found else 0.0
+    normals[i, 0] = wx * scale if found else 0.0
+    normals[i, 1] = wy * scale if found else 0.0
+    normals[i, 2] = wz * scale if found else 0.0
 
 
-@kernel(parallel=True)
+@kernel
 def _sobel(voxels, row_start, column, covector, floor, sum_type, normals):
     """Integer ``voxels`` (nz, ny, nx); ``covector`` (3, 3); ``sum_type``: an array of the type that holds 16 times
-    any voxel exactly; writes ``normals`` (m, 3) float32, unit, world.
+    any voxel exactly; writes ``normals`` (m, 3) float32, unit, world."""
+    arguments = (voxels, row_start, column, covector, floor, sum_type, normals)
+    share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], arguments)
 
-    Along a row the sums over the 3 x 3 voxels across it are formed once for the span of its visible voxels, in long
-    SIMD loops; a voxel then takes three of them.
-    """
+
+@kernel(inner=True)
+def _sobel_rows(begin_row, end_row, voxels, row_start, column, covector, floor, sum_type, normals):
+    """Along a row the sums over the 3 x 3 voxels across it are formed once for the span of its visible voxels, in long
+    SIMD loops; a voxel then takes three of them."""
     n_z, n_y, n_x = voxels.shape
-    for row in prange(n_z * n_y):
+    # Smoothed over y and z; difference along y, smoothed over z; difference along z, smoothed over y.
+    smooth = np.empty(n_x, sum_type.dtype)
+    along_y = np.empty(n_x, sum_type.dtype)
+    along_z = np.empty(n_x, sum_type.dtype)
+    one = smooth.dtype.type  # arithmetic stays in this type: with plain integers it would be twice as wide
+    two, four = one(2), one(4)
+    for row in range(begin_row, end_row):
         begin, end = row_start[row], row_start[row + 1]
         if begin == end:
             continue
@@ -82,12 +93,6 @@ def _sobel(voxels, row_start, column, covector, floor, sum_type, normals):
         z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
         first = max(np.int64(column[begin]) - 1, 0)
         count = min(np.int64(column[end - 1]) + 1, n_x - 1) + 1 - first
-        # Smoothed over y and z; difference along y, smoothed over z; difference along z, smoothed over y.
-        smooth = np.empty(count, sum_type.dtype)
-        along_y = np.empty(count, sum_type.dtype)
-        along_z = np.empty(count, sum_type.dtype)
-        one = smooth.dtype.type  # arithmetic stays in this type: with plain integers it would be twice as wide
-        two, four = one(2), one(4)
         for i in range(count):
             x = first + i
             nw, nn, ne = one(voxels[z0, y0, x]), one(voxels[z0, y, x]), one(voxels[z0, y1, x])
@@ -114,11 +119,17 @@ def _finite_or(value, otherwise):
     return value if np.abs(value) < np.inf else otherwise
 
 
-@kernel(parallel=True)
+@kernel
 def _central(voxels, row_start, column, covector, floor, normals):
     """Float ``voxels`` (nz, ny, nx); ``floor`` is relative to the largest value met; else as ``_sobel``."""
+    arguments = (voxels, row_start, column, covector, floor, normals)
+    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], arguments)
+
+
+@kernel(inner=True)
+def _central_rows(begin, end, voxels, row_start, column, covector, floor, normals):
     n_z, n_y, n_x = voxels.shape
-    for row in prange(n_z * n_y):
+    for row in range(begin, end):
         if row_start[row] == row_start[row + 1]:
             continue
         z, y = row // n_y, row % n_y

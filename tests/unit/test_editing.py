@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rle_splat import medium
+from rle_splat.classify.shading import light_records
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.encode_scene import encode_scene
 from rle_splat.kept import Kept
 from rle_splat.render import render, render_steps
-from rle_splat.scene import Light, Quality, Scene
+from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -135,3 +138,34 @@ def test_a15_a_cancelled_job_leaves_what_is_kept_as_it_was():
         steps += 1
     assert steps > 3 and "Splatting" in messages and "Encoding" in messages
     np.testing.assert_array_equal(render(scene(lights=(SUN,)), QUALITY, kept=kept).rgba, first)
+
+
+@pytest.mark.parametrize("record", (16, 8, 6, 4))
+def test_three_axes_are_shaded_once(record, monkeypatch):
+    shaded = []
+
+    def light(*arguments, **machine):
+        shaded.append(arguments)
+        return light_records(*arguments, **machine)
+
+    monkeypatch.setattr(medium, "light_records", light)
+    lit, quality = scene(lights=(SUN,), headlight=True), replace(QUALITY, record=record)
+    together = encode_scene(lit, quality).axes
+    assert list(together) == [0, 1, 2] and len(shaded) == 1
+    for axis, tables in together.items():
+        alone = encode_scene(lit, quality, axes=(axis,)).axes[axis]
+        np.testing.assert_array_equal(tables.voxel_data, alone.voxel_data)
+        np.testing.assert_array_equal(tables.runs, alone.runs)
+        assert tables.most_color == alone.most_color
+    assert len(shaded) == 4
+
+
+def test_a_camera_inside_shades_once(monkeypatch):
+    """All principal axes at once, one of them in the order of the voxels; a fresh start for each axis is the same."""
+    inside = np.eye(4)
+    inside[:3, 3] = (12.3, 11.2, 12.1)
+    camera = Camera(inside, type="PERSP", lens=8.0, clip_start=0.01, clip_end=100.0)
+    wide = Scene(BALL, replace(FUNCTION, shade=MATT), camera, 40, 40, lights=(SUN,))
+    kept = Kept()
+    render(wide, QUALITY, kept=kept)
+    assert kept.made["records"] == 3 and kept.made["visible"] == 1

@@ -22,6 +22,7 @@ FLOORS = {
     "rle_splat.kept": 2,
     "rle_splat.steps": 1,
     "rle_splat.memory": 1,
+    "rle_splat.parallel": 1.5,  # a mezzanine: above jit, below the kernels of the volume
     "rle_splat.lanes": 2,
     "rle_splat.volume": 2,
     "rle_splat.read": 3,
@@ -57,6 +58,7 @@ BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu"
 THIRD_PARTY = {
     "rle_splat.jit": {"numba", "numpy"},
     "rle_splat.lanes": {"numba", "llvmlite", "numpy"},
+    "rle_splat.parallel": {"numba", "llvmlite"},
     "rle_splat.warp.taps": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "numba"},
