@@ -28,8 +28,6 @@ DENSEST_CORNER = 2.0
 ALIGNED = 16
 OFFSET_BITS = 51  # of a float's 53: room for a whole plane's pixels to be added twice
 
-PIXELS_AT_ONCE = 1 << 18  # sheet pixels whose rays are followed together
-
 
 @dataclass(frozen=True, eq=False)
 class BasePlane:
@@ -105,24 +103,12 @@ class BasePlane:
         steps[k] = 1.0
         return steps
 
-    def path_length(self) -> np.ndarray:
-        """(H, W) float32: world length of each sheet pixel's ray per voxel of depth along the axis."""
-        x, y = self.points()
-        length = np.empty((len(y), len(x)), np.float32)
-        rows = max(PIXELS_AT_ONCE // max(len(x), 1), 1)
-        for first in range(0, len(y), rows):  # some rows at a time: what it takes is nine times its result
-            steps = self.ray_steps(x[None, :], y[first : first + rows, None])
-            squared = 0.0
-            for row in self.view.to_world:  # element by element: the bits of a matrix product depend on its size
-                squared = squared + (row[0] * steps[0] + row[1] * steps[1] + row[2] * steps[2]) ** 2
-            length[first : first + rows] = np.sqrt(squared)
-        return length
-
     def depth_along(self, x, y) -> tuple[np.ndarray, np.ndarray]:
         """Planar depth at axis position 0 and per voxel of axis position, of the rays through points (X, Y)."""
         i, j, k = AXES[self.axis]
         row = self.view.depth
         steps = self.ray_steps(x, y)
+        # Element by element: the bits of a matrix product depend on its size.
         per_voxel = row[0] * steps[0] + row[1] * steps[1] + row[2] * steps[2]
         at_reference = row[i] * x + row[j] * y + row[k] * self.reference + row[3]
         return at_reference - self.reference * per_voxel, per_voxel

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.rays import camera_rays
-from rle_splat.effects.depth_layers import REACH, depth_layers
+from rle_splat.effects.depth_layers import HALO, REACH, depth_layers
 from rle_splat.effects.mesh_depth import SAMPLE_COLUMNS, SAMPLE_ROWS, mesh_depth
 from rle_splat.scene import Camera
+from rle_splat.view.base_plane import base_plane
+from rle_splat.view.eye import index_view
+from rle_splat.view.ray_limits import ray_limits
 
 
 def intersect(origins, directions, triangles, ahead):
@@ -102,3 +105,35 @@ def test_a_slanted_surface_is_one_surface():
 def test_no_mesh_at_all():
     layers = depth_layers(np.full((4, 4, 16), np.inf), 0.5)
     assert not layers.has_silhouettes and np.isinf(layers.near).all() and (layers.coverage == 1).all()
+
+
+@pytest.mark.parametrize("backend", ["auto", "numpy"])
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_a_part_of_the_picture_has_the_depths_and_the_layers_of_the_whole(kind, backend):
+    left, top, right, bottom = region = (9, 5, 47, 39)
+    whole = mesh_depth(TRIANGLES, camera(kind), 60, 44, backend=backend)
+    part = mesh_depth(TRIANGLES, camera(kind), 60, 44, region=region, backend=backend)
+    np.testing.assert_array_equal(part, whole[top:bottom, left:right])
+    one, two = depth_layers(whole, 0.1), depth_layers(part, 0.1, first_pixel=(left, top))
+    assert one.has_silhouettes and two.has_silhouettes
+    inner = (left + HALO, top + HALO, right - HALO, bottom - HALO)
+    np.testing.assert_array_equal(two.coverage_of(inner), one.coverage_of(inner))
+    inside = np.s_[inner[1] : inner[3], inner[0] : inner[2]]
+    for name in ("near", "far"):
+        np.testing.assert_array_equal(getattr(two, name)[HALO:-HALO, HALO:-HALO], getattr(one, name)[inside])
+
+
+def test_a_silhouette_along_the_side_of_the_picture_ends_the_rays_beside_it():
+    """Mesh in the first column of pixels only: the sheet's pixels out there end at it, those farther in nowhere."""
+    view = index_view(camera("ORTHO"), np.eye(4), 40, 40)
+    plane = base_plane(view, (6, 6, 4), 2, -1, "slice", 1.0)
+    layer = np.full((40, 40), np.inf)
+    layer[:, 0] = 2.5
+    end = ray_limits(plane, 0.1, 50.0, layer)[1]
+    x, y = plane.points()
+    at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
+    depth = at_zero + end * plane.sign * per_voxel
+    column = (plane.homography[0, 0] * x + plane.homography[0, 1] * y[0] + plane.homography[0, 2]) - 0.5
+    assert (column < 0.4).any() and (column > 0.6).any()
+    np.testing.assert_allclose(depth[:, column < 0.4], 2.5, rtol=1e-5)
+    np.testing.assert_allclose(depth[:, column > 0.6], 50.0, rtol=1e-5)

@@ -13,8 +13,8 @@ from rle_splat.effects.mesh_depth import mesh_depth
 from rle_splat.jit import numba
 from rle_splat.render import render
 from rle_splat.scene import FOOTPRINTS, MODELS, WARP_FILTERS, Camera, Quality, RleSplatError, Scene
+from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.splat.scratch import BAND
-from rle_splat.splat.sheet_row import BLOCK
 from rle_splat.view.base_plane import ALIGNED, base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids
