@@ -4,11 +4,11 @@ import sys
 
 from rle_splat.scene import RleSplatError
 
-from . import engine, paper, records, scaling, stages, systems, turn
+from . import editing, engine, paper, records, scaling, stages, systems, turn
 
 BENCHMARKS = {
     "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
-    "systems": systems.main, "scaling": scaling.main, "turn": turn.main,
+    "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
 }  # fmt: skip
 
 

@@ -1,0 +1,168 @@
+"""From an edit to the new picture: milliseconds of every stage that an edit redoes, the median of several edits.
+
+One store is kept from edit to edit, as in a window, and every edit is one it has not seen.  "first picture" begins with
+an empty store, kernels loaded.  Of the edits, "camera" turns under a sun without highlights, so nothing follows the
+view; "camera, headlight" is what the command line does, highlights and all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from rle_splat.classify.transfer_function import Shade
+from rle_splat.kept import Kept
+from rle_splat.render import render
+from rle_splat.scene import QUALITY_PRESETS, RECORDS, Light, Quality, Scene
+from rle_splat.view.turntable import turntable
+
+from .frames import Neighbours, circumstances, describe
+from .scenes import REAL, scenes, shells
+
+VIEW = (35.0, 25.0)  # azimuth and elevation, degrees: no principal axis in particular
+TURN = 0.5  # degrees that a camera or a light moves with every edit
+WIDENING = 0.01  # of the values' range, with every edit
+BRIGHTENING = 1.05
+MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
+SUN_STRENGTH = 3.0  # W/m^2
+THICKER = 2.0  # shells of 256^3 then show 1.6 million voxels, what the limits of time are stated for
+EDITS = 7
+STAGES = ("classify", "shade", "encode", "splat", "warp", "total")
+VOLUMES = ("shells", "X-ray foot", "CT bonsai")
+
+
+def sun(turned: float) -> Light:
+    """A sun from above, ``turned`` degrees about z."""
+    angle = np.radians(turned)
+    matrix = np.eye(4)
+    matrix[:3, 2] = np.array((0.6 * np.cos(angle), 0.6 * np.sin(angle), 0.8))
+    matrix[:3, 0] = np.array((-np.sin(angle), np.cos(angle), 0.0))
+    matrix[:3, 1] = np.cross(matrix[:3, 2], matrix[:3, 0])
+    return Light("SUN", energy=SUN_STRENGTH, matrix_world=matrix)
+
+
+def turned(scene: Scene, number: int) -> Scene:
+    """The scene from another side, ``number`` steps round."""
+    camera, _ = turntable(scene.volume, VIEW[0] + TURN * number, VIEW[1], width=scene.width, height=scene.height)
+    return replace(scene, camera=camera)
+
+
+def relit(scene: Scene, number: int) -> Scene:
+    """The sun ``number`` steps round."""
+    return replace(scene, lights=(sun(TURN * number),))
+
+
+def recolored(scene: Scene, number: int) -> Scene:
+    """Every colour a little redder."""
+    tf = scene.transfer_function
+    color = tuple((value, red * BRIGHTENING**-number, *rest) for value, red, *rest in tf.color)
+    return replace(scene, transfer_function=replace(tf, color=color))
+
+
+def thinned(scene: Scene, number: int) -> Scene:
+    """Every opacity a little lower; the same values are shown."""
+    tf = scene.transfer_function
+    opacity = tuple((value, alpha * BRIGHTENING**-number) for value, alpha in tf.opacity)
+    return replace(scene, transfer_function=replace(tf, opacity=opacity))
+
+
+def widened(scene: Scene, number: int) -> Scene:
+    """Every range of shown values begins a little lower, though not below the point before it."""
+    tf = scene.transfer_function
+    step = WIDENING * number * (tf.span[1] - tf.span[0])
+    opacity = list(tf.opacity)
+    for n in range(len(opacity) - 1):
+        value, alpha = opacity[n]
+        if alpha == 0.0 and opacity[n + 1][1] > 0.0:
+            before = opacity[n - 1][0] if n > 0 else value - step
+            opacity[n] = (max(value - step, before), alpha)
+    return replace(scene, transfer_function=replace(tf, opacity=tuple(opacity)))
+
+
+def lit(scene: Scene) -> Scene:
+    """The scene under a sun that stays, matt."""
+    tf = replace(scene.transfer_function, shade=MATT)
+    return replace(scene, transfer_function=tf, lights=(sun(0.0),), headlight=False)
+
+
+# Name -> (the scene that the edits begin with, an edit); each edit makes a scene that was not there before.
+KINDS = {
+    "camera": (lit, turned),
+    "camera, headlight": (lambda scene: scene, turned),
+    "light": (lit, relit),
+    "colours": (lit, recolored),
+    "opacities": (lit, thinned),
+    "wider range": (lit, widened),
+}
+FIRST = "first picture"
+
+
+def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
+    """One JSON-ready row per kind of edit: median milliseconds of each of STAGES, what was made anew per edit, and the
+    visible voxels after the last."""
+    render(scene, quality)  # whatever compiles or loads on first use
+    reports = [render(scene, quality, kept=Kept()).report for _ in range(edits)]
+    rows = [_row(FIRST, reports, {})]
+    for name, (begin, edit) in KINDS.items():
+        kept, start = Kept(), begin(scene)
+        render(start, quality, kept=kept)
+        before = dict(kept.made)
+        reports = [render(edit(start, number), quality, kept=kept).report for number in range(1, edits + 1)]
+        made = {stage: (count - before.get(stage, 0)) / edits for stage, count in kept.made.items()}
+        rows.append(_row(name, reports, {stage: count for stage, count in made.items() if count}))
+    return rows
+
+
+def _row(name: str, reports: list[dict], made: dict) -> dict:
+    stages = {stage: median(report["stages_ms"][stage] for report in reports) for stage in STAGES}
+    return {"edit": name, **stages, "made": made, "visible_voxels": reports[-1]["volume"]["visible_voxels"]}
+
+
+def volumes(names, size: int):
+    """Yields name, volume and transfer function."""
+    if not names or "shells" in names:
+        volume, tf = shells(size)
+        peaks = np.array(tf.opacity[1:]).reshape(-1, 3, 2)  # each a point, the top, a point
+        peaks[:, :, 0] = peaks[:, 1:2, 0] + THICKER * (peaks[:, :, 0] - peaks[:, 1:2, 0])
+        opacity = (tf.opacity[0], *map(tuple, peaks.reshape(-1, 2).tolist()))
+        yield "shells", volume, replace(tf, opacity=opacity)
+    others = [name for name in names or VOLUMES if name != "shells"]
+    if others:
+        yield from scenes(others)
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench editing", description=__doc__)
+    parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help=f"instead of {', '.join(VOLUMES)}")
+    parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the shells")
+    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["draft", "standard"])
+    parser.add_argument("--record", type=int, nargs="*", choices=RECORDS, default=[16, 8])
+    parser.add_argument("--edits", type=int, default=EDITS)
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    print(f"{describe(where)}\n{options.size} x {options.size}; milliseconds, medians of {options.edits} edits\n")
+    print(f"{'volume':<12}{'voxels':>9}  {'quality':<10}{'bytes':>5}  {'edit':<19}", end="")
+    print("".join(f"{stage:>10}" for stage in STAGES))
+    for name, volume, tf in volumes(options.volume, options.side):
+        camera, matrix = turntable(volume, *VIEW, width=options.size, height=options.size)
+        scene = Scene(volume, tf, camera, options.size, options.size, matrix, headlight=True)
+        for preset in options.quality:
+            for record in options.record:
+                quality = Quality.preset(preset, threads=options.threads, record=record)
+                for row in measure(scene, quality, options.edits):
+                    table.append({"volume": name, "quality": preset, "record": record, **row})
+                    print(f"{name:<12}{row['visible_voxels']:9d}  {preset:<10}{record:5d}  {row['edit']:<19}", end="")
+                    print("".join(f"{row[stage]:10.1f}" for stage in STAGES), flush=True)
+    print(f"\n{neighbours.describe()}")
+    where["others_busy_cores"] = neighbours.cores()
+    if options.json:
+        options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
+    return 0

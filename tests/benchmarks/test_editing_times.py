@@ -1,0 +1,58 @@
+"""From an edit to the picture, at a tiny size: every edit redoes what it is named for.  No time is asserted."""
+
+import json
+
+import pytest
+
+from benchmarks import editing
+from rle_splat.jit import compiled
+from rle_splat.scene import Quality, Scene
+from rle_splat.view.turntable import turntable
+
+pytestmark = pytest.mark.skipif(not compiled(), reason="slow without kernels")
+REDONE = {
+    "camera": set(),
+    "camera, headlight": {"records"},
+    "light": {"records"},
+    "colours": {"looks", "records"},
+    "opacities": {"looks", "records"},
+    "wider range": {"visible", "looks", "normals", "runs", "records"},
+}
+
+
+@pytest.fixture(scope="module")
+def rows():
+    ((_, volume, tf),) = editing.volumes(["shells"], 48)
+    camera, matrix = turntable(volume, *editing.VIEW, width=24, height=24)
+    scene = Scene(volume, tf, camera, 24, 24, matrix, headlight=True)
+    return {row["edit"]: row for row in editing.measure(scene, Quality.preset("draft", threads=1), edits=3)}
+
+
+def test_every_edit_redoes_what_it_is_named_for(rows):
+    assert list(rows) == [editing.FIRST, *REDONE]
+    for name, stages in REDONE.items():
+        assert rows[name]["made"] == dict.fromkeys(stages, 1.0), name
+
+
+def test_only_a_wider_range_shows_more(rows):
+    first = rows[editing.FIRST]["visible_voxels"]
+    assert rows["wider range"]["visible_voxels"] > first > 0
+    assert {row["visible_voxels"] for name, row in rows.items() if name != "wider range"} == {first}
+
+
+def test_shells_as_large_as_the_limits_are_stated_for():
+    ((_, volume, tf),) = editing.volumes(["shells"], 64)
+    shown = (tf.alpha_at(volume.physical(volume.voxels)) > 0.0).mean()
+    assert shown * 256**3 == pytest.approx(1.6e6, rel=0.15)
+
+
+def test_table_and_report(tmp_path, capsys):
+    report = tmp_path / "editing.json"
+    arguments = ["--volume", "shells", "--side", "24", "--size", "16", "--quality", "draft", "--edits", "1"]
+    assert editing.main([*arguments, "--threads", "1", "--json", str(report)]) == 0
+    rows = json.loads(report.read_text())["rows"]
+    assert [(row["record"], row["edit"]) for row in rows] == [(r, e) for r in (16, 8) for e in (editing.FIRST, *REDONE)]
+    said = capsys.readouterr().out.splitlines()
+    assert sum("wider range" in line and f"{rows[6]['total']:.1f}" in line for line in said) >= 1
+    for row in rows:
+        assert row["total"] >= row["splat"] > 0.0
