@@ -13,13 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..classify.placing import Places
 from ..jit import compiled, kernel, read_only
 from .pyramid import pooled
 
 # Channels of a node's means, a voxel record: extinction * RGB, extinction.  Its extremes have three more, what the
 # brightest colour would add: extinction * (brightest - RGB).
 MEANS, EXTREMES = 4, 7
-VOXELS_AT_ONCE = 1 << 20  # whose records are made together: 16 MiB
+VOXELS_AT_ONCE = 1 << 20  # whose records are made together, 16 MiB, or those of one plane
 NODE_BYTES = 4 * (MEANS + 2 * EXTREMES) + 12  # while they are made: means, extremes, a count and two errors
 
 
@@ -55,24 +56,29 @@ def nodes_shape(shape_xyz, level: int) -> tuple[int, int, int]:
 def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto"):
     """Generator: yields the fraction done; returns the Nodes of a ``level``.
 
-    ``voxels``: VisibleVoxels.  ``write(first, last, records)``: puts the records of a range of them into (n, 4)
-    float32.
+    ``voxels``: VisibleVoxels.  ``write(places, records)``: see ``encode.record_steps``.
     """
+    _, ny, nz = voxels.shape_xyz
     shape = nodes_shape(voxels.shape_xyz, level)
     totals = np.zeros((*shape, MEANS), np.float32)
     least = np.full((*shape, EXTREMES), np.inf, np.float32)
     most = np.zeros((*shape, EXTREMES), np.float32)
     counts = np.zeros(shape, np.int32)
-    records = np.empty((min(len(voxels), VOXELS_AT_ONCE), 4), np.float32)
+    plane_start = voxels.row_start[::ny]
+    largest = int(np.diff(plane_start).max())
+    planes_at_once = max(VOXELS_AT_ONCE // max(largest, 1), 1)
+    records = np.empty((min(planes_at_once * largest, len(voxels)), 4), np.float32)
     pool = pool_records if compiled(backend) else pool_records_numpy
-    for first in range(0, len(voxels), VOXELS_AT_ONCE):
-        yield first / len(voxels)
-        last = min(first + VOXELS_AT_ONCE, len(voxels))
-        write(first, last, records)
-        pool(
-            voxels.row_start, read_only(voxels.column), first, records[: last - first], voxels.shape_xyz[1], level,
-            np.float32(brightest), counts, totals, least, most,
-        )
+    for plane in range(0, nz, planes_at_once):
+        yield plane / nz
+        places = Places.in_order(voxels, plane, min(plane + planes_at_once, nz))
+        first, last = places.span
+        if last > first:
+            write(places, records)
+            pool(
+                read_only(voxels.row_start), read_only(voxels.column), first, records[: last - first], ny, level,
+                np.float32(brightest), counts, totals, least, most,
+            )
     least[counts < 8**level] = 0.0  # a voxel of the node is transparent
     return Nodes(level, totals * np.float32(0.125**level), least, most, brightest)
 

@@ -42,7 +42,8 @@ def nodes_of(stand, field, level, backend):
         (medium.classified.extinction[:, None] * medium.colors, medium.classified.extinction[:, None]), axis=1)
     brightest = float(medium.colors.max())
 
-    def write(first, last, out):
+    def write(places, out):
+        first, last = places.span
         out[: last - first] = records[first:last]
 
     made = drain(nodes.node_steps(medium.classified.voxels, write, level, brightest, backend))
