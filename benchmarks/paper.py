@@ -24,7 +24,7 @@ from rle_splat.named_systems.medium import scene_medium
 from rle_splat.named_systems.unaccelerated import every_voxel
 from rle_splat.named_systems.westover import prepare as prepare_westover
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
-from rle_splat.splat.sheet_row import BLOCK
+from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.steps import Clock
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import dominant_axis

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rle_splat.scene import RECORDS
-from rle_splat.splat.sheet_row import BLOCK
+from rle_splat.splat.pixel_block import BLOCK
 
 from . import records
 
