@@ -169,6 +169,32 @@ def check_previews():
     jobs._show = show
 
 
+def check_following():
+    """A backdrop that follows gets previews while the animation plays, and the picture itself once it rests."""
+    scene = bpy.context.scene
+    following = import_module(f"{MODULE}.bridge.following")
+    volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
+    scene.frame_start, scene.frame_end = 1, 50
+    for frame, x in ((1, 0.0), (50, 4.0)):
+        volume.location.x = x
+        volume.keyframe_insert("location", frame=frame)
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop(place="FRONT", follow=True) == {"FINISHED"}
+    image = bpy.data.images[next(name for name in bpy.data.images.keys() if name.endswith("Backdrop"))]
+    with in_the_view():
+        bpy.ops.screen.animation_play()
+    yield from until(lambda: following._unfinished)
+    assert following.is_playing()
+    with in_the_view():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    preview = pixels_of(image).copy()
+    yield from until(lambda: not following._unfinished)
+    refined = pixels_of(image).copy()
+    assert np.abs(refined - preview).max() > TOLERANCE
+    scene.frame_set(scene.frame_current)
+    np.testing.assert_array_equal(pixels_of(image), refined)
+
+
 def steps():
     install()
     watch_renders()
@@ -176,7 +202,7 @@ def steps():
         set_up_scene()
         import_cube(FOLDER)
     yield
-    for check in (check_f12, check_animation, check_render_image, check_escape, check_previews):
+    for check in (check_f12, check_animation, check_render_image, check_escape, check_previews, check_following):
         yield from check()
         print(f"{check.__name__} passed", flush=True)
         passed.append(check)
