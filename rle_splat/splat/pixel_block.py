@@ -103,6 +103,46 @@ if numba is not None:
         arguments = (line, cells, fractions, types.intp, sheet, types.intp)
         return types.void(*arguments), generate
 
+    def _slab(samples, length, one):
+        """What a homogeneous slab absorbs and lets pass, and what its colour is weighted by: extinction."""
+        power, p = _transmitted((samples * length * LOG2E).least(MOST))
+        return one - power - power * p, power + power * p, samples
+
+    def _added(samples, length, one):
+        """The same of opacities as the paper adds them, clamped; whatever the length."""
+        return samples.least(1.0), one - samples.least(1.0), samples
+
+    def _composite(absorb, types_of, context, builder, arguments):
+        """One block of one sheet over the row, by one of the two above; see ``composite_extinction``."""
+        sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
+        sheet_type, depth_type, state_type, before_type = (types_of[n] for n in (0, 4, 8, 10))
+        upper = _planes(context, builder, sheet_type, sheet, at)
+        lower = _planes(context, builder, sheet_type, sheet, below)
+        down = Vector.spread(builder, down, BLOCK)
+        *colors, samples = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
+        length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
+        length = length * Vector.spread(builder, thickness, BLOCK)
+        one = Vector(builder, length.like(1.0))
+        absorbed, passed, divisor = absorb(samples, length, one)
+        *so_far, clear = _planes(context, builder, state_type, state, row)
+        clear.store(place(context, builder, before_type, before, ir.Constant(row.type, 0)))
+        least = Vector.spread(builder, least, BLOCK)
+        alive = clear.at_least(least)
+        weight = clear.where(alive, 0.0) * absorbed / divisor.most(TINY)
+        clear = (clear * passed).where(alive, clear)
+        planes = (*(c + weight * q for c, q in zip(so_far, colors, strict=True)), clear)
+        for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), planes, strict=True):
+            lanes.store(place(context, builder, state_type, state, builder.add(row, ir.Constant(row.type, plane))))
+        left = count_lanes(builder, clear.at_least(least), BLOCK)
+        bright = count_lanes(builder, clear.at_least(0.5), BLOCK)
+        return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
+
+    def _composite_types(sheet, depth, state, before):
+        places, numbers = (types.intp, types.intp), (types.float32, types.float32)
+        return types.int64(
+            sheet, *places, types.float32, depth, types.intp, *numbers, state, types.intp, before
+        )  # fmt: skip
+
     @intrinsic
     def composite_extinction(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
         """One block of one sheet of extinction over the row: the exact solution of a homogeneous slab.
@@ -117,38 +157,22 @@ if numba is not None:
         """
 
         def generate(context, builder, signature, arguments):
-            sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
-            sheet_type, depth_type, state_type = signature.args[0], signature.args[4], signature.args[8]
-            upper = _planes(context, builder, sheet_type, sheet, at)
-            lower = _planes(context, builder, sheet_type, sheet, below)
-            down = Vector.spread(builder, down, BLOCK)
-            red, green, blue, sigma = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
-            length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-            length = length * Vector.spread(builder, thickness, BLOCK)
-            power, p = _transmitted((sigma * length * LOG2E).least(MOST))
-            so_far = _planes(context, builder, state_type, state, row)
-            clear = so_far[3]
-            clear.store(place(context, builder, signature.args[10], before, ir.Constant(row.type, 0)))
-            least = Vector.spread(builder, least, BLOCK)
-            alive = clear.at_least(least)
-            passed = power * p
-            one = Vector(builder, clear.like(1.0))
-            weight = clear.where(alive, 0.0) * (one - power - passed) / sigma.most(TINY)
-            clear = (clear * (power + passed)).where(alive, clear)
-            planes = (*(c + weight * q for c, q in zip(so_far, (red, green, blue), strict=False)), clear)
-            for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), planes, strict=True):
-                lanes.store(place(
-                    context, builder, state_type, state, builder.add(row, ir.Constant(row.type, plane))
-                ))
-            left = count_lanes(builder, clear.at_least(least), BLOCK)
-            bright = count_lanes(builder, clear.at_least(0.5), BLOCK)
-            return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
+            return _composite(_slab, signature.args, context, builder, arguments)
 
-        arguments = (
-            sheet, types.intp, types.intp, types.float32, depth, types.intp, types.float32, types.float32, state,
-            types.intp, before,
-        )
-        return types.int64(*arguments), generate
+        return _composite_types(sheet, depth, state, before), generate
+
+    @intrinsic
+    def composite_added(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
+        """One block of one sheet of opacities over the row, as the paper adds them: see ``composite_extinction``.
+
+        ``sheet``: opacity-weighted colour and opacity, whose sum over the footprints is clamped to one.  ``depth``
+        and ``thickness`` do not count.
+        """
+
+        def generate(context, builder, signature, arguments):
+            return _composite(_added, signature.args, context, builder, arguments)
+
+        return _composite_types(sheet, depth, state, before), generate
 
     @intrinsic
     def planar(typing, samples, sheet, at):
@@ -205,6 +229,8 @@ else:  # never called: callers take the numpy twin
     def resample_tent(line, cells, fractions, first, sheet, at): ...
 
     def composite_extinction(sheet, at, below, down, depth, deep, thickness, least, state, row, before): ...
+
+    def composite_added(sheet, at, below, down, depth, deep, thickness, least, state, row, before): ...
 
     def planar(samples, sheet, at): ...
 

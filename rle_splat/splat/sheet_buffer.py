@@ -21,6 +21,7 @@ from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
 from .pixel_block import (
     BLOCK,
     CLEAR,
+    composite_added,
     composite_extinction,
     interleaved,
     lowest_bit,
@@ -275,14 +276,18 @@ def _composite_sheet(
                     )
                     length, deep = length_inside, 0
                 row = 4 * BLOCK * at
-                if additive_opacity is not None:
-                    if wide is None:
-                        mix_blocks(sheet, upper, lower, down, mixed)
-                    pixels = composite_opacity(sheet, mixed, length, deep, thickness, least, state, row, before)
-                else:
+                if additive_opacity is None:
                     pixels = composite_extinction(
                         sheet, upper, lower, down, length, deep, thickness, least, state, row, before
                     )
+                elif additive_opacity:
+                    pixels = composite_added(
+                        sheet, upper, lower, down, length, deep, thickness, least, state, row, before
+                    )
+                else:
+                    if wide is None:
+                        mix_blocks(sheet, upper, lower, down, mixed)
+                    pixels = composite_opacity(sheet, mixed, length, deep, thickness, least, state, row, before)
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
@@ -360,9 +365,9 @@ def splat_rows(
     """Rows [first_row, last_row) of the intermediate image.
 
     ``tables``, ``sheets``, ``rays``, ``wide``: see ``arguments``.  ``least``: float32 transmittance at which a pixel
-    is opaque.  ``additive_opacity``: True for the paper's model in place of extinction, else None.  What is None is
-    not even compiled: numba makes a kernel of its own, when it is first needed, for each combination of footprint,
-    model and limits.
+    is opaque.  ``additive_opacity``: for the paper's model in place of extinction, whether opacities are taken as they
+    are added (True) or corrected for the length of the ray (False); else None.  What is None is not even compiled:
+    numba makes a kernel of its own, when it is first needed, for each combination of footprint, model and limits.
     Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
     viewing direction at which the transmittance falls below one half, left alone where it does not.
     """

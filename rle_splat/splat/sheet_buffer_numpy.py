@@ -93,7 +93,7 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
             depth = depth * np.clip(1.0 - (ahead + behind) / slab, 0.0, 1.0).astype(np.float32)
         before = pixels[..., 3].copy()
         alive = before >= least
-        opacity, clear, divisor = (_opacity if additive_opacity else _extinction)(samples, depth)
+        opacity, clear, divisor = (_extinction if additive_opacity is None else _opacity)(samples, depth)
         weight = np.where(alive, before * opacity / divisor, 0.0).astype(np.float32)
         pixels[..., :3] += weight[..., None] * samples[..., :3]
         pixels[..., 3] = np.where(alive, before * clear, before)

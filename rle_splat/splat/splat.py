@@ -56,7 +56,7 @@ def splat_steps(
     wide = None
     if footprint.kind != TENT or widen:
         wide = Wide(footprint.kind, footprint.radius, widen)
-    model = (least, True if quality.model == "opacity" else None)
+    model = (least, None if quality.model == "extinction" else not quality.length_correction and limits is None)
     if not compiled(quality.backend):
         yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, pixels, half)
         return IntermediateImage(plane, pixels, half)

@@ -16,6 +16,7 @@ WORD = 64  # blocks of a scanline that share one word of marks
 ONE_BIT, ALL_BITS = np.uint64(1), np.uint64(2**64 - 1)
 BLOCK_BITS = BLOCK.bit_length() - 1
 BEFORE = 1 << 20  # blocks added before a position is cut to a whole number, so that cutting rounds down
+SLACK = 1e-6  # pixels by which a footprint is taken to reach further, so that no rounding decides who is reached
 
 
 @kernel(forceinline=True)
@@ -43,8 +44,8 @@ def add_runs(
     records, float32 or, with a ``decoding``, codes; the first of this scanline is number ``voxel``.  ``live``: (n, 2)
     half-open voxel intervals, ascending.
     """
-    left = shift - radius * scale + BEFORE * BLOCK
-    right = shift + (radius - 1.0) * scale + 1.0 + BEFORE * BLOCK
+    left = shift - radius * scale + (1.0 - SLACK) + BEFORE * BLOCK
+    right = shift + (radius - 1.0) * scale + SLACK + BEFORE * BLOCK
     x = 0
     span = 0
     touched_first, touched_last = width, 0
