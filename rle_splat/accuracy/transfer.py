@@ -7,7 +7,6 @@ import numpy as np
 # alpha = 1 means an infinite extinction; it is capped at the optical depth of 24 halvings, 1 - 2^-24 being the
 # float32 number next to 1.
 TAU_CAP = 24.0 * np.log(2.0)
-ALPHA_CAP = 1.0 - 2.0**-24
 
 
 def piecewise_linear(points, values) -> np.ndarray:
@@ -57,16 +56,15 @@ def extinction_and_color(transfer_function, values, world_distance: float) -> tu
 
 
 class Segments:
-    """A transfer function cut at its points: between two ``knots`` (K,) opacity and colour are linear and the
-    optical depth is smooth.  Segment i lies below knot i, the last one above all knots.
+    """A transfer function cut at its points: between two ``knots`` (K,) opacity and colour are linear.  Segment
+    i lies below knot i, the last one above all knots.
 
     ``visible``: (K + 1,) bool, whether opacity is above zero in the segment.  ``ends``: lowest and highest point.
     """
 
     def __init__(self, transfer_function):
         opacity, color = transfer_function.opacity, transfer_function.color
-        alphas = np.array(sorted(opacity, key=lambda p: p[0]), dtype=np.float64)
-        knots = np.unique(np.concatenate((alphas[:, 0], [p[0] for p in color], self._caps(alphas))))
+        knots = np.unique(np.array([p[0] for p in (*opacity, *color)], dtype=np.float64))
         self.ends = float(knots[0]), float(knots[-1])
         slopes_alpha, slopes_color = (self._lines(points, knots) for points in (opacity, color))
         shown = (slopes_alpha[0] > 0.0) | (slopes_alpha[1] != 0.0)
@@ -79,13 +77,6 @@ class Segments:
         self._alpha, self._alpha_slope = (line[kept] for line in slopes_alpha)
         self._color, self._color_slope = (line[kept] for line in slopes_color)
         self._seen_before = np.concatenate(([0], np.cumsum(self.visible)))
-
-    @staticmethod
-    def _caps(alphas: np.ndarray) -> np.ndarray:
-        """Scalars at which the opacity passes the cap: a kink of the optical depth."""
-        (x0, a0), (x1, a1) = alphas[:-1].T, alphas[1:].T
-        passes = (a0 < ALPHA_CAP) != (a1 < ALPHA_CAP)
-        return x0[passes] + (ALPHA_CAP - a0[passes]) / (a1 - a0)[passes] * (x1 - x0)[passes]
 
     @staticmethod
     def _middles(knots: np.ndarray) -> np.ndarray:

@@ -370,6 +370,9 @@ def test_extinctions_without_measure():
         assert depth[0] == pytest.approx(4.0 + np.sqrt(2.0 * np.log(2.0) / sigma), rel=1e-6)
     rgba, _ = integrate(ClassifiedMedium(np.full((4, 4, 4), 1e-30), color), rays, np.eye(4))
     assert rgba[0, 3] == pytest.approx(4e-30)
+    # What is seen through e^-15 of the light still counts.
+    rgba, _ = integrate(ClassifiedMedium(np.full((4, 4, 4), 5.0), color), rays, np.eye(4))
+    assert rgba[0, 3] == pytest.approx(1.0 - np.exp(-20.0), abs=1e-13)
 
 
 @pytest.mark.parametrize("which", ("T1", "T2"))
