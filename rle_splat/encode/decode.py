@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..axes import AXES
-from ..jit import compiled, kernel, parallel_call, prange, read_only
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
 from .tables import RunLengthVolume
 
 
@@ -30,11 +31,16 @@ def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:
     return dense.transpose(place[2], place[1], place[0], *range(3, dense.ndim))
 
 
-@kernel(parallel=True)
+@kernel
 def _decode_scanlines(scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
     """``dense`` (n_slices, n_scanlines, width, 4), zero on entry; the tables as in ``RunLengthVolume``, valid."""
+    share_out(_decode_slices, dense.shape[0], (scanline_pointers, scanline_data_pointers, runs, voxel_data, dense))
+
+
+@kernel(inner=True)
+def _decode_slices(begin, end, scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
     width = dense.shape[2]
-    for k in prange(dense.shape[0]):
+    for k in range(begin, end):
         for j in range(dense.shape[1]):
             run = np.int64(scanline_pointers[k, j])
             if run < 0:

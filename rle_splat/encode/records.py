@@ -18,7 +18,8 @@ from functools import cache
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange
+from ..jit import compiled, kernel, parallel_call
+from ..parallel import share_out
 
 TYPES = {16: np.float32, 8: np.uint64, 6: np.uint16, 4: np.uint32}  # bytes -> type of the array of records
 WORDS = {16: (4,), 8: (), 6: (3,), 4: ()}  # entries of a record, where it is not one number
@@ -34,7 +35,6 @@ BIAS = np.uint32(96 << 23)  # exponent 127, that of 1, becomes 31, the largest o
 LEAST_BITS = np.uint32(97 << 23)  # 2^-30, the least number with a code
 UNBIAS = np.float32(2.0**96)
 HALF = np.uint32(1 << 11)
-CHUNK = 1 << 12  # records that a worker packs at a time
 
 
 def record_bytes(voxel_data) -> int:
@@ -136,9 +136,7 @@ def _codes_numpy(relative) -> np.ndarray:
 def _code(relative):
     """16-bit float of a float64 value in [0, 1], as uint32."""
     bits = np.float32(relative).view(np.uint32)
-    if bits < LEAST_BITS:
-        return np.uint32(0)
-    return np.uint32((bits - BIAS + HALF) >> SHIFT)
+    return np.uint32((bits - BIAS + HALF) >> SHIFT) if bits >= LEAST_BITS else np.uint32(0)
 
 
 @cache
@@ -160,15 +158,20 @@ def _log_codes() -> np.ndarray:
 # --- packing: kernels and twins -------------------------------------------------------------------------------
 
 
-@kernel(parallel=True, exact=True)
+@kernel
 def _pack_8(records, inverse, voxel_data):
     """``inverse`` (4,) float64: one over the scale of each channel."""
-    for chunk in prange((voxel_data.size + CHUNK - 1) // CHUNK):
-        for i in range(np.int64(chunk) * CHUNK, min((np.int64(chunk) + 1) * CHUNK, voxel_data.size)):
-            code = np.uint64(0)
-            for channel in range(4):
-                code |= np.uint64(_code(records[i, channel] * inverse[channel])) << np.uint64(16 * channel)
-            voxel_data[i] = code
+    share_out(_pack_some_8, voxel_data.size, (records, inverse, voxel_data))
+
+
+@kernel(exact=True, inner=True)
+def _pack_some_8(begin, end, records, inverse, voxel_data):
+    made, codes = records[begin:end], voxel_data[begin:end]  # counted from zero, the loop becomes SIMD
+    red, green, blue, density = inverse[0], inverse[1], inverse[2], inverse[3]
+    for i in range(codes.size):
+        low = _code(made[i, 0] * red) | (_code(made[i, 1] * green) << np.uint32(16))
+        high = _code(made[i, 2] * blue) | (_code(made[i, 3] * density) << np.uint32(16))
+        codes[i] = np.uint64(low) | (np.uint64(high) << np.uint64(32))
 
 
 def _pack_8_numpy(records, inverse, voxel_data):
@@ -192,18 +195,22 @@ def _color_codes_numpy(records, inverse, steps) -> np.ndarray:
     return np.minimum((color * inverse + 0.5).astype(np.int64), steps).astype(np.uint32)
 
 
-@kernel(parallel=True, exact=True)
+@kernel
 def _pack_6(records, inverse, steps, inverse_density, voxel_data):
     """``inverse`` (3,) float64: one over a step of each channel; ``steps``: their largest codes."""
-    for chunk in prange((voxel_data.shape[0] + CHUNK - 1) // CHUNK):
-        for i in range(np.int64(chunk) * CHUNK, min((np.int64(chunk) + 1) * CHUNK, voxel_data.shape[0])):
-            red = _color_code(records, i, 0, inverse, steps)
-            green = _color_code(records, i, 1, inverse, steps)
-            blue = _color_code(records, i, 2, inverse, steps)
-            code = np.uint32(red | (green << np.uint32(11)) | (blue << np.uint32(22)))
-            voxel_data[i, 0] = _code(records[i, 3] * inverse_density)
-            voxel_data[i, 1] = code & np.uint32(0xFFFF)
-            voxel_data[i, 2] = code >> np.uint32(16)
+    share_out(_pack_some_6, voxel_data.shape[0], (records, inverse, steps, inverse_density, voxel_data))
+
+
+@kernel(exact=True, inner=True)
+def _pack_some_6(begin, end, records, inverse, steps, inverse_density, voxel_data):
+    for i in range(begin, end):
+        red = _color_code(records, i, 0, inverse, steps)
+        green = _color_code(records, i, 1, inverse, steps)
+        blue = _color_code(records, i, 2, inverse, steps)
+        code = np.uint32(red | (green << np.uint32(11)) | (blue << np.uint32(22)))
+        voxel_data[i, 0] = _code(records[i, 3] * inverse_density)
+        voxel_data[i, 1] = code & np.uint32(0xFFFF)
+        voxel_data[i, 2] = code >> np.uint32(16)
 
 
 def _pack_6_numpy(records, inverse, steps, inverse_density, voxel_data):
@@ -214,16 +221,20 @@ def _pack_6_numpy(records, inverse, steps, inverse_density, voxel_data):
     voxel_data[:, 2] = code >> np.uint32(16)
 
 
-@kernel(parallel=True, exact=True)
+@kernel
 def _pack_4(records, inverse, steps, inverse_density, log_codes, voxel_data):
     """As ``_pack_6``; ``log_codes`` (65536,) uint16: the logarithmic code for each 16-bit float."""
-    for chunk in prange((voxel_data.size + CHUNK - 1) // CHUNK):
-        for i in range(np.int64(chunk) * CHUNK, min((np.int64(chunk) + 1) * CHUNK, voxel_data.size)):
-            red = _color_code(records, i, 0, inverse, steps)
-            green = _color_code(records, i, 1, inverse, steps)
-            blue = _color_code(records, i, 2, inverse, steps)
-            density = np.uint32(log_codes[_code(records[i, 3] * inverse_density)])
-            voxel_data[i] = red | (green << np.uint32(7)) | (blue << np.uint32(14)) | (density << np.uint32(LOG_BITS))
+    share_out(_pack_some_4, voxel_data.size, (records, inverse, steps, inverse_density, log_codes, voxel_data))
+
+
+@kernel(exact=True, inner=True)
+def _pack_some_4(begin, end, records, inverse, steps, inverse_density, log_codes, voxel_data):
+    for i in range(begin, end):
+        red = _color_code(records, i, 0, inverse, steps)
+        green = _color_code(records, i, 1, inverse, steps)
+        blue = _color_code(records, i, 2, inverse, steps)
+        density = np.uint32(log_codes[_code(records[i, 3] * inverse_density)])
+        voxel_data[i] = red | (green << np.uint32(7)) | (blue << np.uint32(14)) | (density << np.uint32(LOG_BITS))
 
 
 def _pack_4_numpy(records, inverse, steps, inverse_density, log_codes, voxel_data):

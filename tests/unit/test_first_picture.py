@@ -1,0 +1,52 @@
+"""What the first picture ever has to compile: each kernel on the common road once, and none that it does not need."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rle_splat.jit import compiled
+
+ROOT = Path(__file__).resolve().parents[2]
+ROAD = """
+import gc, json
+from dataclasses import replace
+import numpy as np
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.jit import numba
+from rle_splat.kept import Kept
+from rle_splat.render import render
+from rle_splat.scene import Light, Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+voxels = np.random.default_rng(0).integers(0, 255, (20, 18, 16)).astype(np.uint8)
+volume, kept = Volume(voxels, np.eye(4)), Kept()
+camera, matrix = turntable(volume, 20, 10, width=24, height=24)
+tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),))
+scene = Scene(volume, tf, camera, 24, 24, matrix, headlight=True)
+for edited in (
+    scene,
+    replace(scene, camera=turntable(volume, 24, 10, width=24, height=24)[0]),
+    replace(scene, lights=(Light("SUN"),)),
+    replace(scene, transfer_function=replace(tf, opacity=((60, 0.0), (250, 0.6)))),
+    replace(scene, transfer_function=replace(tf, shade=Shade(specular=0.0))),
+):
+    render(edited, Quality.preset("draft"), kept=kept)
+rooms = ("rle_splat.volume", "rle_splat.classify", "rle_splat.encode")
+kernels = [k for k in gc.get_objects() if isinstance(k, numba.core.dispatcher.Dispatcher)]
+kernels = [k for k in kernels if k.py_func.__module__.startswith(rooms)]
+outer = [k for k in kernels if not k.targetoptions.get("no_cpython_wrapper")]
+print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.signatures}))
+"""
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
+def test_the_common_road_compiles_each_kernel_once():
+    done = subprocess.run([sys.executable, "-c", ROAD], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == dict.fromkeys(
+        ("_extremes", "count_by_table", "fill_by_table", "_sobel", "fill_row_runs", "_write_records"), 1
+    )
