@@ -85,7 +85,19 @@ if numba is not None:
 
         return types.void(task, types.intp, arguments), generate
 
+    @intrinsic
+    def taken(typing, counter):
+        """The number in ``counter`` (1,) int64, which is raised by one: no two threads get the same."""
+
+        def generate(context, builder, signature, arguments):
+            data = context.make_array(counter)(context, builder, arguments[0]).data
+            return builder.atomic_rmw("add", data, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+        return types.int64(counter), generate
+
 else:
+
+    def taken(counter): ...
 
     def share_out(task, count, arguments):
         """All of [0, count) at once."""

@@ -16,7 +16,8 @@ import math
 
 import numpy as np
 
-from ..jit import kernel, prange
+from ..jit import inner_loop, kernel
+from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
 from .pixel_block import (
     BLOCK,
@@ -35,23 +36,23 @@ from .voxel_scanline import ONE_BIT, WORD, add_runs, mark_blocks
 NO_BITS = np.uint64(0)
 
 
-@kernel
+@inner_loop
 def _stretch(widen, scale):
     """How much wider than a voxel a footprint is made at ``scale`` sheet pixels per voxel."""
     return max(1.0, 1.0 / scale) if widen else 1.0
 
 
-@kernel
+@inner_loop
 def _begin_band(state, lengths, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope):
     """Clear the rows of a band: no colour, all light; pixels beyond the image are opaque from the start."""
     image_width = along.size
     blocks = placed.size
     alive[:] = NO_BITS
-    mark_blocks(alive[BAND], 0, blocks - 1)
+    mark_blocks(alive, BAND, 0, blocks - 1)
     placed[:] = -1
     state[:] = np.float32(0.0)
     for r in range(rows):
-        mark_blocks(alive[r], 0, blocks - 1)
+        mark_blocks(alive, r, 0, blocks - 1)
         v = top_row + r
         for b in range(blocks):
             first = b * BLOCK
@@ -64,7 +65,7 @@ def _begin_band(state, lengths, alive, bright, placed, top_row, rows, along, alo
                 lengths[at + i] = math.sqrt(max(squared, 0.0))
 
 
-@kernel
+@inner_loop
 def _write_rows(state, rows, image_width, pixels):
     """The finished rows of a band, block by block, to ``pixels``, flat, four channels a pixel."""
     blocks = -(-image_width // BLOCK)
@@ -80,7 +81,7 @@ def _write_rows(state, rows, image_width, pixels):
                     pixels[to + 4 * i + channel] = state[row + BLOCK * channel + i]
 
 
-@kernel(forceinline=True)
+@inner_loop(forceinline=True)
 def _live_voxels(alive, blocks, live, shift, step, radius):
     """The voxel intervals that the footprints of the band's live blocks reach; their number.
 
@@ -106,7 +107,7 @@ def _live_voxels(alive, blocks, live, shift, step, radius):
     return count
 
 
-@kernel(forceinline=True)
+@inner_loop(forceinline=True)
 def _splat_sheet(
     pointers, data_starts, runs, voxels, decoding, width, number, first_slice, slice_weights, wide, margin, shift_u,
     scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, reach, live, band_alive, cells, weights,
@@ -114,7 +115,7 @@ def _splat_sheet(
 ):
     """The scanlines of one sheet that a band is splatted from, resampled along the scanline, each in a slot.
 
-    ``number``: of the sheet.  ``slice_weights``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``,
+    ``number``: of the sheet.  ``slice_weights[number]``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``,
     ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift, along and across scanlines.
     ``margin``: voxels of zeros before a scanline's first.  Other arrays: see ``Tables`` and ``Scratch``.
     Returns whether anything was found, and whether every pixel of the band is already opaque.
@@ -142,14 +143,15 @@ def _splat_sheet(
         for scanline in range(tapped + 1, first_line + taps_v):
             tapped = scanline
             slot += 1
-            marks[slot, :] = NO_BITS
+            for word in range(marks.shape[1]):
+                marks[slot, word] = NO_BITS
             if scanline < 0 or scanline >= n_scanlines:
                 continue
             reach[0] = width + margin
             reach[1] = 0
-            for deeper in range(slice_weights.size):
+            for deeper in range(slice_weights.shape[1]):
                 k = first_slice + deeper
-                weight = slice_weights[deeper]
+                weight = slice_weights[number, deeper]
                 if weight == 0.0 or k < 0 or k >= n_slices:
                     continue
                 run = pointers[k, scanline]
@@ -160,7 +162,7 @@ def _splat_sheet(
                     if live_count == 0:
                         return False, True
                 add_runs(
-                    line, reach, margin, marks[slot], scale_u, shift_u, radius_u, weight, runs, int(run), voxels,
+                    line, reach, margin, marks, slot, scale_u, shift_u, radius_u, weight, runs, int(run), voxels,
                     decoding, data_starts[k, scanline], width, live, live_count,
                 )
             if reach[1] == 0:
@@ -190,11 +192,11 @@ def _splat_sheet(
                             line, cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, samples,
                             sheet, at,
                         )
-            line[4 * reach[0] : 4 * reach[1]] = 0.0
+            line[4 * reach[0] : 4 * reach[1]] = np.float32(0.0)
     return found, False
 
 
-@kernel
+@inner_loop
 def _add_scanlines(kind, y, radius, stretch, slot, b, blocks, sheet, marks, to):
     """sheet[to:] = block ``b`` of the scanlines from ``slot`` on, by a footprint of any height around ``y``."""
     first = first_tap(kind, y, radius)
@@ -214,16 +216,16 @@ def _add_scanlines(kind, y, radius, stretch, slot, b, blocks, sheet, marks, to):
             mixed[i] += weight * block[i]
 
 
-@kernel(forceinline=True)
-def _inside_limits(limits, v, first_pixel, count, begin, end, length, length_inside):
+@inner_loop(forceinline=True)
+def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
     """Shorten the rays of one block to the part of a slab between the near clip and the first mesh or far clip."""
     for i in range(count):
         ahead = max(limits[0, v, first_pixel + i] - begin, 0.0)
         behind = max(end - limits[1, v, first_pixel + i], 0.0)
-        length_inside[i] = length[i] * np.float32(min(max(1.0 - (ahead + behind) / (end - begin), 0.0), 1.0))
+        length_inside[i] = lengths[deep + i] * np.float32(min(max(1.0 - (ahead + behind) / (end - begin), 0.0), 1.0))
 
 
-@kernel(forceinline=True)
+@inner_loop(forceinline=True)
 def _composite_sheet(
     shift_v, scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet,
     marks, row_slot, state, lengths, alive, bright, blocks, length_inside, before, half,
@@ -271,9 +273,7 @@ def _composite_sheet(
                 count = min(BLOCK, image_width - first_pixel)
                 length, deep = lengths, BLOCK * at
                 if limits is not None:
-                    _inside_limits(
-                        limits, v, first_pixel, count, begin, end, lengths[BLOCK * at : BLOCK * (at + 1)], length_inside
-                    )
+                    _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside)
                     length, deep = length_inside, 0
                 row = 4 * BLOCK * at
                 if additive_opacity is None:
@@ -291,9 +291,7 @@ def _composite_sheet(
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
-                    note_half_depth(
-                        before, state, row + CLEAR, begin, end, half[v, first_pixel : first_pixel + count], count
-                    )
+                    note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count)
                 live_pixels = pixels & 255
                 if limits is not None:  # a ray that has reached its end is done as well
                     live_pixels = 0
@@ -305,7 +303,7 @@ def _composite_sheet(
     return died
 
 
-@kernel
+@inner_loop
 def _splat_band(
     tables, sheets, rays, wide, least, additive_opacity, top_row, rows, worker, scratch, out, half
 ):
@@ -337,7 +335,7 @@ def _splat_band(
         if last_y <= -radius_v or first_y >= n_scanlines - 1 + radius_v:
             continue
         found, opaque = _splat_sheet(
-            pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights[sheet],
+            pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights,
             wide, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, line, sheet_buffer, marks,
             row_slot, reach, live, band_alive, cells, weights, placed, samples,
         )
@@ -358,9 +356,27 @@ def _splat_band(
     _write_rows(state, rows, image_width, out[top_row : top_row + rows].reshape(-1))
 
 
-@kernel(parallel=True)
+@inner_loop
+def _splat_bands(
+    first_worker, last_worker, tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, next_band,
+    scratch, out, half,
+):
+    """What a worker does: bands, one after another, as long as there are any; see ``splat_rows``."""
+    bands = (last_row - first_row + BAND - 1) // BAND
+    for worker in range(first_worker, last_worker):
+        band = taken(next_band)
+        while band < bands:
+            top_row = first_row + band * BAND
+            _splat_band(
+                tables, sheets, rays, wide, least, additive_opacity, top_row, min(BAND, last_row - top_row), worker,
+                scratch, out, half,
+            )
+            band = taken(next_band)
+
+
+@kernel
 def splat_rows(
-    tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, workers, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, workers, next_band, scratch, out, half
 ):
     """Rows [first_row, last_row) of the intermediate image.
 
@@ -368,16 +384,11 @@ def splat_rows(
     is opaque.  ``additive_opacity``: for the paper's model in place of extinction, whether opacities are taken as they
     are added (True) or corrected for the length of the ray (False); else None.  What is None is not even compiled:
     numba makes a kernel of its own, when it is first needed, for each combination of footprint, model and limits.
+    ``next_band``: (1,) int64 zero; whichever worker is free takes the next band.
     Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
     viewing direction at which the transmittance falls below one half, left alone where it does not.
     """
-    bands = (last_row - first_row + BAND - 1) // BAND
-    for task in prange(workers):
-        worker = np.int64(task)  # prange counts unsigned, which would compile the loop a second time
-        # Bands go round the workers in turn: neighbours cost alike, so the shares come out even.
-        for band in range(worker, bands, workers):
-            top_row = first_row + band * BAND
-            _splat_band(
-                tables, sheets, rays, wide, least, additive_opacity, top_row,
-                min(BAND, last_row - top_row), worker, scratch, out, half,
-            )
+    share_out(
+        _splat_bands, workers,
+        (tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, next_band, scratch, out, half),
+    )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner_loop
 from ..lanes import add4
 from ..view.footprints import first_tap, footprint_weight
 from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED, planar
@@ -15,7 +15,7 @@ _ONE, _HALF, _ZERO = np.float32(1.0), np.float32(0.5), np.float32(0.0)
 _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the cap of the classification too
 
 
-@kernel
+@inner_loop
 def place_wide_taps(cells, weights, taps, kind, stretch, radius, start, step, low, top):
     """Where the samples of one block lie for a footprint of any width: first voxel, and its ``taps`` weights.
 
@@ -36,7 +36,7 @@ def place_wide_taps(cells, weights, taps, kind, stretch, radius, start, step, lo
             weights[tap * BLOCK + i] *= scale
 
 
-@kernel
+@inner_loop
 def resample_wide(line, cells, weights, taps, samples, sheet, at):
     """A footprint of any width along one voxel scanline: one block, planar, to ``sheet[at:]``."""
     for i in range(4 * BLOCK):
@@ -47,14 +47,14 @@ def resample_wide(line, cells, weights, taps, samples, sheet, at):
     planar(samples, sheet, at)
 
 
-@kernel
+@inner_loop
 def mix_blocks(sheet, upper, lower, down, to):
     """sheet[to:] = the block at ``upper``, mixed with the one at ``lower`` by the fraction ``down``."""
     for i in range(4 * BLOCK):
         sheet[to + i] = sheet[upper + i] + down * (sheet[lower + i] - sheet[upper + i])
 
 
-@kernel
+@inner_loop
 def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, before):
     """One block of one sheet of opacity over the row: the paper's model.
 
@@ -83,16 +83,16 @@ def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, befo
     return left + 256 * bright
 
 
-@kernel
-def note_half_depth(before, after, at, slab_begin, slab_end, half, count):
+@inner_loop
+def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixel, count):
     """Where the transmittance has just fallen below one half, note the depth inside the slab at which it did.
 
-    ``before`` and ``after[at:]``: (BLOCK,) the transmittance ahead of this sheet and behind it.  ``half``: (count,)
-    float32 depth along the viewing direction of the axis.  Inside a homogeneous slab the transmittance is
-    exponential in depth.
+    ``before`` and ``after[at:]``: (BLOCK,) the transmittance ahead of this sheet and behind it.  ``half``: (H, W)
+    float32 depth along the viewing direction of the axis; ``count`` pixels of row ``v`` from ``first_pixel`` on are
+    looked at.  Inside a homogeneous slab the transmittance is exponential in depth.
     """
     for i in range(count):
         ahead, behind = before[i], after[at + i]
         if ahead >= _HALF and behind < _HALF:
             part = math.log(2.0 * ahead) / math.log(ahead / behind) if behind > 0.0 else 0.0
-            half[i] = slab_begin + part * (slab_end - slab_begin)
+            half[v, first_pixel + i] = slab_begin + part * (slab_end - slab_begin)

@@ -64,13 +64,13 @@ def splat_steps(
     scratch = scratch_for(workers, tables, sheets, rays, wide)
     yield LOADING
     with parallel_call(workers):
-        splat_rows(tables, sheets, rays, wide, *model, 0, 0, workers, scratch, pixels, half)
+        splat_rows(tables, sheets, rays, wide, *model, 0, 0, workers, np.zeros(1, np.int64), scratch, pixels, half)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / max(BAND * plane.width * len(placed), 1)))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         with parallel_call(workers):
             splat_rows(
                 tables, sheets, rays, wide, *model, first, min(first + rows_at_once, plane.height), workers,
-                scratch, pixels, half,
+                np.zeros(1, np.int64), scratch, pixels, half,
             )
     return IntermediateImage(plane, pixels, half)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
+from ..jit import inner_loop
 from ..lanes import add4, add_coded
 from .pixel_block import BLOCK
 
@@ -19,27 +19,27 @@ BEFORE = 1 << 20  # blocks added before a position is cut to a whole number, so 
 SLACK = 1e-6  # pixels by which a footprint is taken to reach further, so that no rounding decides who is reached
 
 
-@kernel(forceinline=True)
-def mark_blocks(marks, first, last):
-    """Set the marks, a bit each, of blocks ``first`` to ``last`` (inclusive) in ``marks`` (words,) uint64."""
-    first, last = max(first, 0), min(last, marks.size * WORD - 1)
+@inner_loop(forceinline=True)
+def mark_blocks(marks, row, first, last):
+    """Set the marks, a bit each, of blocks ``first`` to ``last`` (inclusive) in ``marks[row]`` (words,) uint64."""
+    first, last = max(first, 0), min(last, marks.shape[1] * WORD - 1)
     while first <= last:
         word = first // WORD
         end = min(last, word * WORD + WORD - 1)
-        marks[word] |= (ALL_BITS >> np.uint64(WORD - 1 - (end - first))) << np.uint64(first - word * WORD)
+        marks[row, word] |= (ALL_BITS >> np.uint64(WORD - 1 - (end - first))) << np.uint64(first - word * WORD)
         first = end + 1
 
 
-@kernel(forceinline=True)
+@inner_loop(forceinline=True)
 def add_runs(
-    line, reach, margin, marks, scale, shift, radius, weight, runs, run, voxels, decoding, voxel, width, live,
+    line, reach, margin, marks, slot, scale, shift, radius, weight, runs, run, voxels, decoding, voxel, width, live,
     live_count,
 ):
     """Add ``weight`` times the voxels of one scanline that lie in live spans to ``line``.
 
     ``line``: flat float32, four channels a voxel, index 0 is voxel ``-margin``.  ``reach``: (2,) first voxel of the
-    line touched and the one behind the last, widened.  ``marks``: (words,) uint64, a bit for each block of sheet
-    pixels u = ``scale`` * voxel + ``shift`` that a footprint of ``radius`` voxels around a touched one can reach.
+    line touched and the one behind the last, widened.  ``marks[slot]``: (words,) uint64, a bit for each block of
+    sheet pixels u = ``scale`` * voxel + ``shift`` that a footprint of ``radius`` voxels around a touched one can reach.
     ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``: flat
     records, float32 or, with a ``decoding``, codes; the first of this scanline is number ``voxel``.  ``live``: (n, 2)
     half-open voxel intervals, ascending.
@@ -72,7 +72,7 @@ def add_runs(
                 source += 1
             touched_first, touched_last = min(touched_first, first), last
             mark_blocks(
-                marks, (int(first * scale + left) >> BLOCK_BITS) - BEFORE,
+                marks, slot, (int(first * scale + left) >> BLOCK_BITS) - BEFORE,
                 (int(last * scale + right) >> BLOCK_BITS) - BEFORE,
             )
             s += 1
