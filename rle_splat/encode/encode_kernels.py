@@ -71,17 +71,17 @@ def count_across(row_start, column, n_rows, run_counts, voxel_counts):
 @kernel(inner=True)
 def _count_across(begin, end_plane, row_start, column, n_rows, run_counts, voxel_counts):
     for z in range(begin, end_plane):
-        end = np.zeros(run_counts.shape[1], dtype=np.int64)  # per x, one past the last voxel seen
+        runs_of, voxels_of = run_counts[z], voxel_counts[z]
+        end = np.full(runs_of.size, -1, dtype=np.int64)  # per x, one past the last voxel seen; -1 before the first
         for y in range(n_rows):
             for i in range(row_start[z * n_rows + y], row_start[z * n_rows + y + 1]):
-                x = np.int64(column[i])
-                if voxel_counts[z, x] == 0 or y != end[x]:
-                    run_counts[z, x] += 2
+                x = np.uint64(column[i])
+                runs_of[x] += 2 * (end[x] != y)  # no branch to mispredict
+                voxels_of[x] += 1
                 end[x] = y + 1
-                voxel_counts[z, x] += 1
-        for x in range(run_counts.shape[1]):
-            if voxel_counts[z, x] > 0 and end[x] < n_rows:
-                run_counts[z, x] += 1
+        for x in range(runs_of.size):
+            if 0 < end[x] < n_rows:
+                runs_of[x] += 1
 
 
 @kernel
@@ -101,7 +101,7 @@ def _fill_across_runs(begin, end_plane, row_start, column, n_rows, run_cursors, 
         end = np.full(n_columns, -1, dtype=np.int64)  # per x, one past the last voxel written; -1 before the first
         for y in range(n_rows):
             for i in range(row_start[z * n_rows + y], row_start[z * n_rows + y + 1]):
-                x = np.int64(column[i])
+                x = np.uint64(column[i])
                 if end[x] == y:
                     runs[run_cursors[z, x]] += 1
                 else:
