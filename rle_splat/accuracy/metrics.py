@@ -7,16 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-try:  # NVIDIA's own implementation; in the benchmarks' environment alone
-    import flip_evaluator
-except ImportError:
-    flip_evaluator = None
-
 LEVEL = 1.0 / 255.0
 # Of SSIM, as Wang, Bovik, Sheikh and Simoncelli published it in 2004: a Gaussian window 11 pixels a side, 1.5 wide,
 # and constants that keep flat parts of a picture from dividing by zero, for values from 0 to 1.
 SSIM_WINDOW, SSIM_WIDTH, SSIM_C1, SSIM_C2 = 11, 1.5, 0.01**2, 0.03**2
-PIXELS_PER_DEGREE = 67.0  # FLIP's own: a 0.7 m wide display of 3840 pixels from 0.7 m away
 
 
 @dataclass(frozen=True)
@@ -49,15 +43,6 @@ def difference(image, reference) -> Difference:
     )
 
 
-@dataclass(frozen=True)
-class Perceived:
-    """``ssim``: mean structural similarity, 1 when equal; ``flip``: mean of FLIP, 0 when equal and at most 1, None
-    where the package flip-evaluator is not installed."""
-
-    ssim: float
-    flip: float | None
-
-
 def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
     """Premultiplied scene-linear (H, W, 4) over a scene-linear background -> (H, W, 3) as sRGB encodes it, 0 to 1."""
     rgba = np.asarray(rgba, dtype=np.float64)
@@ -65,10 +50,10 @@ def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
 
-def perceived(image, reference, background=(0.0, 0.0, 0.0)) -> Perceived:
-    """Compare premultiplied scene-linear pictures (H, W, 4) of one size as a display shows them."""
-    image, reference = display_encoded(image, background), display_encoded(reference, background)
-    return Perceived(float(ssim_map(image, reference).mean()), _mean_flip(image, reference))
+def ssim(image, reference, background=(0.0, 0.0, 0.0)) -> float:
+    """Mean structural similarity of premultiplied scene-linear pictures (H, W, 4) as a display shows them: 1 when
+    they are equal.  How different they look is benchmarks/flip.py's to say, by a package that is not shipped."""
+    return float(ssim_map(display_encoded(image, background), display_encoded(reference, background)).mean())
 
 
 def ssim_map(image, reference) -> np.ndarray:
@@ -95,12 +80,3 @@ def _smoothed(picture: np.ndarray) -> np.ndarray:
         windows = np.lib.stride_tricks.sliding_window_view(picture, SSIM_WINDOW, axis=axis)
         picture = windows @ weights
     return picture
-
-
-def _mean_flip(image: np.ndarray, reference: np.ndarray) -> float | None:
-    """FLIP of display-encoded pictures (Andersson and others 2020)."""
-    if flip_evaluator is None:
-        return None
-    first, second = (np.ascontiguousarray(picture, dtype=np.float32) for picture in (reference, image))
-    viewing = {"ppd": PIXELS_PER_DEGREE}
-    return float(flip_evaluator.evaluate(first, second, "LDR", True, False, True, viewing)[1])
