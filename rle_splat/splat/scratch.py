@@ -24,7 +24,8 @@ class Scratch(NamedTuple):
     ``line``: one voxel scanline, float32, four channels a voxel; all zero between two uses.
     ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at the end a block that stays
     transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their blocks that is not empty.
-    ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from.
+    ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
+    and ``row_place`` float64 the row's own position among scanlines.
     ``reach`` (2,) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
     Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, words) a
     bit for each block that is not opaque, the last row for the band as a whole, ``bright`` (BAND, blocks) pixels
@@ -38,6 +39,8 @@ class Scratch(NamedTuple):
     sheet: np.ndarray
     marks: np.ndarray
     row_slot: np.ndarray
+    row_line: np.ndarray
+    row_place: np.ndarray
     reach: np.ndarray
     live: np.ndarray
     state: np.ndarray
@@ -65,7 +68,8 @@ def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
     shapes = {
         "line": (4 * (tables.width + 2 * taps + 3), np.float32),
         "sheet": (4 * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
-        "row_slot": (BAND, np.int64), "reach": (2, np.int64), "live": (blocks, 2, np.int64),
+        "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
+        "reach": (2, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, np.float32), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),

@@ -34,6 +34,7 @@ from .sheet_row import composite_opacity, mix_blocks, note_half_depth, place_wid
 from .voxel_scanline import ONE_BIT, WORD, add_runs, mark_blocks
 
 NO_BITS = np.uint64(0)
+NONE = -(2**62)  # below the number of any scanline
 
 
 @inner_loop
@@ -110,8 +111,8 @@ def _live_voxels(alive, blocks, live, shift, step, radius):
 @inner_loop(forceinline=True)
 def _splat_sheet(
     pointers, data_starts, runs, voxels, decoding, width, number, first_slice, slice_weights, wide, margin, shift_u,
-    scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, reach, live, band_alive, cells, weights,
-    placed, samples,
+    scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, row_line, row_place, reach, live,
+    band_alive, cells, weights, placed, samples,
 ):
     """The scanlines of one sheet that a band is splatted from, resampled along the scanline, each in a slot.
 
@@ -133,13 +134,15 @@ def _splat_sheet(
     low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
     found = False
     live_count = -1
-    slot = -1  # the slot of the scanline dealt with last
-    tapped = first_tap(kind, (top_row - shift_v) / scale_v, radius_v) - 1  # and its number
+    slot, tapped = -1, NONE  # of the scanline dealt with last, and its number
     for r in range(rows):
-        first_line = first_tap(kind, (top_row + r - shift_v) / scale_v, radius_v)
+        y = (top_row + r - shift_v) / scale_v
+        first_line = first_tap(kind, y, radius_v)
         if first_line > tapped:
             tapped = first_line - 1
         row_slot[r] = slot + first_line - tapped
+        # Kept, not reckoned again: rounded otherwise, it might fall on the other side of a voxel.
+        row_line[r], row_place[r] = first_line, y
         for scanline in range(tapped + 1, first_line + taps_v):
             tapped = scanline
             slot += 1
@@ -197,10 +200,9 @@ def _splat_sheet(
 
 
 @inner_loop
-def _add_scanlines(kind, y, radius, stretch, slot, b, blocks, sheet, marks, to):
-    """sheet[to:] = block ``b`` of the scanlines from ``slot`` on, by a footprint of any height around ``y``."""
-    first = first_tap(kind, y, radius)
-    taps = tap_count(radius)
+def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks, to):
+    """sheet[to:] = block ``b`` of the ``taps`` scanlines from ``slot`` on, by a footprint of any height around ``y``;
+    ``first``: number of the first."""
     mixed = sheet[to : to + 4 * BLOCK]
     mixed[:] = np.float32(0.0)
     total = 0.0
@@ -227,12 +229,12 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, len
 
 @inner_loop(forceinline=True)
 def _composite_sheet(
-    shift_v, scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet,
-    marks, row_slot, state, lengths, alive, bright, blocks, length_inside, before, half,
+    scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet, marks,
+    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, before, half,
 ):
     """One sheet over the rows of a band: its scanlines mixed, the row composited; whether a block became opaque.
 
-    ``shift_v``, ``scale_v``: sheet row = scale * scanline + shift; ``begin``, ``end``: the slab.  Arrays: see
+    ``scale_v``: sheet rows per scanline; ``begin``, ``end``: the slab.  Arrays: see
     ``Scratch`` and ``splat_rows``.  (Separate arrays, not tuples of them, and one call a sheet: numba counts
     references at every hand-over.)
     """
@@ -247,9 +249,8 @@ def _composite_sheet(
     died = False
     for r in range(rows):
         v = top_row + r
-        y = (v - shift_v) / scale_v
         slot = row_slot[r]
-        down = np.float32(y - first_tap(kind, y, radius_v))
+        down = np.float32(row_place[r] - row_line[r])
         for word in range(alive.shape[1]):
             bits = NO_BITS
             for tap in range(taps):
@@ -267,7 +268,9 @@ def _composite_sheet(
                     if marks[slot + 1, word] & bit != NO_BITS:
                         lower = 4 * BLOCK * ((slot + 1) * blocks + b)
                 else:
-                    _add_scanlines(kind, y, radius_v, stretch_v, slot, b, blocks, sheet, marks, mixed)
+                    _add_scanlines(
+                        kind, row_place[r], row_line[r], taps, stretch_v, slot, b, blocks, sheet, marks, mixed
+                    )
                 at = r * blocks + b
                 first_pixel = b * BLOCK
                 count = min(BLOCK, image_width - first_pixel)
@@ -317,7 +320,8 @@ def _splat_band(
         _, radius, widen = wide
     mine = worker * SPREAD
     line, sheet_buffer, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
-    row_slot, reach, live = scratch.row_slot[mine], scratch.reach[mine], scratch.live[mine]
+    row_slot, row_line, row_place = scratch.row_slot[mine], scratch.row_line[mine], scratch.row_place[mine]
+    reach, live = scratch.reach[mine], scratch.live[mine]
     state, length = scratch.state[mine], scratch.length[mine]
     alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
     cells, weights, samples = scratch.cells[mine], scratch.weights[mine], scratch.samples[mine]
@@ -337,16 +341,16 @@ def _splat_band(
         found, opaque = _splat_sheet(
             pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights,
             wide, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, line, sheet_buffer, marks,
-            row_slot, reach, live, band_alive, cells, weights, placed, samples,
+            row_slot, row_line, row_place, reach, live, band_alive, cells, weights, placed, samples,
         )
         if opaque:
             break  # early termination
         if not found:
             continue
         died = _composite_sheet(
-            shift, step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width,
-            limits, least, additive_opacity, sheet_buffer, marks, row_slot, state, length, alive, bright, blocks,
-            length_inside, before, half,
+            step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width, limits,
+            least, additive_opacity, sheet_buffer, marks, row_slot, row_line, row_place, state, length, alive, bright,
+            blocks, length_inside, before, half,
         )
         if died:
             band_alive[:] = NO_BITS

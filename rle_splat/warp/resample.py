@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel, prange
+from ..jit import kernel, parallel_call
+from ..parallel import share_out
 from .taps import tap2x2, tap4x4
 
 # Half depths that differ by more than this many voxels lie on different surfaces and are not interpolated.
@@ -83,7 +84,7 @@ def _keep_own(directions, first_column, row, axis, sign, at):
 
 @kernel(inner=True)
 def _resample_rows(
-    samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_colour,
+    samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_color,
     picture_size, picture_origin, first_row, picture, depths,
 ):
     """ROWS rows of ``resample`` from ``first_row`` on.  The arrays are flat, sizes are (width, height); ``maps``: rows
@@ -107,10 +108,10 @@ def _resample_rows(
                     continue
                 to = r * picture_width + c + i
                 if taps == 2:
-                    tap2x2(samples, 4 * at[i], 4 * width, across[i], down[i], most_colour, picture, 4 * to)
+                    tap2x2(samples, 4 * at[i], 4 * width, across[i], down[i], most_color, picture, 4 * to)
                 else:
                     first_tap = 4 * (at[i] - width - 1)
-                    tap4x4(samples, first_tap, 4 * width, across[i], down[i], table, most_colour, picture, 4 * to)
+                    tap4x4(samples, first_tap, 4 * width, across[i], down[i], table, most_color, picture, 4 * to)
                 at_half = _half_depth(half_depths, width, at[i], across[i], down[i])
                 if at_half < np.inf:
                     place = column + i + 0.5
@@ -120,21 +121,27 @@ def _resample_rows(
                     depths[to] = (at_half * per_voxel + at_zero) / w
 
 
-@kernel(parallel=True)
-def _resample(
-    samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_colour,
-    picture_size, picture_origin, bands, picture, depths,
+@kernel(inner=True)
+def _resample_bands(
+    first_band, last_band, samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
+    most_color, picture_size, picture_origin, picture, depths,
 ):
-    for band in prange(bands):
+    """Some bands of ROWS rows; see ``_resample_rows``."""
+    for band in range(first_band, last_band):
         _resample_rows(
-            samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_colour,
+            samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_color,
             picture_size, picture_origin, band * ROWS, picture, depths,
         )
 
 
+@kernel
+def _resample(bands, arguments):
+    share_out(_resample_bands, bands, arguments)
+
+
 def resample(
-    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour, depth_map, picture_origin,
-    rgba, depth,
+    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
+    rgba, depth, threads=0,
 ):
     """Fill the pixels that belong to one base plane.
 
@@ -147,8 +154,10 @@ def resample(
     ``sheet_origin`` (u, v) and ``picture_origin`` (column, row): the numbers of the first pixel of the arrays.  All
     positions are reckoned in these numbers, so that a window of a sheet, or of a picture, gets the same bits.
     """
-    _resample(
+    arguments = (
         pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin,
-        np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_colour,
-        depth.shape[::-1], picture_origin, -(-len(depth) // ROWS), rgba.reshape(-1), depth.reshape(-1),
+        np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_color,
+        depth.shape[::-1], picture_origin, rgba.reshape(-1), depth.reshape(-1),
     )
+    with parallel_call(threads):
+        _resample(-(-len(depth) // ROWS), arguments)

@@ -22,7 +22,7 @@ def _weights(fraction, polynomials):
 
 
 def resample_numpy(
-    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_colour, depth_map, picture_origin,
+    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     rgba, depth,
 ):
     """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
@@ -54,7 +54,7 @@ def resample_numpy(
             line += across[i][:, None] * pixels[v0 + j - 1, u0 + i - 1]
         total += down[j][:, None] * line
     alpha = np.clip(total[:, 3], 0, 1)
-    rgba[mine, :3] = np.clip(total[:, :3], 0, (most_colour * alpha)[:, None])
+    rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])
     rgba[mine, 3] = alpha
 
     corners = np.stack((half[v0, u0], half[v0, u0 + 1], half[v0 + 1, u0], half[v0 + 1, u0 + 1]))

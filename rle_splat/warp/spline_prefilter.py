@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel, prange
+from ..jit import kernel, parallel_call
+from ..parallel import share_out
 
 # Samples to each side that a coefficient depends on, along each axis: 1 + 2 + 4 + 8.
 MARGIN = 15
@@ -67,26 +68,27 @@ def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line
 
 
 @kernel(inner=True)
-def _filter_some(source, target, first, together, pitch, end, step, count, lanes, to_alpha, gain):
-    """Some lines of ``_filter_lines``, from number ``first`` on."""
+def _filter_some(
+    first_part, last_part, source, target, together, pitch, end, step, count, lanes, to_alpha, gain
+):
+    """Some of the lines of ``_filter_lines``: parts of ``together`` lines."""
     line = np.empty((count + 2 * MARGIN) * lanes, np.float32)
     spare = np.empty((count + 2 * MARGIN) * lanes, np.float32)
-    for n in range(first, first + together):
+    for n in range(first_part * together, last_part * together):
         start = n * pitch
         if start < end:
             here = lanes if lanes < end - start else end - start
             _filter_line(source, target, start, step, count, here, to_alpha, gain, line, spare)
 
 
-@kernel(parallel=True)
-def _filter_lines(source, target, parts, together, pitch, end, step, count, lanes, to_alpha, gain):
+@kernel
+def _filter_lines(parts, arguments):
     """Filter lines of ``lanes`` floats, the first at 0, the next ``pitch`` floats on, all before ``end``, in ``parts``
-    of ``together`` lines."""
-    for part in prange(parts):
-        _filter_some(source, target, part * together, together, pitch, end, step, count, lanes, to_alpha, gain)
+    of ``together`` lines; ``arguments``: see ``_filter_some``."""
+    share_out(_filter_some, parts, arguments)
 
 
-def spline_coefficients(pixels, coefficients):
+def spline_coefficients(pixels, coefficients, threads=0):
     """Fill ``coefficients`` with the cubic B-spline coefficients of colour and *alpha*.
 
     Both (H, W, 4) float32 contiguous; ``pixels``: colour and transmittance.  Beyond its border the image goes on as
@@ -95,9 +97,10 @@ def spline_coefficients(pixels, coefficients):
     height, width = pixels.shape[:2]
     source, target = pixels.reshape(-1), coefficients.reshape(-1)
     pitch = 4 * width
-    _filter_lines(source, target, -(-height // ROWS), ROWS, pitch, height * pitch, 4, width, 4, True, ONE)
-    lanes = 4 * COLUMNS
-    _filter_lines(target, target, -(-width // COLUMNS), 1, lanes, pitch, pitch, height, lanes, False, GAIN)
+    with parallel_call(threads):
+        _filter_lines(-(-height // ROWS), (source, target, ROWS, pitch, height * pitch, 4, width, 4, True, ONE))
+        lanes = 4 * COLUMNS
+        _filter_lines(-(-width // COLUMNS), (target, target, 1, lanes, pitch, pitch, height, lanes, False, GAIN))
 
 
 def spline_coefficients_numpy(pixels, coefficients):

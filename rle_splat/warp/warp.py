@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, parallel_call
+from ..jit import compiled
 from ..scene import NO_DEPTH, Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
@@ -21,14 +21,14 @@ def warp_reach(quality: Quality) -> int:
     return TAPS + (MARGIN if is_prefiltered(quality.warp_filter) else 0)
 
 
-def warp(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_colour: float):
+def warp(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_color: float):
     """Warp one intermediate image per principal axis and direction into one picture.
 
     ``region``: (left, top, right, bottom), the pixels of the view that are wanted; the images hold what they read.
 
     Every pixel belongs to one of them, by the 45-degree rule on its own ray; a pixel that belongs to none sees
-    nothing.  ``most_colour``: the largest unassociated colour in the medium; after a filter with negative lobes
-    transmittance is clamped to [0, 1] and colour to [0, most_colour * alpha].
+    nothing.  ``most_color``: the largest unassociated colour in the medium; after a filter with negative lobes
+    transmittance is clamped to [0, 1] and colour to [0, most_color * alpha].
 
     Returns rgba (H, W, 4) float32 premultiplied and depth (H, W) float32, world units, NO_DEPTH where the
     transmittance stays above one half, of the region's size.
@@ -48,11 +48,10 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
         to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
             pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, taps_of(name),
-            table_of(name), np.float32(most_colour), _depth_map(plane), (left, top), rgba, depth,
+            table_of(name), np.float32(most_color), _depth_map(plane), (left, top), rgba, depth,
         )
         if with_kernels:
-            with parallel_call(quality.threads):
-                resample(*arguments)
+            resample(*arguments, quality.threads)
         else:
             resample_numpy(*arguments)
     return rgba, depth
@@ -62,8 +61,7 @@ def _coefficients(pixels, quality: Quality):
     """Spline coefficients of colour and alpha."""
     coefficients = np.empty_like(pixels)
     if compiled(quality.backend):
-        with parallel_call(quality.threads):
-            spline_coefficients(pixels, coefficients)
+        spline_coefficients(pixels, coefficients, quality.threads)
     else:
         spline_coefficients_numpy(pixels, coefficients)
     return coefficients
