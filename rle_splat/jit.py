@@ -77,6 +77,8 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 try:
     import numba
 
+    from .inner_compiler import InnerCompiler
+
     NUMBA_PROBLEM = ""
     if not os.environ.get("NUMBA_CACHE_DIR"):
         numba.config.CACHE_DIR = str(_kernel_folder())
@@ -100,18 +102,21 @@ def kernel(
 
     ``forceinline``: for a part of another kernel's loop, so that handing it its arrays costs nothing.
     ``exact`` rounds after every operation as numpy does, for values that decide over a step.  ``inner``: only ever
-    called by other kernels, which saves compiling its way in from Python and keeping it on disk.  ``counted``: whether
-    references to arrays are counted; without, it must not make or return any.  Without numba the plain Python
-    function comes back; callers choose the numpy twin instead of calling it.
+    called by other kernels, which saves finishing it by itself (``inner_compiler``) and keeping it on disk.
+    ``counted``: whether references to arrays are counted; without, it must not make or return any.  Without numba the
+    plain Python function comes back; callers choose the numpy twin instead of calling it.
     """
 
     def decorate(f):
         if numba is None:
             return f
-        return numba.njit(
-            nogil=True, cache=not inner, parallel=parallel, inline=inline, forceinline=forceinline, error_model="numpy",
-            fastmath=False if exact else FASTMATH, no_cpython_wrapper=inner, no_cfunc_wrapper=True, _nrt=counted,
-        )(f)
+        options = dict(
+            nogil=True, parallel=parallel, inline=inline, forceinline=forceinline, error_model="numpy",
+            fastmath=False if exact else FASTMATH, no_cfunc_wrapper=True, _nrt=counted,
+        )
+        if inner:
+            return numba.njit(no_cpython_wrapper=True, pipeline_class=InnerCompiler, **options)(f)
+        return numba.njit(cache=True, **options)(f)
 
     return decorate if function is None else decorate(function)
 
