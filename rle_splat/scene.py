@@ -183,7 +183,7 @@ class Light:
 # One table of names for the command line, the panel and the reports: what each quality preset sets.
 # Their errors against the truth are asserted in tests/truths/test_ladder.py, their times printed by bench stages.
 QUALITY_PRESETS = {
-    "draft": dict(depth_rule="slice", sheet_density=0.75, warp_filter="bilinear", termination=1 / 256),
+    "draft": dict(depth_rule="slice", sheet_density=0.7, warp_filter="bilinear", termination=1 / 256),
     "standard": dict(depth_rule="simpson", sheet_density=1.0, warp_filter="cubic", termination=1 / 1024),
     "fine": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 2048),
     "strict": dict(depth_rule="midpoint-4", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),

@@ -8,6 +8,7 @@ from ..encode.tables import RunLengthVolume
 from ..jit import compiled, parallel_call, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
+from ..view.depth_rules import Sheets
 from ..view.footprints import FOOTPRINTS, TENT
 from .arguments import SheetList, Tables, Wide, rays_of
 from .intermediate_image import IntermediateImage
@@ -43,10 +44,13 @@ def splat_steps(
         encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, voxels.reshape(-1), decoding,
         encoded.width,
     )
-    sheets = SheetList(
-        placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale,
-        plane.offset,
-    )
+    shown = _reached(encoded, placed)
+    sheets = SheetList(*(
+        part[shown] for part in (
+            placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale,
+            plane.offset,
+        )
+    ))  # fmt: skip
     rays = rays_of(plane, length_unit, quality.length_correction, limits)
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
@@ -65,7 +69,7 @@ def splat_steps(
     yield LOADING
     with parallel_call(workers):
         splat_rows(tables, sheets, rays, wide, *model, 0, 0, workers, np.zeros(1, np.int64), scratch, pixels, half)
-    rows_at_once = BAND * max(2, int(WORK_AT_ONCE / max(BAND * plane.width * len(placed), 1)))
+    rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         with parallel_call(workers):
@@ -74,3 +78,13 @@ def splat_steps(
                 np.zeros(1, np.int64), scratch, pixels, half,
             )
     return IntermediateImage(plane, pixels, half)
+
+
+def _reached(encoded: RunLengthVolume, sheets: Sheets) -> np.ndarray:
+    """(n,) bool: which sheets the footprint of any slice with voxels reaches; the first, where none does."""
+    near = sheets.first_slice[:, None] + np.arange(sheets.slice_weights.shape[1])
+    inside = (near >= 0) & (near < encoded.n_slices) & (sheets.slice_weights > 0.0)
+    filled = np.diff(encoded.data_pointers) > 0
+    reached = (inside & filled[np.clip(near, 0, encoded.n_slices - 1)]).any(axis=1)
+    reached[0] |= not reached.any()
+    return reached
