@@ -31,6 +31,7 @@ from rle_splat.render import render
 from rle_splat.scene import Quality
 from rle_splat.steps import Clock
 
+from .data_sets import PAPER
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
 from .scenes import REAL, scenes
 from .vtk_caster import VTK_PROBLEM, VtkCaster
@@ -167,9 +168,15 @@ def line(name: str, row: dict) -> str:
     )
 
 
+def of_paper(names):
+    """Like ``scenes``: the data sets of bench paper, each with the transfer function that is committed for it."""
+    return (data.load() for data in PAPER if not names or data.name in names)
+
+
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench engine", description=__doc__)
     parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help="only these")
+    parser.add_argument("--paper", action="store_true", help="the data sets and transfer functions of bench paper")
     parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
     parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
     parser.add_argument("--colours", nargs="*", choices=("unshaded", "shaded"))
@@ -189,7 +196,7 @@ def main(arguments) -> int:
         for size in options.size:
             print(f"\n{size} x {size}, {threads} thread(s), {options.views} view(s), {options.probes} probes a view")
             print(header())
-            for name, volume, tf in scenes(options.volume):
+            for name, volume, tf in of_paper(options.volume) if options.paper else scenes(options.volume):
                 for projection in options.projection or ("orthographic", "perspective"):
                     for colours in options.colours or ("unshaded", "shaded"):
                         rows = measure(
