@@ -229,6 +229,4 @@ def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) 
     for d in range(2):  # image pixels per voxel along X, along Y, at each point
         h = homography[:, d]
         stretch[d] = np.hypot(h[0] * c - a * h[2], h[1] * c - b * h[2]) / c**2
-    # A sheet coarser than the picture is there for its speed, so its middle counts (algorithm.md 1.9).
-    corner = DENSEST_CORNER if sheet_density >= 1.0 else 1.0
-    return sheet_density * np.minimum(stretch.max(axis=1), corner * stretch[:, -1])
+    return sheet_density * np.minimum(stretch.max(axis=1), DENSEST_CORNER * stretch[:, -1])

@@ -34,11 +34,11 @@ BOUNDS = {
 
 # What each quality preset may err, in the same order.  What was measured is two thirds of it.
 PRESET_BOUNDS = {
-    ("smooth", "draft"): ((0.86, 5.7), (0.94, 6.3)),
+    ("smooth", "draft"): ((0.86, 5.7), (0.61, 4.2)),
     ("smooth", "standard"): ((0.115, 0.86), (0.12, 1.2)),
     ("smooth", "fine"): ((0.072, 0.54), (0.086, 1.85)),
     ("smooth", "strict"): ((0.023, 0.11), (0.023, 0.15)),
-    ("thin", "draft"): ((3.0, 30.0), (3.3, 36.0)),
+    ("thin", "draft"): ((3.0, 30.0), (2.0, 32.0)),
     ("thin", "standard"): ((0.48, 5.8), (0.35, 7.3)),
     ("thin", "fine"): ((0.26, 3.2), (0.32, 7.3)),
     ("thin", "strict"): ((0.071, 0.66), (0.071, 0.98)),
