@@ -16,8 +16,10 @@ def _demo(known, rest) -> int:
 
 
 def _test(known, rest) -> int:
-    from .testing import test
+    from .testing import test, test_catalogue
 
+    if known.catalogue:
+        return test_catalogue()
     return test(rest, quick=known.quick)
 
 
@@ -90,6 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("volumes", nargs="*", metavar="VOLUME", help="files to show in place of the sample")
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
+    test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")
     add("bench", _bench, "measure; arguments go to the benchmarks", open_ended=True)
     add("accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True)
     build = add("build", _build, "make the extension zips in dist/")

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from .build import build
+from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CORE, ensure, ensure_bpy
 from .places import BUILD, OUT, ROOT, Failure, clean_environ, say
 from .pythons import find_python
@@ -15,7 +16,9 @@ from .stages import Stage, broken, judged, skipped, summary
 from .wheels import this_platform
 
 BLENDER_TESTS = ROOT / "tests" / "blender"
+STABILITY_TESTS = ROOT / "tests" / "stability"
 REPORTS = OUT / "test"
+FIGURES = REPORTS / "catalogue.json"
 
 # A stage that takes longer hangs: bpy 4.5 can deadlock when the interpreter ends.
 CORE_SECONDS = 900
@@ -32,8 +35,18 @@ def _pytest(name: str, python: Path, arguments, seconds: float, environ) -> Stag
 
 
 def _core(arguments) -> Stage:
-    environ = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"))
+    FIGURES.unlink(missing_ok=True)
+    environ = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"), **{FIGURES_VARIABLE: str(FIGURES)})
     return _pytest("core", ensure(CORE), ["--ignore=tests/blender", *arguments], CORE_SECONDS, environ)
+
+
+def _catalogue() -> Stage:
+    """Whether every case of the catalogue was measured, in the core's run just before."""
+    try:
+        table(FIGURES)
+    except Failure as problem:
+        return broken("catalogue", str(problem))
+    return Stage("catalogue", passed=1)
 
 
 def _bpy(version: str, zip_path: Path, arguments) -> Stage:
@@ -85,6 +98,8 @@ def test(arguments, quick: bool = False) -> int:
             stages.append(broken("extension zip", str(problem)))
     if everything or core:
         stages.append(_core([*core, *(["-m", "not slow"] if quick else []), *options]))
+        if everything and not (quick or options):
+            stages.append(_catalogue())
     for version in BPY if zip_path else ():
         if quick and version != "5.0":
             stages.append(skipped(f"bpy {version}", "left out by --quick"))
@@ -96,6 +111,18 @@ def test(arguments, quick: bool = False) -> int:
         else:
             stages += [real_blender_stage(zip_path), window_stage(zip_path)]
     return summary(stages)
+
+
+def test_catalogue() -> int:
+    """The catalogue of hard cases alone; when all of it holds, docs/stability.md is written from its figures."""
+    stages = [_core([STABILITY_TESTS])]
+    if not stages[0].failed:
+        stages.append(_catalogue())
+    failed = summary(stages)
+    if not failed:
+        PAGE.write_text(table(FIGURES), encoding="utf-8")
+        say(f"Wrote {PAGE.relative_to(ROOT)}")
+    return failed
 
 
 def test_real_blender() -> int:

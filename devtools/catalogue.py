@@ -1,0 +1,54 @@
+"""docs/stability.md, written from what the tests of the catalogue measured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from .places import ROOT, Failure
+
+# Names the file, as JSON, that the tests write their figures to; not set, they are only held against their bounds.
+FIGURES_VARIABLE = "RLE_SPLAT_CATALOGUE"
+PAGE = ROOT / "docs" / "stability.md"
+WIDTHS = ("float32", "float64")
+HEAD = """# Hard cases, and what holds in each
+
+Written by `python3 dev.py test --catalogue` from the tests in `tests/stability`; do not edit it by hand.
+Each line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in
+32-bit and in 64-bit arithmetic.  A test whose figure exceeds its bound fails, and no page is written.
+
+| id | case | what is bounded | at most | float32 | float64 |
+|---|---|---|---|---|---|
+"""
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if abs(value) < 1e6 and value == int(value) else f"{value:.2g}"
+
+
+def _cell(row, width: str) -> str:
+    figures = row["figures"]
+    if width in figures:
+        return _number(figures[width])
+    if "either" in figures:
+        return f"{_number(figures['either'])} ({row['why']})"
+    return row["why"]
+
+
+def table(figures: Path) -> str:
+    """The page; a Failure that names the first case without a figure or with an empty cell."""
+    found = json.loads(figures.read_text(encoding="utf-8"))
+    missing = sorted(set(found["cases"]) - {row["id"] for row in found["rows"]}, key=list(found["cases"]).index)
+    if missing:
+        raise Failure(f"No test recorded a figure for {', '.join(missing)}; write one in tests/stability.")
+    lines = []
+    for row in found["rows"]:
+        claim = row["claim"] + (f" (looser than planned: {row['looser']})" if row["looser"] else "")
+        cells = [row["id"], row["case"], claim, _number(row["bound"]), *(_cell(row, width) for width in WIDTHS)]
+        if not all(cell.strip() for cell in cells):
+            raise Failure(
+                f"{row['id']}, {row['claim']}: measured in {' and '.join(row['figures'])} only; record the other "
+                "width too, or say why not."
+            )
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return HEAD + "\n".join(lines) + "\n"

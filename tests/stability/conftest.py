@@ -1,0 +1,43 @@
+"""The fixture ``record`` of the catalogue's tests, and the file its figures go to at the end."""
+
+import os
+
+import pytest
+
+from devtools.catalogue import FIGURES_VARIABLE
+from tests.stability.catalogue import Catalogue, ids_in
+
+CATALOGUE = Catalogue()
+
+
+@pytest.fixture
+def record(request):
+    """``record(case, claim, measured, bound, width, why="", looser="")``: see ``Catalogue.record``.
+
+    The case's id must be in the test's name, and a test that asks for this must record something.
+    """
+    named = ids_in(request.node.name)
+    assert named, f"{request.node.name} names no case of the catalogue"
+    recorded = []
+
+    def checked(case, *args, **kwargs):
+        assert case in named, f"{case} is not in the name of {request.node.name}"
+        recorded.append(case)
+        CATALOGUE.record(case, *args, **kwargs)
+
+    yield checked
+    failed = getattr(request.node, "stability_failed", False)
+    assert recorded or failed, f"{request.node.name} recorded nothing"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    if report.when == "call" and not report.passed:
+        item.stability_failed = True
+    return report
+
+
+def pytest_sessionfinish():
+    if os.environ.get(FIGURES_VARIABLE):
+        CATALOGUE.save(os.environ[FIGURES_VARIABLE])
