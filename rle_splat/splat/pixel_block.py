@@ -103,7 +103,7 @@ if numba is not None:
         arguments = (line, cells, fractions, types.intp, sheet, types.intp)
         return types.void(*arguments), generate
 
-    def _slab(samples, length, one):
+    def slab(samples, length, one):
         """What a homogeneous slab absorbs and lets pass, and what its colour is weighted by: extinction."""
         power, p = _transmitted((samples * length * LOG2E).least(MOST))
         return one - power - power * p, power + power * p, samples
@@ -112,16 +112,13 @@ if numba is not None:
         """The same of opacities as the paper adds them, clamped; whatever the length."""
         return samples.least(1.0), one - samples.least(1.0), samples
 
-    def _composite(absorb, types_of, context, builder, arguments):
-        """One block of one sheet over the row, by one of the two above; see ``composite_extinction``."""
-        sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
-        sheet_type, depth_type, state_type, before_type = (types_of[n] for n in (0, 4, 8, 10))
-        upper = _planes(context, builder, sheet_type, sheet, at)
-        lower = _planes(context, builder, sheet_type, sheet, below)
-        down = Vector.spread(builder, down, BLOCK)
-        *colors, samples = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
-        length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-        length = length * Vector.spread(builder, thickness, BLOCK)
+    def composited(
+        context, builder, absorb, colors, samples, length, least, state_type, state, row, before_type, before
+    ):
+        """One block of ``colors`` and ``samples`` of extinction (or opacity), planes of ``length``, over the row.
+
+        ``absorb``: one of the two above.  See ``composite_extinction``, whose value it is that is returned.
+        """
         one = Vector(builder, length.like(1.0))
         absorbed, passed, divisor = absorb(samples, length, one)
         *so_far, clear = _planes(context, builder, state_type, state, row)
@@ -136,6 +133,20 @@ if numba is not None:
         left = count_lanes(builder, clear.at_least(least), BLOCK)
         bright = count_lanes(builder, clear.at_least(0.5), BLOCK)
         return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
+
+    def _composite(absorb, types_of, context, builder, arguments):
+        """Two scanlines mixed and composited by one of the two above; see ``composite_extinction``."""
+        sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
+        sheet_type, depth_type, state_type, before_type = (types_of[n] for n in (0, 4, 8, 10))
+        upper = _planes(context, builder, sheet_type, sheet, at)
+        lower = _planes(context, builder, sheet_type, sheet, below)
+        down = Vector.spread(builder, down, BLOCK)
+        *colors, samples = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
+        length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
+        length = length * Vector.spread(builder, thickness, BLOCK)
+        return composited(
+            context, builder, absorb, colors, samples, length, least, state_type, state, row, before_type, before
+        )
 
     def _composite_types(sheet, depth, state, before):
         places, numbers = (types.intp, types.intp), (types.float32, types.float32)
@@ -157,7 +168,7 @@ if numba is not None:
         """
 
         def generate(context, builder, signature, arguments):
-            return _composite(_slab, signature.args, context, builder, arguments)
+            return _composite(slab, signature.args, context, builder, arguments)
 
         return _composite_types(sheet, depth, state, before), generate
 
@@ -213,15 +224,6 @@ if numba is not None:
 
         return types.void(state, types.intp, pixels, types.intp), generate
 
-    @intrinsic
-    def lowest_bit(typing, word):
-        """The number of a word's lowest bit that is set; the word is not zero."""
-
-        def generate(context, builder, signature, arguments):
-            return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
-
-        return types.int64(types.uint64), generate
-
 else:  # never called: callers take the numpy twin
 
     def place_tent(cells, fractions, to, start, step, top): ...
@@ -235,5 +237,3 @@ else:  # never called: callers take the numpy twin
     def planar(samples, sheet, at): ...
 
     def interleaved(state, row, pixels, to): ...
-
-    def lowest_bit(word): ...

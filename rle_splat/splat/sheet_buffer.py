@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
@@ -25,7 +26,6 @@ from .pixel_block import (
     composite_added,
     composite_extinction,
     interleaved,
-    lowest_bit,
     place_tent,
     resample_tent,
 )

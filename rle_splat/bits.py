@@ -1,0 +1,34 @@
+"""Words of bits: which blocks or voxels are meant, a bit each; finding and counting them takes one instruction."""
+
+from __future__ import annotations
+
+from .jit import numba
+
+if numba is not None:
+    from llvmlite import ir
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def lowest_bit(typing, word):
+        """The number of a word's lowest bit that is set; the word is not zero."""
+
+        def generate(context, builder, signature, arguments):
+            return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+        return types.int64(types.uint64), generate
+
+    @intrinsic
+    def count_bits(typing, word):
+        """How many bits of a word are set."""
+
+        def generate(context, builder, signature, arguments):
+            return builder.ctpop(arguments[0])
+
+        return types.int64(types.uint64), generate
+
+else:  # never called: callers take the numpy twin
+
+    def lowest_bit(word): ...
+
+    def count_bits(word): ...
