@@ -17,8 +17,12 @@ COMMAND = (sys.executable, "-m", "rle_splat")
 
 
 def start(*words):
+    def hear_ctrl_c():  # whoever runs the tests in the background may have it ignored, which is inherited
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
     return subprocess.Popen(
-        [*COMMAND, *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [*COMMAND, *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=None if os.name == "nt" else hear_ctrl_c,
     )
 
 
