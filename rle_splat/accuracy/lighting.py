@@ -1,0 +1,134 @@
+"""The light on voxels as the truths take it: the shading formula once more from its meaning, in float64.
+
+A voxel is lit by its own normal, and the light, not the normal, is interpolated between voxels: that is part of what
+both truths promise (algorithm.md 1.14).  The normals are the volume's.  Only voxels next to rays are ever lit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene import Scene
+from ..volume.gradient import unit_normals
+from .rays import rigid
+from .transfer import extinction_and_color
+
+# Radiance of a white Lambert surface that faces a light, for each unit of its energy, at distance 1: as Cycles has it.
+RADIANCE = {"SUN": 1.0 / np.pi, "POINT": 0.25 / np.pi**2, "SPOT": 0.25 / np.pi**2, "AREA": 1.0 / np.pi**2}
+HARDEST_EDGE = 1e-4  # of a spot's cone, in cosines
+
+
+def shading_of(scene: Scene, truth_name: str) -> dict:
+    """What ``truths.truth`` and ``measure`` take as ``shading`` for a scene: ``colors`` for T1, ``light`` and
+    ``highlight`` for T2; nothing where the transfer function does not shade or nothing shines."""
+    if scene.transfer_function.shade is None or not (scene.lights or scene.headlight):
+        return {}
+    lit = VoxelLight(scene)
+    if truth_name == "T1":
+        return {"colors": _Looked(lit.color)}
+    shading = {"light": _Looked(lambda places: lit.light(places)[0])}
+    if scene.transfer_function.shade.specular > 0.0:
+        shading["highlight"] = _Looked(lambda places: lit.light(places)[1])
+    return shading
+
+
+class _Looked:
+    """A function of index arrays that is looked up like an array."""
+
+    def __init__(self, function):
+        self._function = function
+
+    def __getitem__(self, places):
+        return self._function(places)
+
+
+class VoxelLight:
+    """The light on the voxels of a scene: shaded colour = c * light + highlight, two-sided Blinn-Phong.
+
+    light = ambient + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the lights; 1 and 0 where
+    there is no normal.  ``places`` are index arrays (z, y, x) of any shape that they broadcast to.
+    """
+
+    def __init__(self, scene: Scene):
+        self._scene, self._matrix = scene, scene.index_to_world
+        camera = rigid(scene.camera.matrix_world)
+        self._towards_camera = camera[:3, 2]
+        self._eye = camera[:3, 3] if scene.camera.type == "PERSP" else None
+        self._half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(self._matrix[:3, :3])))
+        self._last = (None, None)
+
+    def light(self, places) -> tuple[np.ndarray, np.ndarray]:
+        """(..., 3) light and (..., 3) highlight."""
+        if self._last[0] is not places:  # both are asked for one after the other
+            self._last = (places, self._lit(places))
+        return self._last[1]
+
+    def color(self, places) -> np.ndarray:
+        """(..., 3) shaded colours, of the transfer function's own."""
+        volume = self._scene.volume
+        own = extinction_and_color(self._scene.transfer_function, volume.physical(volume.voxels[places]), 1.0)[1]
+        light, highlight = self.light(places)
+        return own * light + highlight
+
+    def _lit(self, places):
+        places = np.broadcast_arrays(*places)
+        shape = self._scene.volume.voxels.shape
+        one, back = np.unique(np.ravel_multi_index(places, shape), return_inverse=True)
+        light, highlight = self._shine(*np.unravel_index(one, shape))
+        back = back.reshape(places[0].shape)
+        return light[back], highlight[back]
+
+    def _shine(self, z, y, x):
+        """(N, 3) light and highlight of voxels in the order of the volume."""
+        scene, shade = self._scene, self._scene.transfer_function.shade
+        nz, ny, _ = scene.volume.voxels.shape
+        row_start = np.searchsorted(z * ny + y, np.arange(nz * ny + 1))
+        normal = unit_normals(scene.volume, row_start, x, self._matrix, backend="numpy").astype(np.float64)
+        at = np.stack((x, y, z), axis=1) @ self._matrix[:3, :3].T + self._matrix[:3, 3]
+        to_eye = self._towards_camera if self._eye is None else _unit(self._eye - at)
+        light, highlight = np.full((len(x), 3), shade.ambient), np.zeros((len(x), 3))
+        for towards, strength in self._lights(at):
+            light += shade.diffuse * np.abs((normal * towards).sum(axis=1, keepdims=True)) * strength
+            facing = np.abs((normal * _unit(towards + to_eye)).sum(axis=1, keepdims=True))
+            highlight += shade.specular * facing**shade.shininess * strength
+        flat = ~normal.any(axis=1)
+        light[flat], highlight[flat] = 1.0, 0.0
+        return light, highlight
+
+    def _lights(self, at):
+        """Each light as unit vectors towards it and its strength I, (N, 3) both or what broadcasts to it."""
+        for light in self._scene.lights:
+            axis = -_unit(light.matrix_world[:3, 2])
+            strength = RADIANCE[light.type] * light.energy * np.array(light.color)
+            if light.type == "SUN":
+                yield -axis, strength
+                continue
+            away = light.matrix_world[:3, 3] - at
+            towards = _unit(away)
+            nearest = max(_nearest(light), self._half_voxel**2)
+            strength = strength / np.maximum((away**2).sum(axis=1, keepdims=True), nearest)
+            on_axis = -(towards @ axis)[:, None]
+            if light.type == "AREA":
+                strength = strength * np.maximum(on_axis, 0.0)
+            elif light.type == "SPOT":
+                cone = np.cos(0.5 * min(light.spot_size, np.pi))
+                inside = np.clip((on_axis - cone) / max((1.0 - cone) * light.spot_blend, HARDEST_EDGE), 0.0, 1.0)
+                strength = strength * inside**2 * (3.0 - 2.0 * inside)
+            yield towards, strength
+        if self._scene.headlight:
+            yield self._towards_camera, np.ones(3)
+
+
+def _nearest(light) -> float:
+    """Squared distance below which a light grows no stronger: there it would fill the surface's whole sky."""
+    if light.type != "AREA":
+        return light.radius**2
+    width, height = np.linalg.norm(light.matrix_world[:3, :2], axis=0)
+    tall = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    area = width * light.size * height * tall * (np.pi / 4.0 if light.shape in ("DISK", "ELLIPSE") else 1.0)
+    return area / np.pi
+
+
+def _unit(vector) -> np.ndarray:
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return vector / np.where(length > 0.0, length, 1.0)

@@ -1,0 +1,73 @@
+"""Proves that the truths' own light on voxels and the renderer's, written independently, say the same of every voxel,
+under every kind of light and from both kinds of camera."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.lighting import VoxelLight, shading_of
+from rle_splat.accuracy.measure import measure
+from rle_splat.accuracy.phantoms import blobs
+from rle_splat.classify.transfer_function import Shade
+from rle_splat.medium import classify_and_shade
+from rle_splat.named_systems.medium import scene_medium
+from rle_splat.scene import Light, Quality
+from rle_splat.steps import Clock
+
+SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=11.5)
+AFFINE = np.array(((-0.9, 0.2, 0, 1), (0, 1.0, 0.3, 2), (0, 0, 1.3, 3), (0, 0, 0, 1.0)))
+
+
+def lights(stage):
+    place = stage.looking((30.0, -14.0, 20.0), (8.0, 8.0, 9.0)).matrix_world
+    return {
+        "sun": Light("SUN", (1.0, 0.8, 0.5), 3.0, place),
+        "point": Light("POINT", (0.5, 0.8, 1.0), 30_000.0, place, radius=0.5),
+        "spot": Light("SPOT", (1.0, 1.0, 1.0), 30_000.0, place, spot_size=0.5, spot_blend=0.4),
+        "area": Light("AREA", (1.0, 0.9, 1.0), 20_000.0, place, size=4.0, size_y=2.0, shape="ELLIPSE"),
+        "near": Light("POINT", (1.0, 1.0, 1.0), 500.0, stage.looking((-7.0, 9.0, 11.0), (0, 0, 0)).matrix_world),
+    }
+
+
+@pytest.fixture(scope="module")
+def scene(stage):
+    scalars = np.round(255.0 * blobs((18, 16, 14), 8)).astype(np.uint8)
+    volume = replace(stage.volume(scalars, AFFINE), voxels=scalars, slope=1 / 255)
+    camera = stage.looking((60.0, -80.0, 45.0), (-4.0, 10.0, 12.0), lens=110.0, ortho_scale=30.0)
+    plain = stage.before(volume, camera, (24, 24))
+    return replace(plain, transfer_function=replace(plain.transfer_function, shade=SHADE))
+
+
+@pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
+@pytest.mark.parametrize("name", ("sun", "point", "spot", "area", "near", "headlight"))
+def test_every_voxel_has_the_renderers_colour(stage, scene, name, kind):
+    lit = replace(
+        scene, camera=replace(scene.camera, type=kind), headlight=name == "headlight",
+        lights=() if name == "headlight" else (lights(stage)[name],),
+    )  # fmt: skip
+    _, theirs = classify_and_shade(lit, Quality(), Clock())
+    ours = VoxelLight(lit).color(scene_medium(lit, Quality()).places)
+    plain = scene_medium(replace(lit, headlight=False, lights=()), Quality()).colors
+    assert np.abs(theirs - plain).max() > 0.1 and len(ours) > 500
+    np.testing.assert_allclose(ours, theirs, atol=2e-5)
+
+
+def test_both_truths_are_lit_alike(scene):
+    """One light for both truths: T1's colours of white matter are T2's light and highlight together."""
+    lit = replace(scene, headlight=True)
+    places = tuple(np.array(n) for n in ((3, 4), (5, 6), (7, 8)))
+    found = shading_of(lit, "T2")
+    own = VoxelLight(replace(lit, transfer_function=replace(lit.transfer_function, color=((0.0, 1.0, 1.0, 1.0),))))
+    np.testing.assert_allclose(found["light"][places] + found["highlight"][places], own.color(places), atol=1e-12)
+    assert shading_of(scene, "T1") == {} == shading_of(scene, "T2")
+    matt = replace(lit.transfer_function, shade=replace(SHADE, specular=0.0))
+    assert list(shading_of(replace(lit, transfer_function=matt), "T2")) == ["light"]
+
+
+def test_standard_keeps_its_promise_in_light(stage, scene):
+    lit = replace(scene, headlight=True, width=64, height=64)
+    picture = stage.render(lit).rgba
+    found = measure(lit, picture, "T1", 4.0, count=400, **shading_of(lit, "T1"))
+    assert found["kept"] and found["random"]["rmse"] < 0.5
+    assert not measure(lit, picture, "T1", 4.0, count=400)["kept"]
