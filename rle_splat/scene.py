@@ -189,7 +189,8 @@ QUALITY_PRESETS = {
     "strict": dict(depth_rule="midpoint-4", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),
 }
 # Names of the knobs' values, in the order shown to people.
-CLASSIFICATIONS = ("pre",)
+CLASSIFICATIONS = ("pre", "refined")
+REFINEMENTS = (2, 3, 4)  # cells of the refined grid along each side of a voxel cell
 MOST_MIDPOINTS = 64
 NAMED_DEPTH_RULES = ("slice", "simpson", "gauss2")  # and midpoint-M, of which lists show some
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
@@ -202,6 +203,7 @@ BACKENDS = ("auto", "numba", "numpy")
 # What each knob is, for the help of the command line and the tooltips of the panel.
 KNOB_TEXTS = {
     "classification": "when values become opacity and colour",
+    "refinement": "how many times finer the grid is on which refined classifies",
     "depth_rule": "how sheets are integrated along the view",
     "sheet_density": "sheet pixels per image pixel; zero for one per voxel",
     "kernel": "footprint of a voxel: its reconstruction kernel",
@@ -224,6 +226,9 @@ def midpoints_of(depth_rule: str) -> int | None:
 class Quality:
     """The knobs that trade time for accuracy, each by the name the command line and the panel use.
 
+    ``classification`` "pre" is the paper's: voxels are classified, and what is shown is interpolated; "refined"
+    interpolates the values on a grid ``refinement`` times finer first, against blurred edges, and shows the box of the
+    voxels' centres and nothing outside it.
     ``kernel`` is the footprint; ``minification`` "widen" widens it where several voxels share a sheet pixel, for
     pictures without shimmer, "off" shows exactly what lies on each pixel's ray.
     ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
@@ -233,6 +238,7 @@ class Quality:
     """
 
     classification: str = "pre"
+    refinement: int = 2
     depth_rule: str = "simpson"
     sheet_density: float = 1.0
     kernel: str = "tent"
@@ -262,6 +268,9 @@ class Quality:
                 f"There is no depth rule called {self.depth_rule!r}; choose {', '.join(NAMED_DEPTH_RULES)}, or "
                 f"midpoint-M with a whole number M from 1 to {MOST_MIDPOINTS}."
             )
+        if self.refinement not in REFINEMENTS:
+            allowed = ", ".join(map(str, REFINEMENTS))
+            raise RleSplatError(f"The refined grid is {allowed} times finer than the voxels, not {self.refinement!r}.")
         if self.record not in RECORDS:
             raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
         if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= 8.0):
