@@ -12,9 +12,11 @@ import numpy as np
 
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
+from ..scene import RleSplatError
 from ..volume.gradient import CHUNK, unit_normals
 from .classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN, light_rows
+from .limits import BRIGHTEST
 from .placing import Places, find_targets
 
 SHARPEST = 1e9  # a larger shininess is a highlight of no width; the whole part must also fit an integer
@@ -134,7 +136,7 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
         return None
     ambient, diffuse, specular, _ = falling.material
     strongest = float(falling.rows[:, RGB:NEAREST].sum(axis=0).max())
-    return max(most, most * (ambient + diffuse * strongest) + specular * strongest)
+    return min(max(most, most * (ambient + diffuse * strongest) + specular * strongest), BRIGHTEST)
 
 
 def light_records(
@@ -142,7 +144,7 @@ def light_records(
     backend: str = "auto", threads: int = 0,
 ) -> float:
     """Write the records of the voxels of ``places`` where they belong in ``records`` (n, 4) float32; the largest
-    channel of any of their colours.
+    channel of any of their colours.  RleSplatError when that is above BRIGHTEST.
 
     A record is (density * RGB, density): by ``model`` the density is the extinction or the opacity, None makes it 1.
     ``normals``: (m, 3) float32, None without ``falling``.
@@ -164,7 +166,13 @@ def light_records(
             light = (normals, falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
             _write_records(places.arguments, *seen, *light, records, most)
-    return float(most.max())
+    brightest = float(most.max())
+    if not brightest <= BRIGHTEST:
+        raise RleSplatError(
+            f"Under these lights the volume is brighter than {BRIGHTEST:g}, where white is 1; make the lights "
+            "weaker or move them away."
+        )
+    return brightest
 
 
 # --- kernels: the loop over planes, in chunks of voxels --------------------------------------------------------

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ..scene import RleSplatError, from_mapping, read_json
+from .limits import BRIGHTEST, MOST_REFLECTED
 
 
 def _number(value, what: str) -> float:
@@ -48,6 +49,8 @@ class Shade:
             value = _number(getattr(self, entry.name), f"The shading's {entry.name}")
             if value < 0.0:
                 raise RleSplatError(f"The shading's {entry.name} must not be below zero.")
+            if value > MOST_REFLECTED and entry.name != "shininess":
+                raise RleSplatError(f"The shading's {entry.name} must not be above {MOST_REFLECTED:g}.")
             object.__setattr__(self, entry.name, value)
 
 
@@ -116,6 +119,10 @@ class TransferFunction:
         for value, *rgb in self.color:
             if min(rgb) < 0.0:
                 raise RleSplatError(f"The colour at {value:g} has a negative channel; colours must not be below zero.")
+            if max(rgb) > BRIGHTEST:
+                raise RleSplatError(
+                    f"The colour at {value:g} is brighter than {BRIGHTEST:g}, where white is 1; make it darker."
+                )
         if self.opacity_unit_distance is not None:
             distance = _number(self.opacity_unit_distance, "The transfer function's opacity_unit_distance")
             if distance <= 0.0:

@@ -9,6 +9,7 @@ from ..view.footprints import FOOTPRINTS, TENT, footprint_weights
 ONE = np.float32(1.0)
 TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
 ALMOST_ONE = np.float32(1.0 - 2.0**-24)
+LONGEST = np.float32(1e30)  # reference distances; keeps infinity times log1p(-0) out of transparent pixels
 
 
 def _dense_slice(tables, k: int) -> np.ndarray | None:
@@ -55,7 +56,7 @@ def _extinction(samples, depth):
 def _opacity(samples, exponent):
     added = samples[..., 3]
     opacity = np.minimum(added, ONE)
-    raised = -np.expm1(exponent * np.log1p(-np.minimum(opacity, ALMOST_ONE)))
+    raised = -np.expm1(np.minimum(exponent, LONGEST) * np.log1p(-np.minimum(opacity, ALMOST_ONE)))
     opacity = np.where(exponent == ONE, opacity, raised).astype(np.float32)
     return opacity, ONE - opacity, np.maximum(added, TINY)
 
