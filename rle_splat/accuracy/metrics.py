@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 LEVEL = 1.0 / 255.0
+# Errors that pictures are told apart by: field of Difference -> title, all of them in levels.
+ERRORS = {"rmse": "RMSE", "largest": "largest error", "p999": "99.9th percentile of the error"}
 # Of SSIM, as Wang, Bovik, Sheikh and Simoncelli published it in 2004: a Gaussian window 11 pixels a side, 1.5 wide,
 # and constants that keep flat parts of a picture from dividing by zero, for values from 0 to 1.
 SSIM_WINDOW, SSIM_WIDTH, SSIM_C1, SSIM_C2 = 11, 1.5, 0.01**2, 0.03**2
@@ -52,7 +54,7 @@ def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
 
 def ssim(image, reference, background=(0.0, 0.0, 0.0)) -> float:
     """Mean structural similarity of premultiplied scene-linear pictures (H, W, 4) as a display shows them: 1 when
-    they are equal.  How different they look is benchmarks/flip.py's to say, by a package that is not shipped."""
+    they are equal.  How different they look is cli/flip.py's to say, by a package that is not shipped."""
     return float(ssim_map(display_encoded(image, background), display_encoded(reference, background)).mean())
 
 

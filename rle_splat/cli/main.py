@@ -22,6 +22,7 @@ COMMANDS = {
     "info": "say what a volume is: shape, type, spacing, range, histogram, what is odd about it",
     "encode": "classify, shade and run-length encode a volume into a .rle file",
     "convert": "copy a volume from one format to another",
+    "accuracy": "measure error against time over the sensible plans on a volume and view: table, JSON, plot",
     "compare": "hold the systems that the paper names side by side: time, memory, error",
 }
 

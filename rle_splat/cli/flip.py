@@ -1,19 +1,16 @@
 """FLIP, how different two pictures look when one is flicked over the other (Andersson and others 2020), by NVIDIA's
-own package flip-evaluator, which the benchmarks' environment alone holds."""
+own package flip-evaluator: never part of the extension, and used where somebody installed it."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rle_splat.accuracy.metrics import display_encoded
+from ..accuracy.metrics import display_encoded
 
 try:
     import flip_evaluator
-
-    FLIP_PROBLEM = ""
-except ImportError as problem:
+except ImportError:
     flip_evaluator = None
-    FLIP_PROBLEM = str(problem)
 
 PIXELS_PER_DEGREE = 67.0  # FLIP's own: a display 0.7 m wide of 3840 pixels, seen from 0.7 m
 

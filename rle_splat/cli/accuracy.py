@@ -1,0 +1,100 @@
+"""``rle-splat accuracy``: what accuracy costs in time on one volume and view: a table, a report, a plot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+
+from ..accuracy.measure import PROBES
+from ..accuracy.metrics import ERRORS
+from ..scene import RleSplatError
+from ..volume.checks import check_values
+from .accuracy_plot import PLOT_NEEDS, can_plot, sweep_plot
+from .appearance import choose_transfer_function, read_transfer_function
+from .flip import mean_flip
+from .images import writer_for
+from .options import (
+    add_quality_options,
+    add_report_options,
+    add_scene_options,
+    add_size_option,
+    add_volume_argument,
+    quality_from,
+    scene_inputs,
+    volume_options,
+)
+from .output import check_outputs, whole_files
+from .progress import ProgressLine
+from .report import write_report
+from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+
+REPEATS = 5
+ERROR_NAMES = tuple(ERRORS)
+
+
+def add_arguments(parser) -> None:
+    add_volume_argument(parser)
+    parser.add_argument("--plot", metavar="FILE.png", help="draw time against error; needs matplotlib")
+    parser.add_argument(
+        "-o", "--output", action="append", default=[], metavar="OUT", help="where the chosen plan's picture goes"
+    )
+    parser.add_argument(
+        "--front", default=ERROR_NAMES[0], metavar="|".join(ERROR_NAMES), help=f"which error ({ERROR_NAMES[0]})"
+    )
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels held against it ({PROBES})")
+    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed ({REPEATS})")
+    add_size_option(parser)
+    add_report_options(parser)
+    add_scene_options(parser)
+    add_quality_options(parser)
+
+
+def run(args) -> None:
+    start = perf_counter()
+    plots = args.plot is not None and can_plot()
+    writers = [writer_for(path) for path in args.output]
+    outputs = [*args.output, *([args.json] if args.json else []), *([args.plot] if plots else [])]
+    check_outputs(outputs, inputs=scene_inputs(args))
+    check_scene_options(args)
+    if args.probes < 1 or args.repeats < 1:
+        raise RleSplatError("--probes and --repeats take whole numbers above zero.")
+    if args.front not in ERROR_NAMES:
+        raise RleSplatError(f"There is no error called {args.front!r}; choose {', '.join(ERROR_NAMES)}.")
+    quality = quality_from(args)
+    placement = read_placement(args)
+    given_function = read_transfer_function(args)
+    lights, headlight = read_lights(args)
+    from ..cost_of_accuracy import sensible_plans, sweep_steps, table_lines
+    from ..read.formats import read_volume
+
+    with ProgressLine(args.progress) as line:
+        line.show(0.0, f"reading {Path(args.volume).name}")
+        volume = read_volume(args.volume, **volume_options(args))
+        check_values(volume)
+        function, reason = choose_transfer_function(args, volume, given_function)
+        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        machine = dict(threads=quality.threads, backend=quality.backend, record=quality.record)
+        steps = sweep_steps(
+            scene, sensible_plans(**machine), quality, probes=args.probes, repeats=args.repeats, error=args.front,
+            flip=mean_flip,
+        )  # fmt: skip
+        with line.compiling():
+            sweep = line.follow(steps, start=0.05)
+        report = {
+            "command": "accuracy", "input": {"path": str(args.volume)}, **sweep.report,
+            "transfer_function": {"name": function.name, "reason": reason},
+            "total_ms": 1e3 * (perf_counter() - start),
+        }  # fmt: skip
+        with whole_files(outputs) as parts:
+            for writer, part in zip(writers, parts):
+                writer(part, sweep.chosen.rgba, sweep.chosen.depth)
+            if plots:
+                sweep_plot(sweep, parts[-1], Path(args.plot).suffix, f"{Path(args.volume).name}, {function.name}")
+            if args.json:
+                write_report(parts[len(args.output)], report)
+    for remark in report["remarks"]:
+        print(remark)
+    print(f"Transfer function {function.name}: {reason}")
+    print("\n".join(table_lines(report)))
+    if args.plot is not None and not plots:
+        raise RleSplatError(f"{args.plot} was not written: {PLOT_NEEDS}")

@@ -1,0 +1,327 @@
+"""What accuracy costs in time: plans measured on one scene, each against the truth it promises (algorithm.md 2).
+
+A plan's time is that of a frame, splat and warp, with its tables made.  Its errors are those of the same probe pixels
+for every plan, and of one crop, where the picture is steepest, of which whole pictures can be shown and compared.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from statistics import median
+
+import numpy as np
+
+from .accuracy.lighting import shading_of
+from .accuracy.measure import PROBES, TOLERANCE
+from .accuracy.metrics import ERRORS, LEVEL, SSIM_WINDOW, difference, ssim
+from .accuracy.probes import choose_probes, probe_errors
+from .accuracy.truths import truth
+from .encode.store import StoredVolume
+from .kept import Kept
+from .render import render_steps
+from .scene import Quality, RleSplatError, Scene
+from .steps import Progress
+
+REPEATS = 5  # frames that the median is of
+CROP_SIDE = 96  # pixels
+RAYS_AT_ONCE = 128  # of a truth: a tenth of a second or so between two looks at the user's Esc
+# Shares of the whole work after which each part of it ends.
+FIRST_FRAMES, TRUTHS_KNOWN = 0.35, 0.75
+# What a plan's error is of, for people.
+TRUTH_TEXTS = {
+    "T1": "the exact integral of the interpolated classified medium, which is what classifying voxels first promises",
+    "T2": "the exact integral of the classified interpolated scalar, which is what a ray caster shows",
+}
+MACHINE = ("threads", "backend", "name")  # what two plans that are the same may differ in
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """``report``: JSON-ready, see ``sweep_steps``.  ``truths``: truth's name -> (h, w, 4) float64 of the crop;
+    ``pictures``: plan's name -> (h, w, 4) float32 of the crop.  ``chosen``: the Rendering of the chosen plan."""
+
+    report: dict
+    truths: dict
+    pictures: dict
+    chosen: object
+
+    def plan(self, name: str) -> dict:
+        """The entry of a plan."""
+        return next(entry for entry in self.report["plans"] if entry["name"] == name)
+
+
+def sensible_plans(**machine) -> list[Quality]:
+    """Plans worth their time on some scene, each with a name of its own; ``machine``: fields that all of them share."""
+    more = {
+        "slice": dict(depth_rule="slice", sheet_density=1.0, termination=1 / 1024),
+        "denser": dict(depth_rule="simpson", sheet_density=2.0, termination=1 / 2048),
+        "gauss2": dict(depth_rule="gauss2", sheet_density=2.0, termination=1 / 4096),
+    }
+    plans = [Quality.preset(name, **machine) for name in ("draft", "standard", "fine", "strict")]
+    plans += [Quality(name=name, **knobs, **machine) for name, knobs in more.items()]
+    return [*plans, Quality.paper(**machine)]
+
+
+def same_plan(one: Quality, other: Quality) -> bool:
+    """Whether two plans make the same picture in the same way."""
+    shared = {name: getattr(other, name) for name in MACHINE}
+    return replace(one, **shared) == other
+
+
+def with_plan(plans, chosen: Quality) -> tuple[list[Quality], str]:
+    """The plans with ``chosen`` among them, and the name it goes by there."""
+    for plan in plans:
+        if same_plan(plan, chosen):
+            return list(plans), plan.name
+    name = chosen.name
+    while any(plan.name == name for plan in plans):
+        name = f"your {name}"
+    return [*plans, replace(chosen, name=name)], name
+
+
+def front(plans, key: str = "rmse") -> list[str]:
+    """Names of the plans that no other beats in both time and error, quickest first.
+
+    ``plans``: entries of a report, all against one truth.  ``key``: of ERRORS.
+    """
+    names, least = [], np.inf
+    for entry in sorted(plans, key=lambda entry: (entry["frame_ms"], entry["error"][key])):
+        if entry["error"][key] < least:
+            least = entry["error"][key]
+            names.append(entry["name"])
+    return names
+
+
+def sweep_steps(
+    scene: Scene, plans, chosen: Quality, *, probes: int = PROBES, repeats: int = REPEATS, error: str = "rmse",
+    crop_side: int = CROP_SIDE, flip: Callable | None = None, kept: Kept | None = None, seed: int = 0,
+):  # fmt: skip
+    """Generator: yields Progress, returns a Sweep of the plans, with ``chosen`` among them.
+
+    ``flip``: a function of (picture, truth), for a metric that is not ours; or None.  ``error``: of ERRORS, by which
+    the fronts are told.  The report's ``plans`` hold for each its knobs, ``frame_ms`` (the median), its ``truth``
+    and ``error``: at the probe pixels ``rmse``, ``p999``, ``bias`` and ``psnr`` are of the random ones, ``largest`` of
+    all of them and the crop; ``crop`` are those of the crop, on display-encoded colour ``ssim`` and ``flip``.
+    ``as_ray_caster`` is the error against T2 of a plan that promises T1.
+    Raises RleSplatError for scenes without voxels or with meshes.
+    """
+    scene = _measurable(scene)
+    if probes < 1 or repeats < 1:
+        raise RleSplatError("Measuring takes one probe and one repeat at least.")
+    plans, chosen_name = with_plan(plans, chosen)
+    kept = Kept() if kept is None else kept
+    # The last plan is rendered first: where its picture is steep, all are looked at.
+    finest = yield from _rendered(scene, plans[-1], kept, 0.0, FIRST_FRAMES / (len(plans) + 1))
+    where = choose_probes(finest.rgba, probes, seed)
+    window = steepest_window(finest.rgba, crop_side)
+    looks, renderings = {}, {}
+    for number, plan in enumerate(plans, start=1):
+        span = (n / (len(plans) + 1) * FIRST_FRAMES for n in (number, number + 1))
+        rendering = yield from _rendered(scene, plan, kept, *span)
+        looks[plan.name] = (where.of(rendering.rgba), rendering.rgba[window.rows, window.columns].copy())
+        renderings[plan.name] = replace(rendering, rgba=None, depth=None) if plan.name != chosen_name else rendering
+    promised = {plan.name: renderings[plan.name].report["error"]["truth"] for plan in plans}
+    began = time.perf_counter()
+    true = yield from _truths(scene, sorted({*promised.values(), "T2"}), where.centres, window)
+    truth_ms = 1e3 * (time.perf_counter() - began)
+    stages = {plan.name: [] for plan in plans}
+    for turn in range(repeats):  # in turns, so that what else the machine does meets all of them alike
+        for number, plan in enumerate(plans):
+            done = (turn * len(plans) + number) / (repeats * len(plans))
+            ends = (TRUTHS_KNOWN + (1.0 - TRUTHS_KNOWN) * done,) * 2
+            rendering = yield from _rendered(scene, plan, kept, *ends)
+            stages[plan.name].append(rendering.report["stages_ms"])
+    entries = []
+    for plan in plans:
+        truth_name = promised[plan.name]
+        entry = {"name": plan.name, "chosen": plan.name == chosen_name, "truth": truth_name, "knobs": _knobs(plan)}
+        entry.update({f"{stage}_ms": median(s[stage] for s in stages[plan.name]) for stage in ("splat", "warp")})
+        entry["frame_ms"] = median(s["splat"] + s["warp"] for s in stages[plan.name])
+        entry["error"] = _errors(looks[plan.name], true[truth_name], where.random, flip)
+        beside = truth_name != "T2"
+        entry["as_ray_caster"] = _errors(looks[plan.name], true["T2"], where.random, None) if beside else None
+        entries.append(entry)
+    fronts = {
+        name: front([entry for entry in entries if entry["truth"] == name], error)
+        for name in sorted(set(promised.values()))
+    }
+    for entry in entries:
+        entry["on_front"] = entry["name"] in fronts[entry["truth"]]
+    any_report = renderings[chosen_name].report
+    report = {
+        "image": any_report["image"], "volume": any_report["volume"], "threads": any_report["threads"],
+        "repeats": repeats, "truth_ms": truth_ms, "front_by": error, "chosen": chosen_name,
+        "probes": {"random": where.random, "steep": len(where.columns) - where.random},
+        "crop": [window.columns.start, window.rows.start, window.columns.stop, window.rows.stop],
+        "truths": {name: TRUTH_TEXTS[name] for name in fronts}, "fronts": fronts, "plans": entries,
+        "remarks": any_report["remarks"],
+    }  # fmt: skip
+    yield Progress(1.0, "Done")
+    crops = {name: look[1] for name, look in looks.items()}
+    return Sweep(report, {name: values[1] for name, values in true.items()}, crops, renderings[chosen_name])
+
+
+def error_map_steps(scene: Scene, quality: Quality, *, step: int = 1, kept: Kept | None = None):
+    """Generator: yields Progress, returns ((h, w) float32 levels, report) of the plan's picture of the scene.
+
+    Each value is the largest error of any channel at the middle pixel of a block of ``step`` x ``step``; a block that
+    the picture's edge cuts off before its middle has none.  ``report`` is the picture's, its ``error`` filled in.
+    """
+    scene = _measurable(scene)
+    kept = Kept() if kept is None else kept
+    rendering = yield from _rendered(scene, quality, kept, 0.0, 0.3)
+    first = min(step // 2, scene.height - 1, scene.width - 1)
+    rows, columns = np.mgrid[first : scene.height : step, first : scene.width : step]
+    name = rendering.report["error"]["truth"]
+    centres = columns.ravel() + 0.5, rows.ravel() + 0.5
+    true = yield from _integrated(scene, name, *centres, 0.3, 1.0)
+    errors = probe_errors(rendering.rgba[rows, columns].reshape(-1, 4), true)
+    report = dict(rendering.report)
+    report["error"] = {
+        **report["error"], "measured": float(errors.max()), "rmse": float(np.sqrt((errors**2).mean())),
+        "truth": name, "probes": len(errors), "step": step,
+    }  # fmt: skip
+    return errors.reshape(rows.shape).astype(np.float32), report
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a picture, as slices of its rows and columns."""
+
+    rows: slice
+    columns: slice
+
+    @property
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """(columns, rows) of its pixels' centres, row by row."""
+        rows, columns = np.mgrid[self.rows, self.columns]
+        return columns.ravel() + 0.5, rows.ravel() + 0.5
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.rows.stop - self.rows.start, self.columns.stop - self.columns.start
+
+
+def steepest_window(rgba, side: int) -> Window:
+    """The square of at most ``side`` pixels in which neighbours of a picture (H, W, 4) differ most, on average."""
+    height, width = np.shape(rgba)[:2]
+    tall, wide = min(side, height), min(side, width)
+    steep = np.zeros((height, width))
+    steep[:-1] += np.abs(np.diff(rgba, axis=0)).max(axis=-1)
+    steep[:, :-1] += np.abs(np.diff(rgba, axis=1)).max(axis=-1)
+    total = np.zeros((height + 1, width + 1))
+    total[1:, 1:] = steep.cumsum(axis=0).cumsum(axis=1)
+    inside = total[tall:, wide:] - total[:-tall, wide:] - total[tall:, :-wide] + total[:-tall, :-wide]
+    top, left = (int(n) for n in np.unravel_index(np.argmax(inside), inside.shape))
+    return Window(slice(top, top + tall), slice(left, left + wide))
+
+
+def table_lines(report: dict) -> list[str]:
+    """The report as lines of text for a person, one table for each truth."""
+    image, volume, probes = report["image"], report["volume"], report["probes"]
+    has_flip = any(entry["error"]["crop"]["flip"] is not None for entry in report["plans"])
+    lines = [
+        f"{' x '.join(map(str, volume['shape_xyz']))} voxels, {volume['visible_fraction']:.1%} kept; "
+        f"{image['width']} x {image['height']} pixels; {report['threads']} thread(s).",
+    ]
+    for name, text in report["truths"].items():
+        mine = sorted((e for e in report["plans"] if e["truth"] == name), key=lambda entry: entry["frame_ms"])
+        beside = f"{'T2 RMSE':>9}" if name != "T2" else ""
+        lines += [
+            "", f"Against {name}, {text}:",
+            f"{'plan':<22}{'ms':>8}{'RMSE':>9}{'99.9 %':>9}{'max':>9}{'bias':>9}{'PSNR':>8}{'SSIM':>9}"
+            + (f"{'FLIP':>9}" if has_flip else "") + beside,
+        ]  # fmt: skip
+        for entry in mine:
+            error, crop = entry["error"], entry["error"]["crop"]
+            marks = ("*" if entry["on_front"] else " ") + (">" if entry["chosen"] else " ")
+            lines.append(
+                f"{marks + entry['name']:<22}{entry['frame_ms']:8.1f}{error['rmse']:9.3f}{error['p999']:9.2f}"
+                f"{error['largest']:9.2f}{error['bias']:9.4f}{error['psnr']:8.1f}{_cell(crop['ssim'], 9, 5)}"
+                + (_cell(crop["flip"], 9, 4) if has_flip else "")
+                + (f"{entry['as_ray_caster']['rmse']:9.3f}" if beside else "")
+            )
+    title = ERRORS[report["front_by"]]
+    lines += [
+        "",
+        f"*: on the front, no other plan is both quicker and nearer to its truth ({title}).  >: the chosen plan.",
+        f"ms: splat and warp, the median of {report['repeats']} frames. Errors: levels, 1/255 of premultiplied linear "
+        f"RGBA; RMSE, 99.9 %, bias and PSNR at {probes['random']} random pixels, max over these, {probes['steep']} "
+        "steep ones and the crop; SSIM"
+        + (" and FLIP" if has_flip else "") + f" of the crop {_by(report['crop'])}, as a display shows it.",
+    ]  # fmt: skip
+    return lines
+
+
+def _cell(value, width: int, digits: int) -> str:
+    return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
+
+
+def _by(crop) -> str:
+    left, top, right, bottom = crop
+    return f"of {right - left} x {bottom - top} pixels at {left}, {top}"
+
+
+def _measurable(scene: Scene) -> Scene:
+    """The scene's whole frame, or a RleSplatError where there is no truth of it."""
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError("A .rle file has no voxels to take the truth from; give the volume it was made from.")
+    if scene.triangles is not None and len(scene.triangles):
+        raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
+    return replace(scene, crop=None)
+
+
+def _rendered(scene, plan, kept, start: float, end: float):
+    """Generator of Progress from ``start`` to ``end``: the Rendering of a plan."""
+    steps = render_steps(scene, plan, kept)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as finished:
+            return finished.value
+        yield Progress(start + (end - start) * step.fraction, f"{plan.name}: {step.message}")
+
+
+def _truths(scene, names, probes, window):
+    """Generator of Progress: each truth's (N, 4) values at the probes and (h, w, 4) of the window, by name."""
+    columns, rows = (np.concatenate(both) for both in zip(probes, window.centres))
+    found = {}
+    for number, name in enumerate(names):
+        spans = (FIRST_FRAMES + (TRUTHS_KNOWN - FIRST_FRAMES) * n / len(names) for n in (number, number + 1))
+        values = yield from _integrated(scene, name, columns, rows, *spans)
+        count = len(probes[0])
+        found[name] = values[:count], values[count:].reshape(*window.shape, 4)
+    return found
+
+
+def _integrated(scene, name: str, columns, rows, start: float, end: float):
+    """Generator of Progress: (N, 4) float64, a truth at pixels."""
+    shading = shading_of(scene, name)
+    found = np.empty((len(columns), 4))
+    for first in range(0, len(columns), RAYS_AT_ONCE):
+        part = slice(first, first + RAYS_AT_ONCE)
+        yield Progress(start + (end - start) * first / len(columns), f"Integrating the truth {name}")
+        found[part], _ = truth(scene, name, pixels=(columns[part], rows[part]), tolerance=TOLERANCE, **shading)
+    return found
+
+
+def _errors(look, true, random: int, flip) -> dict:
+    """JSON-ready errors of a plan, in levels where nothing else is said."""
+    (values, crop), (true_values, true_crop) = look, true
+    drawn = difference(values[:random], true_values[:random])
+    inside = difference(crop, true_crop)
+    largest = max(float(np.abs(values - true_values).max()) / LEVEL, inside.largest)
+    small = min(crop.shape[:2]) < SSIM_WINDOW
+    return {
+        "largest": largest, "rmse": drawn.rmse, "p999": drawn.p999, "bias": drawn.bias, "psnr": drawn.psnr,
+        "crop": {
+            "largest": inside.largest, "rmse": inside.rmse, "ssim": None if small else ssim(crop, true_crop),
+            "flip": None if flip is None or small else flip(crop, true_crop),
+        },
+    }  # fmt: skip
+
+
+def _knobs(plan: Quality) -> dict:
+    return {name: value for name, value in asdict(plan).items() if name not in MACHINE}
