@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks import flip
 from rle_splat.accuracy.metrics import LEVEL, difference, display_encoded, ssim, ssim_map
 from rle_splat.accuracy.probes import choose_probes, judge, probe_errors, share_above, statement
+from rle_splat.cli import flip
 
 
 def picture(seed=0, size=(32, 40)):
@@ -56,7 +56,7 @@ def test_flip_without_its_package(monkeypatch):
     assert flip.mean_flip(picture(1), picture(2)) is None
 
 
-@pytest.mark.skipif(bool(flip.FLIP_PROBLEM), reason="the package flip-evaluator is not in this environment")
+@pytest.mark.skipif(flip.flip_evaluator is None, reason="the package flip-evaluator is not in this environment")
 def test_flip_grows_with_what_is_seen():
     """Equal pictures 0, black against white 1 but for rounding, and a louder fault above a fainter one."""
     flat = np.zeros((32, 32, 4))
