@@ -101,10 +101,21 @@ if numba is not None:
             """float64 lanes rounded to float32."""
             return Vector(self.builder, self.builder.fptrunc(self.value, ir.VectorType(FLOAT, self.count)))
 
-        def power_of_two(self):
-            """2**n of int32 lanes -126 <= n <= 127, exactly: the exponent field of a float32."""
-            biased = self.builder.shl(self.builder.add(self.value, self.like(127)), self.like(23))
-            return Vector(self.builder, self.builder.bitcast(biased, ir.VectorType(FLOAT, self.count)))
+        def widened(self, kind):
+            """float32 or float64 lanes as lanes of ``kind``, which is no narrower; the values are the same."""
+            if kind == self.value.type.element:
+                return self
+            return Vector(self.builder, self.builder.fpext(self.value, ir.VectorType(kind, self.count)))
+
+        def power_of_two(self, kind=FLOAT):
+            """2**n of int32 lanes -126 <= n <= 127, exactly: the exponent field of a float32, or of a float64."""
+            exponent, bias, start = self, 127, 23
+            if kind == DOUBLE:
+                wide = ir.VectorType(ir.IntType(64), self.count)
+                exponent, bias, start = Vector(self.builder, self.builder.sext(self.value, wide)), 1023, 52
+            biased = self.builder.add(exponent.value, exponent.like(bias))
+            bits = self.builder.shl(biased, exponent.like(start))
+            return Vector(self.builder, self.builder.bitcast(bits, ir.VectorType(kind, self.count)))
 
     def count_lanes(builder, mask, count: int):
         """How many lanes of a mask hold, as an integer of 64 bits."""

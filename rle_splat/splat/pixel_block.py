@@ -2,6 +2,9 @@
 
 Blocks are planar: BLOCK numbers of red, then green, blue and the fourth channel, which is extinction (or opacity) in
 a sheet and transmittance in the row behind it.
+
+The row is float32, or float64 behind so many sheets that float32's rounding would add up (``accumulator``): with a
+float64 ``state`` and ``before``, numba compiles the same formulas once more, when they are first needed.
 """
 
 from __future__ import annotations
@@ -15,38 +18,53 @@ from ..jit import numba
 BLOCK = 16  # pixels handled together; a multiple of every SIMD width in use
 RED, GREEN, BLUE, CLEAR = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block; CLEAR is transmittance
 
+# Every sheet rounds the transmittance: so many of float32's roundings, 2**-24 each, are a quarter of a level.
+MOST_SHEETS_IN_SINGLE = 1 << 14
+
 LOG2E = 1.0 / math.log(2.0)
-# 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!, relative error below float32's rounding.
+# 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!, relative error below float32's rounding; below float64's.
 EXPONENTIAL = [float(np.float32(math.log(2.0) ** n / math.factorial(n))) for n in range(1, 8)]
+EXPONENTIAL_IN_DOUBLE = [math.log(2.0) ** n / math.factorial(n) for n in range(1, 15)]
 TINY = float(np.float32(1e-37))  # keeps 0/0 out of colour = associated colour / extinction
 MOST = 126.0  # exponent at which a sheet is opaque and 2**-n is still a normal number
+
+
+def accumulator(sheets: int):
+    """The numbers that colour and transmittance are kept in behind so many sheets (algorithm.md 3.4, A1)."""
+    return np.float64 if sheets > MOST_SHEETS_IN_SINGLE else np.float32
+
 
 if numba is not None:
     from llvmlite import ir
     from numba.core import types
     from numba.extending import intrinsic
 
-    from ..vectors import DOUBLE, INTEGER, Vector, count_lanes, place, transpose4
+    from ..vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
+
+    def _kind(array_type):
+        """LLVM's type of an array's numbers."""
+        return DOUBLE if array_type.dtype == types.float64 else FLOAT
 
     def _planes(context, builder, array_type, array, at):
-        """Loads the four planes of the block at float number ``at``."""
-        return [
-            Vector.load(
-                builder, place(context, builder, array_type, array, builder.add(at, ir.Constant(at.type, plane))), BLOCK
-            )
+        """Loads the four planes of the block at number ``at``."""
+        places = [
+            place(context, builder, array_type, array, builder.add(at, ir.Constant(at.type, plane)))
             for plane in (RED, GREEN, BLUE, CLEAR)
         ]
+        return [Vector.load(builder, plane, BLOCK, _kind(array_type)) for plane in places]
 
     def _transmitted(tau2):
         """2**-tau2 as a product (power, 1 + p): p without cancellation, power exact."""
+        kind = tau2.value.type.element
+        terms = EXPONENTIAL if kind == FLOAT else EXPONENTIAL_IN_DOUBLE
         whole = (tau2 + 0.5).truncated()
-        rest = whole.as_float() - tau2
-        p = rest * EXPONENTIAL[-1]
-        for term in EXPONENTIAL[-2::-1]:
+        rest = whole.as_float(kind) - tau2
+        p = rest * terms[-1]
+        for term in terms[-2::-1]:
             p = (p + term) * rest
         zero = Vector(tau2.builder, ir.Constant(whole.value.type, [0] * BLOCK))
         negated = Vector(tau2.builder, tau2.builder.sub(zero.value, whole.value))
-        return negated.power_of_two(), p
+        return negated.power_of_two(kind), p
 
     @intrinsic
     def place_tent(typing, cells, fractions, to, start, step, top):
@@ -118,15 +136,21 @@ if numba is not None:
         """One block of ``colors`` and ``samples`` of extinction (or opacity), planes of ``length``, over the row.
 
         ``absorb``: one of the two above.  See ``composite_extinction``, whose value it is that is returned.
+        What is float32 is widened first where ``state`` and ``before`` are float64.
         """
+        kind = _kind(state_type)
+        colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
         one = Vector(builder, length.like(1.0))
         absorbed, passed, divisor = absorb(samples, length, one)
         *so_far, clear = _planes(context, builder, state_type, state, row)
         clear.store(place(context, builder, before_type, before, ir.Constant(row.type, 0)))
-        least = Vector.spread(builder, least, BLOCK)
+        least = Vector.spread(builder, least, BLOCK).widened(kind)
         alive = clear.at_least(least)
         weight = clear.where(alive, 0.0) * absorbed / divisor.most(TINY)
-        clear = (clear * passed).where(alive, clear)
+        through = clear * passed
+        if kind == DOUBLE:  # 1 - tau of thin sheets, each rounded the same way, would add up: it is not formed
+            through = through.where(absorbed.at_least(0.5), clear - clear * absorbed)
+        clear = through.where(alive, clear)
         planes = (*(c + weight * q for c, q in zip(so_far, colors, strict=True)), clear)
         for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), planes, strict=True):
             lanes.store(place(context, builder, state_type, state, builder.add(row, ir.Constant(row.type, plane))))
@@ -161,7 +185,7 @@ if numba is not None:
         ``sheet``: associated colour and extinction of the scanlines at ``at`` and ``below``, ``down`` the fraction
         (float32) towards the latter.  ``depth[deep:]``: float32 world length of the rays per voxel of ``thickness``.
         ``least``: transmittance at which a pixel is opaque.  ``state[row:]``: the block so far; ``before`` (BLOCK,)
-        is where its transmittance ahead of this sheet goes.
+        is where its transmittance ahead of this sheet goes; both float32 or both float64.
         C += T * (1 - exp(-tau)) * Q / tau ;  T *= exp(-tau)   (algorithm.md 1.6).  1 - exp is formed without
         cancellation, as (1 - 2**-n) - 2**-n * (2**r - 1).
         Returns how many pixels are not yet opaque, plus 256 times how many have at least half their light left.
@@ -215,6 +239,8 @@ if numba is not None:
             state, row, pixels, to = arguments
             state_type, _, pixels_type, _ = signature.args
             planes = _planes(context, builder, state_type, state, row)
+            if _kind(state_type) == DOUBLE:
+                planes = [plane.as_single() for plane in planes]
             for group in range(0, BLOCK, 4):
                 columns = [plane.shuffle(plane.value, range(group, group + 4)) for plane in planes]
                 for i, pixel in enumerate(transpose4(columns)):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pixel_block import BLOCK
+from .pixel_block import BLOCK, accumulator
 from .voxel_scanline import WORD
 
 # Rows of scratch from one worker to the next: the shortest rows are a few bytes, and two workers that write to the
@@ -27,12 +27,12 @@ class Scratch(NamedTuple):
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
     ``reach`` (2,) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
-    Rows in blocks of pixels: ``state`` colour and transmittance, ``length`` of rays, ``alive`` (BAND + 1, words) a
-    bit for each block that is not opaque, the last row for the band as a whole, ``bright`` (BAND, blocks) pixels
-    above one half.
+    Rows in blocks of pixels: ``state`` colour and transmittance, in numbers of ``accumulator``, ``length`` of rays,
+    ``alive`` (BAND + 1, words) a bit for each block that is not opaque, the last row for the band as a whole,
+    ``bright`` (BAND, blocks) pixels above one half.
     Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
     ``placed`` for, per block.
-    One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet.
+    One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet in numbers of ``state``.
     """
 
     line: np.ndarray
@@ -65,15 +65,16 @@ def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
     stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
+    numbers = accumulator(len(sheets.begin))
     shapes = {
         "line": (4 * (tables.width + 2 * taps + 3), np.float32),
         "sheet": (4 * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
         "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
         "reach": (2, np.int64), "live": (blocks, 2, np.int64),
-        "state": (4 * BLOCK * blocks * BAND, np.float32), "length": (BLOCK * blocks * BAND, np.float32),
+        "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
         "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32), "length_inside": (BLOCK, np.float32),
-        "before": (BLOCK, np.float32),
+        "before": (BLOCK, numbers),
     }
     return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})

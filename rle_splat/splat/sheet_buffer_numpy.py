@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..view.footprints import FOOTPRINTS, TENT, footprint_weights
+from .pixel_block import accumulator
 
 ONE = np.float32(1.0)
 TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
@@ -57,7 +58,7 @@ def _opacity(samples, exponent):
     added = samples[..., 3]
     opacity = np.minimum(added, ONE)
     raised = -np.expm1(np.minimum(exponent, LONGEST) * np.log1p(-np.minimum(opacity, ALMOST_ONE)))
-    opacity = np.where(exponent == ONE, opacity, raised).astype(np.float32)
+    opacity = np.where(exponent == ONE, opacity, raised).astype(samples.dtype)
     return opacity, ONE - opacity, np.maximum(added, TINY)
 
 
@@ -67,7 +68,9 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
     n_slices = tables.pointers.shape[0]
     length = rays.lengths()
     limits = rays.limits
-    pixels[..., :3], pixels[..., 3] = 0.0, 1.0
+    numbers = accumulator(len(sheets.begin))
+    state = np.zeros(pixels.shape, numbers)
+    state[..., 3] = 1.0
     kind, _, widen = wide or (TENT, 1.0, False)
     footprint = next(f for f in FOOTPRINTS.values() if f.kind == kind)
     slices: dict = {}
@@ -85,23 +88,26 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
         (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
         across = _spread(blend, height, scale_v, offset_v, footprint, widen)
         along = _spread(across.transpose(1, 0, 2), width, scale_u, offset_u, footprint, widen)
-        samples = along.transpose(1, 0, 2)
+        samples = along.transpose(1, 0, 2).astype(numbers, copy=False)
         depth = length * np.float32(sheets.thickness[sheet])
         if limits is not None:
             slab = sheets.end[sheet] - sheets.begin[sheet]
             ahead = np.maximum(limits[0] - sheets.begin[sheet], 0.0)
             behind = np.maximum(sheets.end[sheet] - limits[1], 0.0)
             depth = depth * np.clip(1.0 - (ahead + behind) / slab, 0.0, 1.0).astype(np.float32)
-        before = pixels[..., 3].copy()
+        before = state[..., 3].copy()
         alive = before >= least
-        opacity, clear, divisor = (_extinction if additive_opacity is None else _opacity)(samples, depth)
-        weight = np.where(alive, before * opacity / divisor, 0.0).astype(np.float32)
-        pixels[..., :3] += weight[..., None] * samples[..., :3]
-        pixels[..., 3] = np.where(alive, before * clear, before)
-        crossed = (before >= 0.5) & (pixels[..., 3] < 0.5)
+        opacity, clear, divisor = (_extinction if additive_opacity is None else _opacity)(
+            samples, depth.astype(numbers, copy=False)
+        )
+        weight = np.where(alive, before * opacity / divisor, 0.0).astype(numbers)
+        state[..., :3] += weight[..., None] * samples[..., :3]
+        state[..., 3] = np.where(alive, before * clear, before)
+        crossed = (before >= 0.5) & (state[..., 3] < 0.5)
         if crossed.any():
-            ahead, behind = before[crossed].astype(np.float64), pixels[..., 3][crossed].astype(np.float64)
+            ahead, behind = before[crossed].astype(np.float64), state[..., 3][crossed].astype(np.float64)
             part = np.zeros_like(ahead)
             some = behind > 0.0
             part[some] = np.log(2.0 * ahead[some]) / np.log(ahead[some] / behind[some])
             half[crossed] = sheets.begin[sheet] + part * (sheets.end[sheet] - sheets.begin[sheet])
+    pixels[...] = state

@@ -61,22 +61,24 @@ def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, befo
     ``sheet[at:]``: opacity-weighted colour and opacity, added over the overlapping footprints.  The opacity is
     clamped to one and raised to the power ``depth[deep:]`` times ``thickness`` of transmittance, the length of the
     ray's piece in reference distances: a' = -expm1(e * log1p(-a)).  An exponent of exactly one leaves it as the
-    paper adds it.  Returns what ``composite_extinction`` does.
+    paper adds it.  In numbers of ``state``'s type.  Returns what ``composite_extinction`` does.
     """
+    number = state.dtype.type
+    one, almost_one = number(_ONE), number(_ALMOST_ONE)
     left = bright = 0
     for i in range(BLOCK):
-        added = sheet[at + CLEAR + i]
+        added = number(sheet[at + CLEAR + i])
         before[i] = clear = state[row + CLEAR + i]
         if added > _ZERO and clear >= least:
-            opacity = min(added, _ONE)
-            exponent = depth[deep + i] * thickness
-            if exponent != _ONE:
-                opacity = np.float32(-math.expm1(exponent * math.log1p(-min(opacity, _ALMOST_ONE))))
+            opacity = min(added, one)
+            exponent = number(depth[deep + i] * thickness)
+            if exponent != one:
+                opacity = number(-math.expm1(exponent * math.log1p(-min(opacity, almost_one))))
             weight = clear * opacity / added
             state[row + RED + i] += weight * sheet[at + RED + i]
             state[row + GREEN + i] += weight * sheet[at + GREEN + i]
             state[row + BLUE + i] += weight * sheet[at + BLUE + i]
-            clear *= _ONE - opacity
+            clear *= one - opacity
             state[row + CLEAR + i] = clear
         left += clear >= least
         bright += clear >= _HALF
