@@ -10,7 +10,7 @@ from .axes import AXES, AXIS_NAMES
 from .encode.store import StoredVolume
 from .kept import Kept
 from .medium import axis_steps, look_steps
-from .scene import Quality, Scene
+from .scene import Quality, RleSplatError, Scene
 from .steps import Clock, drain, portion
 
 
@@ -27,6 +27,8 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
 
     ``source``: name of the file the volume was read from, for whoever opens the result.
     """
+    if quality.classification == "refined":
+        raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     clock, job = Clock(), Kept(0).job()
     look = yield from look_steps(scene, quality, job, clock, len(axes))
     classified = look.classified

@@ -13,12 +13,15 @@ What depends on what, so that a change redoes no more than it must:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from .axes import AXES, AXIS_NAMES
 from .classify.classification import ClassifiedVolume, classified, unit_length
+from .classify.refined import RefinedVolume, value_block_steps
+from .classify.refined_light import LitVoxels, RefinedLight, lit_voxels
 from .classify.shading import (
     DENSITY,
     Lighting,
@@ -41,7 +44,6 @@ from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
 from .scene import Quality, RleSplatError, Scene
 from .steps import Clock, Progress, drain, portion, timed
 from .view.projection import world_to_camera
-from .volume.blocks import block_steps
 
 IN_ORDER = 2  # the principal axis whose records are in the voxels' own order
 
@@ -66,18 +68,23 @@ class Medium:
 class Look:
     """A volume classified, and what falls on its voxels; ``key`` names all their records depend on.
 
-    ``normals``: (m, 3) float32, None without ``falling``.  ``estimate``: what all of it and its tables take.
+    ``normals``: (m, 3) float32, or the LitVoxels of a refined volume; None without ``falling``.  ``estimate``: what
+    all of it and its tables take.  ``refinement``: how much finer than the scan the classified volume is.
     """
 
     classified: ClassifiedVolume
-    normals: np.ndarray | None
+    normals: np.ndarray | LitVoxels | None
     falling: Lighting | None
     visible_key: tuple
     key: tuple
     estimate: MemoryEstimate
+    refinement: int = 1
 
     def write_records(self, model: str, backend: str, threads: int) -> Callable:
         """For ``encode.record_steps``: a function that writes the records of some planes' voxels."""
+        if isinstance(self.normals, LitVoxels):
+            light = RefinedLight(self.normals, self.falling, self.refinement, backend, threads)
+            return partial(light.records, self.classified, model)
 
         def write(places, records):
             return light_records(
@@ -85,6 +92,18 @@ class Look:
             )
 
         return write
+
+
+def classified_scene(scene: Scene, quality: Quality) -> Scene:
+    """The scene with its volume on the grid that it is classified on."""
+    if quality.classification != "refined":
+        return scene
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError(
+            "A .rle file holds voxels that are classified already; render the volume itself with the classification "
+            "refined, or the file with the classification pre."
+        )
+    return replace(scene, volume=RefinedVolume(scene.volume, scene.transfer_function, quality.refinement))
 
 
 def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int = 1, picture: int = 0):
@@ -109,6 +128,7 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     is about to be taken, and raises RleSplatError with what would fit when there is not enough.
     """
     volume, tf, matrix = scene.volume, scene.transfer_function, scene.index_to_world
+    refinement = volume.refinement if isinstance(volume, RefinedVolume) else 1
     machine = dict(backend=quality.backend, threads=quality.threads)
     length = unit_length(volume, matrix)
     shown = Visibility(volume, tf)
@@ -124,7 +144,7 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         return estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture)
 
     if not job.has("visible", visible_key):
-        steps = job.steps("blocks", voxels_key, lambda: block_steps(volume, **machine))
+        steps = job.steps("blocks", voxels_key, lambda: value_block_steps(volume, **machine))
         blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
         steps = timed(count_steps(shown, blocks, **machine), clock, "classify")
         counted = yield from portion(steps, 0.02, 0.06, "Counting")
@@ -145,8 +165,10 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     with clock.stage("shade"):
         if not shaded:
             return Look(found, None, None, visible_key, (looks_key, "unshaded"), needs)
+        matrix = matrix @ np.diag((refinement, refinement, refinement, 1.0))  # light falls on the scan's own voxels
+        find = lit_voxels if refinement > 1 else normals
         directions = job.get(
-            "normals", (visible_key, _array_key(matrix[:3, :3])), lambda: normals(voxels, volume, matrix, **machine)
+            "normals", (visible_key, _array_key(matrix[:3, :3])), lambda: find(voxels, volume, matrix, **machine)
         )
         eye = np.append(to_camera[2, :3], 0.0)
         if scene.camera.type == "PERSP":
@@ -154,7 +176,7 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         falling = lighting(matrix, tf.shade, scene.lights, headlight_direction=headlight, eye=eye)
         seen_from = _array_key(falling.eye) if follows_view(tf.shade, scene.lights, headlight) else None
         key = (looks_key, _array_key(matrix), tuple(asdict(tf.shade).values()), _array_key(falling.rows), seen_from)
-    return Look(found, directions, falling, visible_key, key, needs)
+    return Look(found, directions, falling, visible_key, key, needs, refinement)
 
 
 def axes_steps(look: Look, quality: Quality, axes, job: Job, clock: Clock):

@@ -16,7 +16,7 @@ from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
 from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
-from .medium import Medium, medium_steps
+from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
 from .scene import Quality, Rendering, RleSplatError, Scene
 from .splat.splat import LOADING, splat_steps
@@ -25,7 +25,7 @@ from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
-from .view.ray_limits import box_depths, pixels_read, ray_limits
+from .view.ray_limits import box_depths, pixels_read, ray_limits, within_box
 from .warp.warp import warp, warp_reach
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
@@ -58,9 +58,11 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     clock = Clock()
     backend = "numba" if compiled(quality.backend) else "numpy"
     quality = replace(quality, backend=backend)
+    scene = classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
-    limited = _clipped(scene, view, quality) or scene.triangles is not None
+    boxed = quality.classification == "refined"
+    limited = _clipped(scene, view, quality) or scene.triangles is not None or boxed
     left, top, right, bottom = scene.region
     picture = picture_bytes(planes, right - left, bottom - top, limited)
     kept.make_room(picture)
@@ -85,7 +87,9 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(quality, planes),
         "effects": _effects_report(scene, medium.classified, layers, clock, _clipped(scene, view, quality)),
-        "error": {"tolerance": None, "predicted": None, "measured": None, "truth": "T1", "probes": 0},
+        "error": {
+            "tolerance": None, "predicted": None, "measured": None, "truth": "T2" if boxed else "T1", "probes": 0,
+        },
         "threads": thread_count(quality.threads) if backend == "numba" else 1,
         "remarks": _remarks(scene, medium, backend),
     }
@@ -164,6 +168,7 @@ def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int
 def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, clock: Clock):
     """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
     limited = _clipped(scene, view, quality) or layers is not None
+    boxed = quality.classification == "refined"
     surfaces, first_pixel = [None], (0, 0)
     if layers is not None:
         first_pixel = layers.first_pixel
@@ -180,6 +185,8 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                     limits = ray_limits(
                         plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel
                     )
+            if boxed:
+                limits = within_box(plane, scene.volume.shape_xyz, limits)
             steps = splat_steps(encodings[plane.axis], plane, quality, medium.length_unit, limits)
             stage, message = "splat", "Splatting"
             done = 0.0

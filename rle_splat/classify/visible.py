@@ -13,9 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from ..jit import compiled, parallel_call, read_only
-from ..volume.blocks import BLOCK_Z, Blocks, slabs
+from ..volume.blocks import BLOCK_Z, VOXELS_AT_ONCE, Blocks, slabs
 from . import classify_kernels as passes
 from .points import LARGEST, pieces, positive_intervals
+from .refined import VOXELS_AT_ONCE as FINE_VOXELS_AT_ONCE
+from .refined import FineVoxels
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ class VisibleVoxels:
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """The stored values of ``volume`` that the transfer function ``tf`` shows.
+    """The stored values of ``volume``, a RefinedVolume perhaps, that the transfer function ``tf`` shows.
 
     8- and 16-bit volumes go by a table of every stored value (``by_table``), others by the points themselves.
     """
@@ -115,7 +117,7 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
     """Generator: yields the fraction done; returns (visible voxels, connected pieces) per row, each (nz * ny,)."""
     _, ny, nz = shown.volume.shape_xyz
     counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
-    for first, last, rows, relevant in _pieces_of_work(shown, blocks):
+    for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
         yield first / nz
         out = counts[first * ny : last * ny], row_pieces[first * ny : last * ny]
         if not relevant.any():
@@ -140,7 +142,7 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "au
     row_start = row_offsets(counts)
     column = np.empty(row_start[-1], dtype=np.uint16 if nx <= 65536 else np.int32)
     stored = np.empty(row_start[-1], dtype=_list_type(shown))
-    for first, last, rows, relevant in _pieces_of_work(shown, blocks):
+    for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
         yield first / nz
         starts = row_start[first * ny : last * ny + 1]
         if starts[0] == starts[-1]:
@@ -169,14 +171,24 @@ def _scaling(shown: Visibility) -> tuple[float, float]:
     return float(shown.volume.slope), float(shown.volume.intercept)
 
 
-def _pieces_of_work(shown: Visibility, blocks: Blocks):
+def _pieces_of_work(shown: Visibility, blocks: Blocks, backend, threads):
     """(first plane, last plane, their rows, their relevant blocks), one piece after the other."""
     nx, ny, nz = shown.volume.shape_xyz
-    voxels = read_only(np.asarray(shown.volume.voxels)).view(_list_type(shown))
+    voxels = shown.volume.voxels
+    finer = isinstance(voxels, FineVoxels)
+    if not finer:
+        voxels = read_only(np.asarray(voxels)).view(_list_type(shown))
     relevant = shown.relevant(blocks)
-    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
-        part = relevant[first // BLOCK_Z : -(-last // BLOCK_Z)]
-        yield first, last, voxels[first:last].reshape(-1, nx), part
+    for first, last in slabs(nz, ny * nx, FINE_VOXELS_AT_ONCE if finer else VOXELS_AT_ONCE, multiple=BLOCK_Z):
+        here = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
+        part = relevant[here]
+        if finer and not part.any():
+            continue
+        if finer:
+            planes = voxels.planes(first, last, part, blocks.low[here], backend=backend, threads=threads)
+        else:
+            planes = voxels[first:last]
+        yield first, last, read_only(planes).reshape(-1, nx), part
 
 
 def _seen_numpy(shown: Visibility, rows) -> np.ndarray:

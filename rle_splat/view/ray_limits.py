@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..axes import AXES
 from .base_plane import BasePlane
 from .eye import IndexView
 
@@ -44,6 +45,21 @@ def ray_limits(
     return np.clip(limits, -most, most).astype(np.float32)
 
 
+def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) -> np.ndarray:
+    """(2, H, W) float32: where each sheet pixel's ray enters and leaves the box of the voxel centres and, given
+    ``limits`` as of ``ray_limits``, which are written to, where it is within those as well."""
+    ends = np.sort((0.0, plane.sign * (shape_xyz[plane.axis] - 1.0)))
+    if limits is None:
+        limits = np.empty((2, plane.height, plane.width), np.float32)
+        limits[0], limits[1] = ends
+    np.clip(limits, *ends, out=limits)
+    columns, rows = box_limits(plane, shape_xyz)
+    for sides in (columns[:, None, :], rows[:, :, None]):
+        np.maximum(limits[0], sides[0], out=limits[0])
+        np.minimum(limits[1], sides[1], out=limits[1])
+    return limits
+
+
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
     """(left, top, right, bottom): the part of the picture from which ``ray_limits`` reads a layer for this plane."""
     column, row = _picture_positions(plane)
@@ -77,3 +93,26 @@ def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
         linear = (1 - fr) * ((1 - fc) * corners[0] + fc * corners[1]) + fr * ((1 - fc) * corners[2] + fc * corners[3])
     nearest = layer[np.rint(row).astype(np.intp) - top, np.rint(column).astype(np.intp) - left]
     return np.where(smooth, linear, nearest)
+
+
+def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
+    """(2, W) and (2, H) float32: where the rays of each column and of each row of sheet pixels enter and leave the
+    box of the voxel centres sideways, voxels along the viewing direction.
+
+    A ray through column u and row v is inside between the later of both entries and the earlier of both exits: a
+    slice's place sideways depends on its column along the scanlines, and on its row across them, alone.
+    """
+    found = []
+    points = plane.points()
+    for place, slope, axis in zip(points, plane.slopes(*points), AXES[plane.axis]):
+        place, slope = np.broadcast_arrays(place, np.float64(slope))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.stack(((0.0 - place) / slope, (shape_xyz[axis] - 1.0 - place) / slope)) + plane.reference
+        ends = np.sort(plane.sign * ends, axis=0)
+        straight = slope == 0.0
+        inside = (place >= 0.0) & (place <= shape_xyz[axis] - 1.0)
+        ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
+        ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
+        most = np.finfo(np.float32).max
+        found.append(np.clip(ends, -most, most).astype(np.float32))
+    return tuple(found)

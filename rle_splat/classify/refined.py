@@ -1,0 +1,341 @@
+"""Classification refinement: the scalar interpolated on a finer grid, to be classified there (algorithm.md 1.10 (ii)).
+
+The finer grid never exists as a whole.  It is made some planes at a time, and of those only the blocks that the
+transfer function shows: ``FineVoxels`` stands where an array of voxels would, ``RefinedVolume`` where a volume would.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
+from ..steps import drain
+from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, block_steps, slabs
+from ..volume.counts import counts_values
+from .points import LARGEST
+
+MOST_CODE = 65535
+# Fine voxels that are made at once: enough for all threads, and no more than some 16 to 64 MB.
+VOXELS_AT_ONCE = 1 << 23
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedVolume:
+    """A volume whose voxels are interpolated between those of ``source``, ``refinement`` cells to each of its cells.
+
+    Trilinear, as the truth T2 has it.  Fine voxel ``refinement * i`` is voxel i itself, so there are
+    ``refinement * (n - 1) + 1`` along an axis, and they fill the box of the voxels' centres.  Voxels of 8 and 16 bits
+    become 16-bit codes, as fine as the range allows in which ``tf`` varies; others stay floating-point numbers.
+    A fine voxel next to a NaN is NaN; an infinite voxel counts as the transfer function's nearest point.
+    """
+
+    source: object
+    tf: object
+    refinement: int
+
+    @cached_property
+    def voxels(self) -> FineVoxels:
+        return FineVoxels.between(self.source, self.tf, self.refinement)
+
+    @property
+    def shape_xyz(self) -> tuple[int, int, int]:
+        return tuple(self.refinement * (n - 1) + 1 for n in self.source.shape_xyz)
+
+    @property
+    def affine(self) -> np.ndarray:
+        """(4, 4) float64, fine voxel index to the volume's own space."""
+        return self.source.affine @ np.diag((*(3 * [1.0 / self.refinement]), 1.0))
+
+    @property
+    def spacing(self) -> np.ndarray:
+        """(3,) float64: between the voxels of ``source``; an opacity may refer to that length."""
+        return self.source.spacing
+
+    @property
+    def slope(self) -> float:
+        return self.source.slope
+
+    @property
+    def intercept(self) -> float:
+        return self.source.intercept
+
+    @property
+    def remarks(self) -> tuple:
+        return self.source.remarks
+
+    @property
+    def key(self) -> str:
+        """A hash of all that decides the fine voxels."""
+        made = (self.source.key, self.refinement, self.voxels.dtype.str, self.voxels.base, self.voxels.step)
+        return hashlib.blake2b(repr((*made, self.voxels.ends)).encode(), digest_size=16).hexdigest()
+
+    def physical(self, stored) -> np.ndarray:
+        """What fine voxels hold, to physical values, float64."""
+        return self.source.physical(self.voxels.stored(stored))
+
+
+@dataclass(frozen=True, eq=False)
+class FineVoxels:
+    """The voxels of a RefinedVolume, made when they are asked for.
+
+    ``coarse``: (nz, ny, nx) stored values.  ``dtype`` uint16: codes, a stored value is ``base + step * code``, values
+    outside cut off at the ends; floating-point types hold stored values, and ``base`` is 0, ``step`` 1.
+    ``ends``: the stored values that stand for -inf and inf.
+    """
+
+    coarse: np.ndarray
+    refinement: int
+    dtype: np.dtype
+    base: float
+    step: float
+    ends: tuple[float, float]
+
+    @classmethod
+    def between(cls, volume, tf, refinement: int) -> FineVoxels:
+        own = volume.voxels.dtype
+        first, last = _stored_ends(volume, (tf.opacity, tf.color))
+        if not counts_values(own):
+            single = own == np.float32
+            return cls(volume.voxels, refinement, np.dtype("f4" if single else "f8"), 0.0, 1.0, (first, last))
+        limits = np.iinfo(own)
+        low, high = _varying_range(volume, (tf.opacity, tf.color))
+        # One stored value more on either side: what lies there looks as everything beyond it does.
+        low, high = (float(np.clip(end, limits.min, limits.max)) for end in (np.floor(low) - 1, np.ceil(high) + 1))
+        # A whole power of two codes to a stored value, so that voxels themselves lose nothing: a step of the
+        # transfer function at the very value of a region must not lose the region.
+        codes_per_value = 2.0 ** math.floor(math.log2(MOST_CODE / max(high - low, 1.0)))
+        return cls(volume.voxels, refinement, np.dtype("u2"), low, 1.0 / codes_per_value, (first, last))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return tuple(self.refinement * (n - 1) + 1 for n in self.coarse.shape)
+
+    @property
+    def _coding(self):
+        """What kernels need to make codes; None where there are none."""
+        return (self.base, 1.0 / self.step) if self.dtype.kind == "u" else None
+
+    def stored(self, fine) -> np.ndarray:
+        """Fine voxels as stored values, float64."""
+        return self.base + self.step * np.asarray(fine, dtype=np.float64)
+
+    def planes(self, first: int, last: int, relevant, hidden, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+        """(last - first, ny, nx) fine voxels of some planes, ``first`` a multiple of BLOCK_Z.
+
+        ``relevant``: (blocks along z, y, x) of these planes; where it is 0, only what the last voxel of a row of the
+        block holds is sure to be hidden: a value of ``hidden``, as ``relevant``, that is.
+        """
+        _, n_y, n_x = self.shape
+        if not compiled(backend):
+            return np.stack([self._plane_numpy(z) for z in range(first, last)])
+        made = np.empty((last - first, n_y, n_x), self.dtype)
+        with parallel_call(threads):
+            _interpolate(
+                read_only(self.coarse), self.refinement, first, n_y, read_only(relevant), read_only(hidden), self.ends,
+                self._coding, made.reshape(-1, n_x),
+            )
+        return made
+
+    def block_steps(self, *, backend: str = "auto", threads: int = 0):
+        """Generator: yields the fraction done, returns the Blocks of the fine voxels."""
+        shape = tuple(-(-n // size) for n, size in zip(self.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X)))
+        low, high = np.empty((2, *shape), self.dtype)
+        for first, last in slabs(shape[0], math.prod(shape[1:]), VOXELS_AT_ONCE // (BLOCK_Z * BLOCK_Y * BLOCK_X)):
+            yield first / shape[0]
+            arguments = (self.coarse, self.refinement, first, *self.shape, self.ends, self._coding)
+            if compiled(backend):
+                with parallel_call(threads):
+                    _extremes(read_only(self.coarse), *arguments[1:], low[first:last], high[first:last])
+            else:
+                self._extremes_numpy(first, last, low, high)
+        return Blocks(low, high, 0)
+
+    # Twins.
+
+    def _loaded_numpy(self, stored) -> np.ndarray:
+        """Twin of ``_loaded``."""
+        values = np.asarray(stored, dtype=np.float64)
+        values = np.where(values == np.inf, self.ends[1], np.where(values == -np.inf, self.ends[0], values))
+        return np.clip(values, -LARGEST, LARGEST)
+
+    def _coded_numpy(self, values) -> np.ndarray:
+        """Twin of ``_coded``."""
+        if self._coding is None:
+            return values.astype(self.dtype)
+        base, per_value = self._coding
+        return np.clip(np.rint((values - base) * per_value), 0, MOST_CODE).astype(self.dtype)
+
+    def _plane_numpy(self, z: int) -> np.ndarray:
+        """Twin of ``_interpolate``, for one whole plane."""
+        s, (_, n_y, n_x) = self.refinement, self.shape
+
+        def neighbours(n):
+            at = np.arange(n)
+            return at // s, -(-at // s), (at % s) / s
+
+        (y0, y1, wy), (x0, x1, wx) = neighbours(n_y), neighbours(n_x)
+        z0, z1, wz = z // s, -(-z // s), (z % s) / s
+        lines = []
+        for plane in (self._loaded_numpy(self.coarse[z0]), self._loaded_numpy(self.coarse[z1])):
+            lines.append(plane[y0] + (plane[y1] - plane[y0]) * wy[:, None])
+        line = lines[0] + (lines[1] - lines[0]) * wz
+        return self._coded_numpy(line[:, x0] + (line[:, x1] - line[:, x0]) * wx)
+
+    def _extremes_numpy(self, first: int, last: int, low, high):
+        """Twin of ``_extremes``."""
+        s = self.refinement
+        spans = [
+            [(b * size // s, -(-min((b + 1) * size - 1, n - 1) // s) + 1) for b in range(-(-n // size))]
+            for n, size in zip(self.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X))
+        ]
+        for k in range(first, last):
+            values = self._loaded_numpy(self.coarse[slice(*spans[0][k])])
+            for reduce, filling, out in ((np.fmin, np.inf, low), (np.fmax, -np.inf, high)):
+                across = np.where(np.isnan(values), filling, values)
+                across = reduce.reduce(across, axis=0)
+                across = np.stack([reduce.reduce(across[slice(*span)], axis=0) for span in spans[1]])
+                across = np.stack([reduce.reduce(across[:, slice(*span)], axis=1) for span in spans[2]], axis=1)
+                out[k] = self._coded_numpy(across)
+
+
+def value_block_steps(volume, *, backend: str = "auto", threads: int = 0):
+    """As ``blocks.block_steps``, for a RefinedVolume too; its NaN are those of the volume it is made from."""
+    machine = dict(backend=backend, threads=threads)
+    if not isinstance(volume, RefinedVolume):
+        return (yield from block_steps(volume, **machine))
+    blocks = yield from volume.voxels.block_steps(**machine)
+    if volume.voxels.dtype.kind == "u":
+        return blocks
+    return Blocks(blocks.low, blocks.high, drain(block_steps(volume.source, **machine)).nan_voxels)
+
+
+def _stored_of(volume, physical: float) -> float:
+    return float(np.clip((np.float64(physical) - volume.intercept) / volume.slope, -LARGEST, LARGEST))
+
+
+def _stored_ends(volume, functions) -> tuple[float, float]:
+    """The stored values, ascending, of the first and the last of all points of some functions of the value."""
+    values = [point[0] for points in functions for point in points]
+    first, last = sorted(_stored_of(volume, end) for end in (min(values), max(values)))
+    return first, last
+
+
+def _varying_range(volume, functions) -> tuple[float, float]:
+    """The stored values, ascending, outside which every function is constant; their middle twice where all are."""
+    ends = []
+    for points in functions:
+        table = np.array(sorted(points, key=lambda point: point[0]), dtype=np.float64)
+        changes = np.flatnonzero((table[1:, 1:] != table[:-1, 1:]).any(axis=1))
+        if len(changes):
+            ends += [table[changes[0], 0], table[changes[-1] + 1, 0]]
+    if not ends:
+        return (sum(_stored_ends(volume, functions)) / 2.0,) * 2
+    low, high = sorted(_stored_of(volume, end) for end in (min(ends), max(ends)))
+    return low, high
+
+
+# --- kernels --------------------------------------------------------------------------------------------------
+
+
+@kernel(exact=True, inline="always")
+def _loaded(stored, ends):
+    """A stored value as float64; the end values for infinities, and nothing so large that differences overflow."""
+    value = np.float64(stored)
+    if value == np.inf:
+        return ends[1]
+    if value == -np.inf:
+        return ends[0]
+    if value > LARGEST:
+        return LARGEST
+    if value < -LARGEST:
+        return -LARGEST
+    return value
+
+
+@kernel(exact=True, inline="always")
+def _coded(value, coding):
+    """What a fine voxel holds of an interpolated value."""
+    if coding is None:
+        return value
+    return min(max(np.rint((value - coding[0]) * coding[1]), 0.0), 65535.0)
+
+
+@kernel
+def _interpolate(voxels, refinement, first_plane, n_y, relevant, hidden, ends, coding, rows):
+    """``voxels`` (nz, ny, nx) -> ``rows`` (planes * n_y, fine nx), the fine planes from ``first_plane`` on.
+
+    ``relevant``, ``hidden``, ``ends``, ``coding``: see FineVoxels.
+    """
+    arguments = (voxels, refinement, first_plane, n_y, relevant, hidden, ends, coding, rows)
+    share_out(_interpolate_rows, rows.shape[0], arguments)
+
+
+@kernel(exact=True, inner=True)
+def _interpolate_rows(begin, end, voxels, s, first_plane, n_y, relevant, hidden, ends, coding, rows):
+    width = rows.shape[1]
+    line = np.empty(voxels.shape[2], np.float64)  # interpolated along y and z; the fine voxels lie between
+    share = np.arange(s) / s
+    for row in range(begin, end):
+        plane, y = row // n_y, row % n_y
+        z = first_plane + plane
+        z0, z1, wz = z // s, (z + s - 1) // s, share[z % s]
+        y0, y1, wy = y // s, (y + s - 1) // s, share[y % s]
+        for b in range(relevant.shape[2]):
+            first, stop = b * BLOCK_X, min((b + 1) * BLOCK_X, width)
+            if relevant[plane // BLOCK_Z, y // BLOCK_Y, b] == 0:
+                rows[row, stop - 1] = hidden[plane // BLOCK_Z, y // BLOCK_Y, b]
+                continue
+            c = first // s
+            for x in range(c, (stop + s - 2) // s + 1):
+                near, far = _loaded(voxels[z0, y0, x], ends), _loaded(voxels[z1, y0, x], ends)
+                near += (_loaded(voxels[z0, y1, x], ends) - near) * wy
+                far += (_loaded(voxels[z1, y1, x], ends) - far) * wy
+                line[x] = near + (far - near) * wz
+            phase = first - c * s
+            for x in range(first, stop):
+                value = line[c]
+                if phase > 0:
+                    value += (line[c + 1] - value) * share[phase]
+                rows[row, x] = _coded(value, coding)
+                phase += 1
+                if phase == s:
+                    phase = 0
+                    c += 1
+
+
+@kernel
+def _extremes(voxels, refinement, first_block, fine_z, fine_y, fine_x, ends, coding, low, high):
+    """The smallest and the largest fine voxel that any block of the fine grid, of ``fine_z`` x ``fine_y`` x
+    ``fine_x`` voxels, may hold: those of the voxels around it.  Writes ``low`` and ``high`` (blocks along z from
+    ``first_block`` on, y, x)."""
+    arguments = (voxels, refinement, first_block, fine_z, fine_y, fine_x, ends, coding, low, high)
+    share_out(_rows_of_blocks, low.shape[0] * low.shape[1], arguments)
+
+
+@kernel(exact=True, inner=True)
+def _rows_of_blocks(begin, end, voxels, s, first_block, fine_z, fine_y, fine_x, ends, coding, low, high):
+    n_x = voxels.shape[2]
+    smallest, largest = np.empty(n_x, np.float64), np.empty(n_x, np.float64)
+    for row in range(begin, end):
+        k, j = row // low.shape[1], row % low.shape[1]
+        z, y = (first_block + k) * BLOCK_Z, j * BLOCK_Y
+        smallest[:], largest[:] = np.inf, -np.inf
+        for at_z in range(z // s, (min(z + BLOCK_Z, fine_z) + s - 2) // s + 1):
+            for at_y in range(y // s, (min(y + BLOCK_Y, fine_y) + s - 2) // s + 1):
+                for x in range(n_x):
+                    value = _loaded(voxels[at_z, at_y, x], ends)
+                    smallest[x] = value if value < smallest[x] else smallest[x]  # never for NaN
+                    largest[x] = value if value > largest[x] else largest[x]
+        for b in range(low.shape[2]):
+            lowest, highest = np.inf, -np.inf
+            for x in range(b * BLOCK_X // s, (min((b + 1) * BLOCK_X, fine_x) + s - 2) // s + 1):
+                lowest = min(smallest[x], lowest)
+                highest = max(largest[x], highest)
+            low[k, j, b] = _coded(lowest, coding)
+            high[k, j, b] = _coded(highest, coding)
