@@ -27,6 +27,7 @@ QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name i
     ("custom", "Custom", "Every knob by hand"),
 ]
 RECORD_ITEMS = [(str(size), f"{size} Bytes", "") for size in tables.RECORDS]
+REFINEMENT_ITEMS = [(str(times), f"{times} Times", "") for times in tables.REFINEMENTS]
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "The lights of the scene; a headlight when there are none"),
     ("HEADLIGHT", "Headlight", "One white parallel light along the camera's axis"),
@@ -112,6 +113,9 @@ class SceneSettings(bpy.types.PropertyGroup):
     classification: LiveEnum(
         name="Classification", description=_knob("classification"),
         items=_items(tables.CLASSIFICATIONS), default=tables.Quality.classification)
+    refinement: LiveEnum(
+        name="Refinement", description=_knob("refinement"), items=REFINEMENT_ITEMS,
+        default=str(tables.Quality.refinement))
     depth_rule: LiveEnum(
         name="Depth Rule", description=_knob("depth_rule"), items=_items(tables.DEPTH_RULES),
         default=tables.Quality.depth_rule)

@@ -21,7 +21,7 @@ def quality_of(scene) -> Quality:
         knobs = {name: getattr(settings, name) for name in KNOBS}
         return Quality(
             name="custom", sheet_density=typed(settings.sheet_density), termination=typed(settings.termination),
-            **knobs, **common,
+            refinement=int(settings.refinement), **knobs, **common,
         )
     return Quality.preset(settings.quality, **common)
 

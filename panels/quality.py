@@ -6,8 +6,8 @@ from ..rle_splat.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
-    "classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "model",
-    "threads", "backend",
+    "classification", "refinement", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
+    "termination", "model", "threads", "backend",
 )
 
 
@@ -30,7 +30,8 @@ class QualityPanel:
         if settings.quality == "custom":
             column = layout.column()
             for name in KNOBS:
-                column.prop(settings, name)
+                if name != "refinement" or settings.classification == "refined":
+                    column.prop(settings, name)
         layout.prop(settings, "record")
         layout.prop(settings, "scene_scale")
         layout.prop(settings, "meshes_occlude")

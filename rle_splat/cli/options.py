@@ -17,6 +17,7 @@ from ..scene import (
     NAMED_DEPTH_RULES,
     QUALITY_PRESETS,
     RECORDS,
+    REFINEMENTS,
     WARP_FILTERS,
     Quality,
     RleSplatError,
@@ -26,6 +27,7 @@ from ..volume.volume import STORED_TYPES
 # One table of knobs: option -> (field of Quality, how to read it, how the help names its values).
 KNOBS = {
     "--classification": ("classification", str, "|".join(CLASSIFICATIONS)),
+    "--refinement": ("refinement", int, "|".join(map(str, REFINEMENTS))),
     "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M"))),
     "--sheet-density": ("sheet_density", float, "R"),
     "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
@@ -179,6 +181,8 @@ def quality_from(args) -> Quality:
         raise RleSplatError(f"{whole} already sets what {option} sets; give one of the two.")
     if args.paper:
         return Quality.paper(**machine)
+    if "refinement" in knobs and knobs.get("classification") != "refined":
+        raise RleSplatError("--refinement is of the refined grid; give --classification refined too, or leave it out.")
     if knobs:
         return replace(Quality.preset(DEFAULT_QUALITY), name=CUSTOM_QUALITY, **knobs, **machine)
     return Quality.preset(args.quality or DEFAULT_QUALITY, **machine)
