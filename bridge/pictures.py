@@ -9,7 +9,11 @@ import bpy
 from . import images
 
 LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
-SUFFIXES = {"color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite"}
+SUFFIXES = {
+    "color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite",
+    "error": "Splat Error",
+}  # fmt: skip
+NUMBERS = ("depth", "error")  # kinds that hold numbers, not colours
 
 
 def name_of(volume_object, kind: str) -> str:
@@ -28,7 +32,7 @@ def find(volume_object, kind: str):
 def find_or_make(volume_object, kind: str, width: int, height: int):
     """The volume's image of that kind: the one of last time, or a new one."""
     existing, name = find(volume_object, kind), name_of(volume_object, kind)
-    return images.ensure_image(existing, name, width, height, depth=kind == "depth")
+    return images.ensure_image(existing, name, width, height, depth=kind in NUMBERS)
 
 
 def keep(volume_object, rgba, depth, *, kind: str = "color"):

@@ -3,6 +3,7 @@
 import bpy
 
 from . import (
+    accuracy,
     apply_preset,
     composite,
     import_volume,
@@ -17,7 +18,7 @@ from . import (
 
 MODULES = (
     import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite,
+    set_backdrop, composite, accuracy,
 )
 
 

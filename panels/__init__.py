@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import picture, quality, report, shading, transfer, volume
+from . import accuracy, picture, quality, report, shading, transfer, volume
 
-MODULES = (volume, transfer, shading, quality, picture, report)
+MODULES = (volume, transfer, shading, quality, picture, report, accuracy)
 
 
 def register():

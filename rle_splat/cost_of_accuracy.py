@@ -52,22 +52,29 @@ class Sweep:
         return next(entry for entry in self.report["plans"] if entry["name"] == name)
 
 
-def sensible_plans(**machine) -> list[Quality]:
-    """Plans worth their time on some scene, each with a name of its own; ``machine``: fields that all of them share."""
+def sensible_plans(base: Quality) -> list[Quality]:
+    """Plans worth their time on some scene, each with a name of its own, from cheap to dear; the machine and the
+    record are those of ``base``."""
+    machine = dict(threads=base.threads, backend=base.backend, record=base.record)
     more = {
         "slice": dict(depth_rule="slice", sheet_density=1.0, termination=1 / 1024),
         "denser": dict(depth_rule="simpson", sheet_density=2.0, termination=1 / 2048),
         "gauss2": dict(depth_rule="gauss2", sheet_density=2.0, termination=1 / 4096),
     }
-    plans = [Quality.preset(name, **machine) for name in ("draft", "standard", "fine", "strict")]
+    plans = [Quality.paper(**machine), Quality.preset("draft", **machine), Quality.preset("standard", **machine)]
     plans += [Quality(name=name, **knobs, **machine) for name, knobs in more.items()]
-    return [*plans, Quality.paper(**machine)]
+    return [*plans, Quality.preset("fine", **machine), Quality.preset("strict", **machine)]
 
 
 def same_plan(one: Quality, other: Quality) -> bool:
     """Whether two plans make the same picture in the same way."""
     shared = {name: getattr(other, name) for name in MACHINE}
     return replace(one, **shared) == other
+
+
+def knobs_of(plan: Quality) -> dict:
+    """A plan as JSON: every field but those of MACHINE."""
+    return {name: value for name, value in asdict(plan).items() if name not in MACHINE}
 
 
 def with_plan(plans, chosen: Quality) -> tuple[list[Quality], str]:
@@ -136,7 +143,7 @@ def sweep_steps(
     entries = []
     for plan in plans:
         truth_name = promised[plan.name]
-        entry = {"name": plan.name, "chosen": plan.name == chosen_name, "truth": truth_name, "knobs": _knobs(plan)}
+        entry = {"name": plan.name, "chosen": plan.name == chosen_name, "truth": truth_name, "knobs": knobs_of(plan)}
         entry.update({f"{stage}_ms": median(s[stage] for s in stages[plan.name]) for stage in ("splat", "warp")})
         entry["frame_ms"] = median(s["splat"] + s["warp"] for s in stages[plan.name])
         entry["error"] = _errors(looks[plan.name], true[truth_name], where.random, flip)
@@ -321,7 +328,3 @@ def _errors(look, true, random: int, flip) -> dict:
             "flip": None if flip is None or small else flip(crop, true_crop),
         },
     }  # fmt: skip
-
-
-def _knobs(plan: Quality) -> dict:
-    return {name: value for name, value in asdict(plan).items() if name not in MACHINE}

@@ -73,9 +73,8 @@ def run(args) -> None:
         check_values(volume)
         function, reason = choose_transfer_function(args, volume, given_function)
         scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
-        machine = dict(threads=quality.threads, backend=quality.backend, record=quality.record)
         steps = sweep_steps(
-            scene, sensible_plans(**machine), quality, probes=args.probes, repeats=args.repeats, error=args.front,
+            scene, sensible_plans(quality), quality, probes=args.probes, repeats=args.repeats, error=args.front,
             flip=mean_flip,
         )  # fmt: skip
         with line.compiling():

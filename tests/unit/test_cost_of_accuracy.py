@@ -46,7 +46,7 @@ def test_a_front_is_what_nothing_beats():
 
 
 def test_plans_have_names_and_the_chosen_one_is_among_them():
-    plans = sensible_plans(threads=1)
+    plans = sensible_plans(Quality(threads=1))
     assert len({plan.name for plan in plans}) == len(plans) and all(plan.threads == 1 for plan in plans)
     assert with_plan(plans, Quality.preset("fine", threads=2)) == (plans, "fine")
     own = replace(Quality.preset("fine"), sheet_density=1.7)
@@ -80,17 +80,17 @@ def test_an_error_map_is_picture_less_truth(scene, step):
 
 
 def test_measuring_tells_how_far_it_is_and_stops_when_told(scene):
-    steps = sweep_steps(scene, sensible_plans()[:2], Quality(), probes=40, repeats=1)
+    steps = sweep_steps(scene, sensible_plans(Quality())[:2], Quality(), probes=40, repeats=1)
     told = [next(steps) for _ in range(5)]
     assert all(isinstance(step, Progress) for step in told)
     steps.close()
-    done = list(sweep_steps(scene, sensible_plans()[:2], Quality(), probes=40, repeats=1))
+    done = list(sweep_steps(scene, sensible_plans(Quality())[:2], Quality(), probes=40, repeats=1))
     fractions = [step.fraction for step in done]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0 and min(fractions) >= 0.0
 
 
 def test_meshes_are_refused(scene):
     hidden = replace(scene, triangles=np.zeros((1, 3, 3)))
-    for steps in (sweep_steps(hidden, sensible_plans(), Quality()), error_map_steps(hidden, Quality())):
+    for steps in (sweep_steps(hidden, sensible_plans(Quality()), Quality()), error_map_steps(hidden, Quality())):
         with pytest.raises(RleSplatError, match="meshes"):
             drain(steps)

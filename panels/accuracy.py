@@ -1,0 +1,64 @@
+"""What accuracy costs in time on this volume and view, and which plan is chosen."""
+
+import bpy
+
+from ..bridge import accuracy
+from .places import RenderTab, Sidebar, paragraph
+
+NAME_SHARE = 0.46  # of a row's width that the plan's name takes
+
+
+class AccuracyPanel:
+    """Drawn in both places."""
+
+    bl_label = "Accuracy"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.rle_splat
+        layout.operator("rle_splat.measure_accuracy", icon="TIME")
+        if not settings.accuracy_rows:
+            layout.label(text="Not measured yet")
+        truth = ""
+        for index, row in enumerate(settings.accuracy_rows):
+            if row.truth != truth:
+                truth = row.truth
+                paragraph(context, layout, accuracy.truth_sentence(truth) + ":")
+                box = layout.box().column(align=True)
+                _draw_cells(box, "Plan", ("ms", "RMSE", "Max"))
+            cells = (f"{row.frame_ms:.0f}", f"{row.rmse:.2g}", f"{row.largest:.2g}")
+            _draw_cells(box, row.name, cells, index, accuracy.is_current(context.scene, row), row.on_front)
+        if settings.accuracy_note:
+            paragraph(context, layout, settings.accuracy_note)
+        layout.operator("rle_splat.error_map", icon="IMAGE_DATA")
+        if settings.error_image is not None:
+            layout.prop(settings, "error_image", text="")
+            paragraph(context, layout, settings.error_note)
+
+
+def _draw_cells(box, name: str, cells, index: int | None = None, current: bool = False, on_front: bool = True) -> None:
+    """One line of the list: a plan that can be chosen, or the headings when ``index`` is None."""
+    split = box.split(factor=NAME_SHARE)
+    if index is None:
+        split.label(text=name)
+    else:
+        icon = "RADIOBUT_ON" if current else "RADIOBUT_OFF"
+        button = split.operator("rle_splat.choose_plan", text=name, icon=icon, emboss=current)
+        button.index = index
+    row = split.row()
+    row.active = on_front
+    for cell in cells:
+        row.label(text=cell)
+
+
+class RLE_SPLAT_PT_accuracy(AccuracyPanel, Sidebar, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_accuracy"
+    bl_order = 5
+
+
+class RLE_SPLAT_PT_render_accuracy(AccuracyPanel, RenderTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_render_accuracy"
+    bl_parent_id = "RLE_SPLAT_PT_render"
+
+
+CLASSES = (RLE_SPLAT_PT_accuracy, RLE_SPLAT_PT_render_accuracy)

@@ -1,0 +1,142 @@
+"""The accuracy panel's operators: the measured list is of the scene's own picture, a row chosen is a plan set, and the
+error map is picture less truth, with the truth's name beside it; all of it through save and load."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+SIZE = (24, 20)
+
+
+@pytest.fixture
+def volume(bridge, core, tmp_path):
+    """A ball that grows denser inwards, seen obliquely in perspective."""
+    z, y, x = np.mgrid[:12, :12, :12] - 5.5
+    voxels = np.clip(255.0 - 42.0 * np.sqrt(x**2 + y**2 + z**2), 0.0, 255.0).astype(np.uint8)
+    owner = scenes.import_raw(tmp_path, voxels, name="ball")
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))
+    scenes.add_camera((5.5, -9.0, 22.0), (0.6, 0.0, 0.0))
+    bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = SIZE
+    return owner
+
+
+@pytest.fixture
+def measured(volume):
+    assert bpy.ops.rle_splat.measure_accuracy(probes=100, repeats=1) == {"FINISHED"}
+    return bpy.context.scene.rle_splat
+
+
+def test_the_list_is_the_front_and_the_current_plan(measured, bridge):
+    accuracy, scene = bridge("accuracy"), bpy.context.scene
+    rows = list(measured.accuracy_rows)
+    current = [row.name for row in rows if accuracy.is_current(scene, row)]
+    assert current == [measured.quality] and len(rows) >= 2
+    for truth in {row.truth for row in rows}:
+        front = [row for row in rows if row.truth == truth and row.on_front]
+        assert [row.frame_ms for row in front] == sorted(row.frame_ms for row in front)
+        assert [row.rmse for row in front] == sorted((row.rmse for row in front), reverse=True)
+    assert all(0.0 <= row.rmse <= row.largest and row.frame_ms > 0.0 for row in rows)
+    assert "ball seen by Camera" in measured.accuracy_note and "24 x 20" in measured.accuracy_note
+
+
+def test_choosing_a_row_sets_its_plan(measured, bridge):
+    accuracy, scene = bridge("accuracy"), bpy.context.scene
+    for index, row in enumerate(measured.accuracy_rows):
+        assert bpy.ops.rle_splat.choose_plan(index=index) == {"FINISHED"}
+        assert [accuracy.is_current(scene, other) for other in measured.accuracy_rows].index(True) == index
+        plan = bridge("settings").quality_of(scene)
+        for name, value in json.loads(row.knobs).items():
+            assert getattr(plan, name) == (pytest.approx(value) if isinstance(value, float) else value), name
+    with pytest.raises(RuntimeError, match="measured plans"):
+        bpy.ops.rle_splat.choose_plan(index=99)
+
+
+def test_every_sensible_plan_can_be_chosen(measured, bridge, core):
+    """By name where a quality is the same, else knob by knob: none is lost on the way through Blender's properties."""
+    accuracy, cost, scene = bridge("accuracy"), core("cost_of_accuracy"), bpy.context.scene
+    row = measured.accuracy_rows[0]
+    for plan in cost.sensible_plans(core("scene").Quality(record=8)):
+        row.name, row.knobs = plan.name, json.dumps(cost.knobs_of(plan))
+        accuracy.choose(scene, row)
+        assert accuracy.is_current(scene, row), plan
+
+
+def test_another_plan_is_measured_beside_and_marked(volume, bridge):
+    settings = bpy.context.scene.rle_splat
+    settings.quality, settings.sheet_density, settings.depth_rule = "custom", 1.3, "midpoint-2"
+    bpy.ops.rle_splat.measure_accuracy(probes=50, repeats=1)
+    row = next(row for row in settings.accuracy_rows if row.name == "custom")
+    assert bridge("accuracy").is_current(bpy.context.scene, row)
+    settings.quality = "draft"
+    assert not bridge("accuracy").is_current(bpy.context.scene, row)
+
+
+@pytest.mark.parametrize("step", (1, 3))
+def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
+    settings = bpy.context.scene.rle_splat
+    settings.quality = "draft"
+    assert bpy.ops.rle_splat.error_map(step=step) == {"FINISHED"}
+    plain, quality = bridge("render_scene").read_scene(
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    rendering = core("render").render(plain, quality)
+    name = rendering.report["error"]["truth"]
+    shading = core("accuracy.lighting").shading_of(plain, name)
+    true = core("accuracy.truths").truth(plain, name, **shading)[0].reshape(SIZE[1], SIZE[0], 4)
+    expected = np.abs(rendering.rgba - true).max(axis=-1)[step // 2 :: step, step // 2 :: step] * 255.0
+    image = settings.error_image
+    assert image.name == "ball Splat Error" and image.colorspace_settings.name == "Non-Color"
+    found = scenes.image_pixels(image)
+    np.testing.assert_allclose(found[..., 0], expected, atol=1e-4)
+    assert expected.max() > 0.5 and (found[..., 3] == 1.0).all()
+    assert f"Against {name}" in settings.error_note and f"{expected.max():.3g}" in settings.error_note
+
+
+def test_it_survives_save_and_load(measured, tmp_path):
+    bpy.ops.rle_splat.error_map()
+    names, note = [row.name for row in measured.accuracy_rows], measured.error_note
+    before = scenes.image_pixels(measured.error_image)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    settings = bpy.context.scene.rle_splat
+    assert [row.name for row in settings.accuracy_rows] == names and settings.error_note == note
+    np.testing.assert_array_equal(scenes.image_pixels(settings.error_image), before)
+
+
+def test_measuring_again_replaces_the_list(measured):
+    names = [row.name for row in measured.accuracy_rows]
+    bpy.ops.rle_splat.measure_accuracy(probes=100, repeats=1)
+    assert 2 <= len(measured.accuracy_rows) <= len(names) + 3
+    assert len({row.name for row in measured.accuracy_rows}) == len(measured.accuracy_rows)
+
+
+def test_without_a_camera_it_is_refused(volume, refused):
+    bpy.context.scene.camera = None
+    refused(bpy.ops.rle_splat.measure_accuracy, "camera")
+    refused(bpy.ops.rle_splat.error_map, "camera")
+    refused(bpy.ops.rle_splat.choose_plan, "measure", index=0)
+
+
+def test_an_empty_view_is_refused(volume, refused):
+    bpy.context.scene.camera.rotation_euler = (np.pi, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    refused(bpy.ops.rle_splat.measure_accuracy, "camera does not see")
+    assert not bpy.context.scene.rle_splat.accuracy_rows
+
+
+def test_the_panel_shows_the_list_and_the_truth(measured, monkeypatch):
+    from tests.blender import test_panels
+
+    log = test_panels.draw_all(monkeypatch)
+    shown = test_panels.texts(log)
+    assert log.count(("operator", "rle_splat.choose_plan")) == 2 * len(measured.accuracy_rows)  # in both places
+    assert "Against T" in shown and ("operator", "rle_splat.measure_accuracy") in log
+    assert f"{measured.accuracy_rows[0].frame_ms:.0f}" in shown.split("\n")
+    assert ("operator", "rle_splat.error_map") in log and ("prop", "error_image") not in log
+    bpy.ops.rle_splat.error_map()
+    assert ("prop", "error_image") in test_panels.draw_all(monkeypatch)
