@@ -16,7 +16,7 @@ from ..scene import RleSplatError
 from ..steps import drain
 from ..volume.blocks import block_steps
 from . import classify_kernels as passes
-from .limits import MOST_EXTINCTION
+from .limits import LEAST_DISTANCE
 from .points import LARGEST, heights_at_numpy, pieces
 from .visible import Visibility, VisibleVoxels, count_steps, fill_steps
 
@@ -136,13 +136,6 @@ def optical_depth(alpha) -> np.ndarray:
     return -np.log1p(-np.minimum(alpha, ALPHA_CAP))
 
 
-def extinction(alpha, distance: float) -> np.ndarray:
-    """Extinction, 1 / world length, float64, of opacity ``alpha`` in [0, 1] per world length ``distance``; at most
-    MOST_EXTINCTION."""
-    with np.errstate(over="ignore"):
-        return np.minimum(optical_depth(alpha) / distance, MOST_EXTINCTION)
-
-
 def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int = 0) -> ClassifiedVolume:
     """The voxels of ``volume`` to which the transfer function ``tf`` gives an opacity above 0, and their looks.
 
@@ -165,7 +158,7 @@ def classified(
     function states one.
     """
     volume, tf = shown.volume, shown.tf
-    distance = length * float(tf.opacity_unit_distance or volume.spacing.min())
+    distance = max(length * float(tf.opacity_unit_distance or volume.spacing.min()), LEAST_DISTANCE)
     if shown.by_table:
         looks = _looks_by_table(shown, distance)
     else:
@@ -178,7 +171,7 @@ def _looks_by_table(shown: Visibility, distance) -> np.ndarray:
     seen = shown.table > 0
     values = shown.pattern_values[seen]
     alpha = np.asarray(shown.tf.alpha_at(values), dtype=np.float64)
-    looks[seen, EXTINCTION], looks[seen, OPACITY] = extinction(alpha, distance), alpha
+    looks[seen, EXTINCTION], looks[seen, OPACITY] = optical_depth(alpha) / distance, alpha
     looks[seen, RED:] = shown.tf.color_at(values)
     return looks
 
@@ -191,12 +184,12 @@ def _looks_by_points(shown: Visibility, stored, distance, backend, threads) -> n
         with parallel_call(threads):
             passes.looks_by_points(
                 stored, *scaling, opacity.values, opacity.heights, opacity.rates, color.values, color.heights,
-                color.rates, ALPHA_CAP, MOST_EXTINCTION, distance, looks,
+                color.rates, ALPHA_CAP, distance, looks,
             )
         return looks
     with np.errstate(over="ignore"):
         values = np.clip(stored.astype(np.float64) * scaling[0] + scaling[1], -LARGEST, LARGEST)
     alpha = heights_at_numpy(opacity, values)[:, 0]
-    looks[:, EXTINCTION], looks[:, OPACITY] = extinction(alpha, distance), alpha
+    looks[:, EXTINCTION], looks[:, OPACITY] = optical_depth(alpha) / distance, alpha
     looks[:, RED:] = heights_at_numpy(color, values)
     return looks

@@ -144,7 +144,7 @@ def _fill_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals
 @kernel
 def looks_by_points(
     stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights, color_rates,
-    alpha_cap, most_extinction, distance, looks,
+    alpha_cap, distance, looks,
 ):
     """``looks`` (m, 5) float32 of (m,) stored values: extinction in 1 / world length, opacity, red, green, blue.
 
@@ -152,7 +152,7 @@ def looks_by_points(
     """
     arguments = (
         stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
-        color_rates, alpha_cap, most_extinction, distance, looks,
+        color_rates, alpha_cap, distance, looks,
     )
     share_out(_looks_by_points, stored.size, arguments)
 
@@ -160,13 +160,13 @@ def looks_by_points(
 @kernel(exact=True, inner=True)
 def _looks_by_points(
     begin, end, stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
-    color_rates, alpha_cap, most_extinction, distance, looks,
+    color_rates, alpha_cap, distance, looks,
 ):
     for i in range(begin, end):
         value = _physical(stored[i], slope, intercept)
         piece = piece_of(opacity_values, value)
         alpha = height_at(opacity_heights, opacity_rates, opacity_values, piece, value, 0)
-        looks[i, 0] = min(-np.log1p(-min(alpha, alpha_cap)) / distance, most_extinction)
+        looks[i, 0] = -np.log1p(-min(alpha, alpha_cap)) / distance
         looks[i, 1] = alpha
         piece = piece_of(color_values, value)
         for channel in range(3):
