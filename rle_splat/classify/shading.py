@@ -209,11 +209,11 @@ def _write_planes(
             begun = row
             row = find_targets(across, first_row, row, row_start, column, at, stop - at, cursors, targets)
             if normals is not None:
-                _clear_light(material, s)
+                clear_light(material, s)
             if rays is not None:
-                _add_rays(rays, normals[at:stop], material, stop - at, s)
+                add_rays(rays, normals[at:stop], material, stop - at, s)
             if near is not None:
-                _add_near(near, normals[at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
+                add_near(near, normals[at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
             for i in range(stop - at):
                 look = at + i if look_of is None else np.int64(look_of[at + i])
                 red, green, blue = looks[look, RED], looks[look, RED + 1], looks[look, RED + 2]
@@ -234,7 +234,7 @@ def _write_planes(
 
 
 @kernel(inline="always")
-def _clear_light(material, s):
+def clear_light(material, s):
     """A chunk in the ambient light."""
     ambient = np.float32(material[0])
     for i in range(3 * LANES):
@@ -269,7 +269,7 @@ def _raise_to(shininess, count, s):
 
 
 @kernel(inline="always")
-def _add_rays(rays, normals, material, count, s):
+def add_rays(rays, normals, material, count, s):
     """What parallel lights, seen along parallel rays, add to the matt colour and to the highlight of every voxel of a
     chunk; ``rays``: see ``Lighting.rays``."""
     diffuse, specular = np.float32(material[1]), np.float32(material[2])
@@ -294,8 +294,8 @@ def _add_rays(rays, normals, material, count, s):
 
 
 @kernel(inner=True)
-def _add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
-    """As ``_add_rays``, for lights and eyes that may stand among the voxels; the chunk's first is in ``row``."""
+def add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
+    """As ``add_rays``, for lights and eyes that may stand among the voxels; the chunk's first is in ``row``."""
     matrix, lights, eye = near
     places = np.empty(PLACES, np.float64)
     _place_voxels(n_y, row, row_start, column, matrix, begin, count, places)
@@ -415,7 +415,7 @@ def _write_numpy(places, look_of, looks, density_column, normals, falling, recor
         seen = looks[part] if look_of is None else looks[look_of[part]]
         colors = seen[:, RED:]
         if falling is not None:
-            colors = _lit_numpy(falling, voxels, part, normals[part].astype(np.float64), colors)
+            colors = lit_numpy(falling, voxels, part, normals[part].astype(np.float64), colors)
         made = np.empty((len(seen), 4), np.float32)
         made[:, 3] = seen[:, density_column]
         made[:, :3] = made[:, 3:] * colors
@@ -423,7 +423,7 @@ def _write_numpy(places, look_of, looks, density_column, normals, falling, recor
         most[0] = max(most[0], colors.max(initial=0.0))
 
 
-def _lit_numpy(falling, voxels, part, n, colors):
+def lit_numpy(falling, voxels, part, n, colors):
     """(k, 3) float32 shaded colours of voxels ``part``, a slice, with normals ``n`` and their own ``colors``."""
     n_y, matrix = voxels.shape_xyz[1], falling.matrix
     ambient, diffuse, specular, shininess = falling.material

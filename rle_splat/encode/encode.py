@@ -121,12 +121,18 @@ def reorder_steps(
     """As ``record_steps``, with the records that principal z already has: they are in the voxels' own order."""
     voxel_data = empty_records(in_order.record, tables.n_voxels)
     words, target = words_of(in_order.voxel_data), words_of(voxel_data)
+    yield from place_slabs(tables, voxels, words, target, backend=backend, threads=threads)
+    return tables.with_voxels(in_order.model, voxel_data, in_order.decoding, in_order.most_color)
+
+
+def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, backend: str = "auto", threads: int = 0):
+    """Generator: yields the fraction done; copies records, (m, w) ``words`` in the voxels' own order, to ``target``, in
+    the order of ``tables``."""
     for fraction, first_plane, last_plane in _slabs(voxels):
         yield fraction
         places = _places(tables, voxels, first_plane, last_plane)
         first, last = places.span
         _place(places, words[first:last], target, backend, threads)
-    return tables.with_voxels(in_order.model, voxel_data, in_order.decoding, in_order.most_color)
 
 
 def brightest_steps(voxels: VisibleVoxels, write):

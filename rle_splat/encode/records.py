@@ -126,14 +126,14 @@ def _float_numpy(codes) -> np.ndarray:
     return (codes.astype(np.uint32) << SHIFT).view(np.float32) * UNBIAS
 
 
-def _codes_numpy(relative) -> np.ndarray:
+def codes_numpy(relative) -> np.ndarray:
     """16-bit floats of float64 values in [0, 1], rounded to the nearest, as uint32."""
     bits = np.asarray(relative).astype(np.float32).view(np.uint32)
     return np.where(bits >= LEAST_BITS, (bits - BIAS + HALF) >> SHIFT, np.uint32(0))
 
 
 @kernel(inline="always", exact=True)
-def _code(relative):
+def code_of(relative):
     """16-bit float of a float64 value in [0, 1], as uint32."""
     bits = np.float32(relative).view(np.uint32)
     return np.uint32((bits - BIAS + HALF) >> SHIFT) if bits >= LEAST_BITS else np.uint32(0)
@@ -169,13 +169,13 @@ def _pack_some_8(begin, end, records, inverse, voxel_data):
     made, codes = records[begin:end], voxel_data[begin:end]  # counted from zero, the loop becomes SIMD
     red, green, blue, density = inverse[0], inverse[1], inverse[2], inverse[3]
     for i in range(codes.size):
-        low = _code(made[i, 0] * red) | (_code(made[i, 1] * green) << np.uint32(16))
-        high = _code(made[i, 2] * blue) | (_code(made[i, 3] * density) << np.uint32(16))
+        low = code_of(made[i, 0] * red) | (code_of(made[i, 1] * green) << np.uint32(16))
+        high = code_of(made[i, 2] * blue) | (code_of(made[i, 3] * density) << np.uint32(16))
         codes[i] = np.uint64(low) | (np.uint64(high) << np.uint64(32))
 
 
 def _pack_8_numpy(records, inverse, voxel_data):
-    codes = _codes_numpy(records * inverse).astype(np.uint64)
+    codes = codes_numpy(records * inverse).astype(np.uint64)
     voxel_data[:] = (codes << np.arange(0, 64, 16, dtype=np.uint64)).sum(axis=1, dtype=np.uint64)
 
 
@@ -188,7 +188,7 @@ def _color_code(records, i, channel, inverse, steps):
     return np.uint32(min(np.int64(records[i, channel] / density * inverse[channel] + 0.5), steps[channel]))
 
 
-def _color_codes_numpy(records, inverse, steps) -> np.ndarray:
+def _colorcodes_numpy(records, inverse, steps) -> np.ndarray:
     """Twin of ``_color_code``: (n, 3) uint32."""
     density = records[:, 3:].astype(np.float64)
     color = np.divide(records[:, :3], density, out=np.zeros((len(records), 3)), where=density != 0.0)
@@ -208,15 +208,15 @@ def _pack_some_6(begin, end, records, inverse, steps, inverse_density, voxel_dat
         green = _color_code(records, i, 1, inverse, steps)
         blue = _color_code(records, i, 2, inverse, steps)
         code = np.uint32(red | (green << np.uint32(11)) | (blue << np.uint32(22)))
-        voxel_data[i, 0] = _code(records[i, 3] * inverse_density)
+        voxel_data[i, 0] = code_of(records[i, 3] * inverse_density)
         voxel_data[i, 1] = code & np.uint32(0xFFFF)
         voxel_data[i, 2] = code >> np.uint32(16)
 
 
 def _pack_6_numpy(records, inverse, steps, inverse_density, voxel_data):
-    red, green, blue = _color_codes_numpy(records, inverse, steps).T
+    red, green, blue = _colorcodes_numpy(records, inverse, steps).T
     code = red | (green << np.uint32(11)) | (blue << np.uint32(22))
-    voxel_data[:, 0] = _codes_numpy(records[:, 3].astype(np.float64) * inverse_density)
+    voxel_data[:, 0] = codes_numpy(records[:, 3].astype(np.float64) * inverse_density)
     voxel_data[:, 1] = code & np.uint32(0xFFFF)
     voxel_data[:, 2] = code >> np.uint32(16)
 
@@ -233,11 +233,11 @@ def _pack_some_4(begin, end, records, inverse, steps, inverse_density, log_codes
         red = _color_code(records, i, 0, inverse, steps)
         green = _color_code(records, i, 1, inverse, steps)
         blue = _color_code(records, i, 2, inverse, steps)
-        density = np.uint32(log_codes[_code(records[i, 3] * inverse_density)])
+        density = np.uint32(log_codes[code_of(records[i, 3] * inverse_density)])
         voxel_data[i] = red | (green << np.uint32(7)) | (blue << np.uint32(14)) | (density << np.uint32(LOG_BITS))
 
 
 def _pack_4_numpy(records, inverse, steps, inverse_density, log_codes, voxel_data):
-    red, green, blue = _color_codes_numpy(records, inverse, steps).T
-    density = log_codes[_codes_numpy(records[:, 3].astype(np.float64) * inverse_density)].astype(np.uint32)
+    red, green, blue = _colorcodes_numpy(records, inverse, steps).T
+    density = log_codes[codes_numpy(records[:, 3].astype(np.float64) * inverse_density)].astype(np.uint32)
     voxel_data[:] = red | (green << np.uint32(7)) | (blue << np.uint32(14)) | (density << np.uint32(LOG_BITS))

@@ -15,8 +15,25 @@ LEAST_DENSITY = 1e-37  # keeps 0 / 0 out of colour = associated colour / density
 TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's four, in its order
 
 
+class _OnAxis:
+    """The numbers of a grid of ``shape_xyz`` seen along principal ``axis``."""
+
+    @property
+    def width(self) -> int:
+        """Voxels of a scanline."""
+        return self.shape_xyz[AXES[self.axis][0]]
+
+    @property
+    def n_scanlines(self) -> int:
+        return self.shape_xyz[AXES[self.axis][1]]
+
+    @property
+    def n_slices(self) -> int:
+        return self.shape_xyz[AXES[self.axis][2]]
+
+
 @dataclass(frozen=True, eq=False)
-class RunTables:
+class RunTables(_OnAxis):
     """Where the non-transparent voxels are, for one principal axis: a RunLengthVolume without its voxel data.
 
     It depends on what a transfer function shows, not on how, nor on lights.
@@ -49,7 +66,7 @@ class RunTables:
 
 
 @dataclass(frozen=True, eq=False)
-class RunLengthVolume:
+class RunLengthVolume(_OnAxis):
     """A classified, shaded volume, run-length encoded along one principal axis.
 
     ``axis``: 0, 1, 2 for x, y, z as the axis that counts the slices; ``axes.AXES`` tells the other two.
@@ -83,19 +100,6 @@ class RunLengthVolume:
             getattr(self, name).setflags(write=False)
         if self.decoding is not None:
             self.decoding.setflags(write=False)
-
-    @property
-    def width(self) -> int:
-        """Voxels of a scanline."""
-        return self.shape_xyz[AXES[self.axis][0]]
-
-    @property
-    def n_scanlines(self) -> int:
-        return self.shape_xyz[AXES[self.axis][1]]
-
-    @property
-    def n_slices(self) -> int:
-        return self.shape_xyz[AXES[self.axis][2]]
 
     @property
     def visible_voxels(self) -> int:

@@ -21,8 +21,8 @@ class Scratch(NamedTuple):
     """What each worker writes on while it walks through the sheets: arrays with the worker (times SPREAD) as
     their first axis, flat behind it unless a shape is given.
 
-    ``line``: one voxel scanline, float32, four channels a voxel; all zero between two uses.
-    ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at the end a block that stays
+    ``line``: one voxel scanline, float32, four channels a voxel; all zero between two uses.  (Of sheets of the scalar:
+    planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at the end a block that stays
     transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their blocks that is not empty.
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
@@ -32,7 +32,7 @@ class Scratch(NamedTuple):
     ``bright`` (BAND, blocks) pixels above one half.
     Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
     ``placed`` for, per block.
-    One block: ``samples``, ``length_inside`` the limits, ``before`` the sheet in numbers of ``state``.
+    One block: ``samples``, ``entries`` of the value table, ``length_inside`` the limits, ``before`` the sheet in numbers of ``state``.
     """
 
     line: np.ndarray
@@ -51,12 +51,13 @@ class Scratch(NamedTuple):
     weights: np.ndarray
     placed: np.ndarray
     samples: np.ndarray
+    entries: np.ndarray
     length_inside: np.ndarray
     before: np.ndarray
 
 
-def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
-    """Scratch for ``workers`` workers; see ``arguments`` for the rest."""
+def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4) -> Scratch:
+    """Scratch for ``workers`` workers and so many ``channels`` of a voxel; see ``arguments`` for the rest."""
     image_width = rays.along.size
     blocks = -(-image_width // BLOCK)
     words = -(-blocks // WORD)
@@ -67,14 +68,15 @@ def scratch_for(workers: int, tables, sheets, rays, wide) -> Scratch:
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     numbers = accumulator(len(sheets.begin))
     shapes = {
-        "line": (4 * (tables.width + 2 * taps + 3), np.float32),
-        "sheet": (4 * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
+        "line": (channels * (tables.width + 2 * taps + 3), np.float32),
+        "sheet": (channels * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
         "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
         "reach": (2, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
-        "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32), "length_inside": (BLOCK, np.float32),
+        "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32),
+        "entries": (BLOCK, np.int32), "length_inside": (BLOCK, np.float32),
         "before": (BLOCK, numbers),
     }
     return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})

@@ -12,28 +12,18 @@ pixels that concerns is known from the runs, as bits: nothing else is looked at.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
-from .pixel_block import (
-    BLOCK,
-    CLEAR,
-    composite_added,
-    composite_extinction,
-    interleaved,
-    place_tent,
-    resample_tent,
-)
+from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .pixel_block import BLOCK, CLEAR, composite_added, composite_extinction, place_tent, resample_tent
 from .scratch import BAND, SPREAD
 from .sheet_row import composite_opacity, mix_blocks, note_half_depth, place_wide_taps, resample_wide
-from .voxel_scanline import ONE_BIT, WORD, add_runs, mark_blocks
+from .voxel_scanline import ONE_BIT, WORD, add_runs
 
-NO_BITS = np.uint64(0)
 NONE = -(2**62)  # below the number of any scanline
 
 
@@ -41,71 +31,6 @@ NONE = -(2**62)  # below the number of any scanline
 def _stretch(widen, scale):
     """How much wider than a voxel a footprint is made at ``scale`` sheet pixels per voxel."""
     return max(1.0, 1.0 / scale) if widen else 1.0
-
-
-@inner_loop
-def _begin_band(state, lengths, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope):
-    """Clear the rows of a band: no colour, all light; pixels beyond the image are opaque from the start."""
-    image_width = along.size
-    blocks = placed.size
-    alive[:] = NO_BITS
-    mark_blocks(alive, BAND, 0, blocks - 1)
-    placed[:] = -1
-    state[:] = np.float32(0.0)
-    for r in range(rows):
-        mark_blocks(alive, r, 0, blocks - 1)
-        v = top_row + r
-        for b in range(blocks):
-            first = b * BLOCK
-            count = min(BLOCK, image_width - first)
-            bright[r, b] = count
-            at = BLOCK * (r * blocks + b)
-            state[4 * at + CLEAR : 4 * at + CLEAR + count] = np.float32(1.0)
-            for i in range(count):
-                squared = along[first + i] + across[v] + along_slope[first + i] * across_slope[v]
-                lengths[at + i] = math.sqrt(max(squared, 0.0))
-
-
-@inner_loop
-def _write_rows(state, rows, image_width, pixels):
-    """The finished rows of a band, block by block, to ``pixels``, flat, four channels a pixel."""
-    blocks = -(-image_width // BLOCK)
-    for r in range(rows):
-        for b in range(blocks):
-            row, to = 4 * BLOCK * (r * blocks + b), 4 * (r * image_width + b * BLOCK)
-            count = min(BLOCK, image_width - b * BLOCK)
-            if count == BLOCK:
-                interleaved(state, row, pixels, to)
-                continue
-            for i in range(count):
-                for channel in range(4):
-                    pixels[to + 4 * i + channel] = state[row + BLOCK * channel + i]
-
-
-@inner_loop(forceinline=True)
-def _live_voxels(alive, blocks, live, shift, step, radius):
-    """The voxel intervals that the footprints of the band's live blocks reach; their number.
-
-    ``alive``: (words,) a bit a block.  A pixel u reads voxels up to ``radius`` from x = (u - shift) / step.
-    """
-    count = 0
-    b = 0
-    while b < blocks:
-        if (alive[b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
-            b += 1
-            continue
-        first = b
-        while b < blocks and (alive[b // WORD] >> np.uint64(b % WORD)) & ONE_BIT != NO_BITS:
-            b += 1
-        low = math.floor((first * BLOCK - shift) / step - radius)
-        high = math.ceil((b * BLOCK - 1 - shift) / step + radius) + 1
-        if count > 0 and low <= live[count - 1, 1]:
-            live[count - 1, 1] = high
-        else:
-            live[count, 0] = low
-            live[count, 1] = high
-            count += 1
-    return count
 
 
 @inner_loop(forceinline=True)
@@ -161,7 +86,7 @@ def _splat_sheet(
                 if run < 0:  # the paper's flag: nothing on this scanline
                     continue
                 if live_count < 0:
-                    live_count = _live_voxels(band_alive, blocks, live, shift_u, scale_u, radius_u)
+                    live_count = live_voxels(band_alive, blocks, live, shift_u, scale_u, radius_u)
                     if live_count == 0:
                         return False, True
                 add_runs(
@@ -331,7 +256,7 @@ def _splat_band(
     blocks = placed.size
     margin = weights.size // cells.size if wide is not None else 1  # as many voxels as a footprint reaches
     band_alive = alive[BAND]
-    _begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
     for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
         radius_v = radius * _stretch(widen, step)
@@ -357,7 +282,7 @@ def _splat_band(
             for r in range(rows):
                 for word in range(band_alive.size):
                     band_alive[word] |= alive[r, word]
-    _write_rows(state, rows, image_width, out[top_row : top_row + rows].reshape(-1))
+    write_rows(state, rows, image_width, out[top_row : top_row + rows].reshape(-1))
 
 
 @inner_loop

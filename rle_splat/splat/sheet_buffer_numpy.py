@@ -48,10 +48,13 @@ def _spread(voxels, count: int, scale: float, offset: float, footprint, widen: b
     return total
 
 
-def _extinction(samples, depth):
+def slab_numpy(samples, depth):
+    """What homogeneous slabs absorb and let pass, and what their colour is weighted by: extinction."""
     sigma = samples[..., 3]
     tau = sigma * depth
-    return -np.expm1(-tau), np.exp(-tau), np.maximum(sigma, TINY)
+    absorbed = -np.expm1(-tau)
+    # float32's exp may be a rounding off, which next to 1 is as much as a thin sheet absorbs.
+    return absorbed, np.where(tau < 0.5, ONE - absorbed, np.exp(-tau)), np.maximum(sigma, TINY)
 
 
 def _opacity(samples, exponent):
@@ -60,6 +63,27 @@ def _opacity(samples, exponent):
     raised = -np.expm1(np.minimum(exponent, LONGEST) * np.log1p(-np.minimum(opacity, ALMOST_ONE)))
     opacity = np.where(exponent == ONE, opacity, raised).astype(samples.dtype)
     return opacity, ONE - opacity, np.maximum(added, TINY)
+
+
+def composite_numpy(absorb, samples, depth, least, state, slab, half):
+    """One sheet (H, W, 4) of associated colour and density over ``state``, by ``absorb(samples, depth)``.
+
+    ``slab``: where it begins and ends along the viewing direction, numbers or (H, W); ``half`` as in ``splat_rows``.
+    """
+    before = state[..., 3].copy()
+    alive = before >= least
+    opacity, clear, divisor = absorb(samples, depth)
+    weight = np.where(alive, before * opacity / divisor, 0.0).astype(state.dtype)
+    state[..., :3] += weight[..., None] * samples[..., :3]
+    state[..., 3] = np.where(alive, before * clear, before)
+    crossed = (before >= 0.5) & (state[..., 3] < 0.5)
+    if crossed.any():
+        ahead, behind = before[crossed].astype(np.float64), state[..., 3][crossed].astype(np.float64)
+        part = np.zeros_like(ahead)
+        some = behind > 0.0
+        part[some] = np.log(2.0 * ahead[some]) / np.log(ahead[some] / behind[some])
+        begin, end = (np.broadcast_to(side, half.shape)[crossed] for side in slab)
+        half[crossed] = begin + part * (end - begin)
 
 
 def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixels, half):
@@ -91,23 +115,11 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
         samples = along.transpose(1, 0, 2).astype(numbers, copy=False)
         depth = length * np.float32(sheets.thickness[sheet])
         if limits is not None:
-            slab = sheets.end[sheet] - sheets.begin[sheet]
+            thick = sheets.end[sheet] - sheets.begin[sheet]
             ahead = np.maximum(limits[0] - sheets.begin[sheet], 0.0)
             behind = np.maximum(sheets.end[sheet] - limits[1], 0.0)
-            depth = depth * np.clip(1.0 - (ahead + behind) / slab, 0.0, 1.0).astype(np.float32)
-        before = state[..., 3].copy()
-        alive = before >= least
-        opacity, clear, divisor = (_extinction if additive_opacity is None else _opacity)(
-            samples, depth.astype(numbers, copy=False)
-        )
-        weight = np.where(alive, before * opacity / divisor, 0.0).astype(numbers)
-        state[..., :3] += weight[..., None] * samples[..., :3]
-        state[..., 3] = np.where(alive, before * clear, before)
-        crossed = (before >= 0.5) & (state[..., 3] < 0.5)
-        if crossed.any():
-            ahead, behind = before[crossed].astype(np.float64), state[..., 3][crossed].astype(np.float64)
-            part = np.zeros_like(ahead)
-            some = behind > 0.0
-            part[some] = np.log(2.0 * ahead[some]) / np.log(ahead[some] / behind[some])
-            half[crossed] = sheets.begin[sheet] + part * (sheets.end[sheet] - sheets.begin[sheet])
+            depth = depth * np.clip(1.0 - (ahead + behind) / thick, 0.0, 1.0).astype(np.float32)
+        absorb = slab_numpy if additive_opacity is None else _opacity
+        slab = sheets.begin[sheet], sheets.end[sheet]
+        composite_numpy(absorb, samples, depth.astype(numbers, copy=False), least, state, slab, half)
     pixels[...] = state

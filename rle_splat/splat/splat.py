@@ -36,7 +36,6 @@ def splat_steps(
     begins and ends along the viewing direction of the axis in voxels, or None for no limits.
     Deterministic: the same bits for any number of threads.
     """
-    placed = plane.sheets
     voxels, decoding = encoded.voxel_data, encoded.decoding
     if not compiled(quality.backend):
         voxels, decoding = encoded.decoded(), None
@@ -44,13 +43,7 @@ def splat_steps(
         encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, voxels.reshape(-1), decoding,
         encoded.width,
     )
-    shown = _reached(encoded, placed)
-    sheets = SheetList(*(
-        part[shown] for part in (
-            placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale,
-            plane.offset,
-        )
-    ))  # fmt: skip
+    sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, length_unit, quality.length_correction, limits)
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
@@ -66,21 +59,37 @@ def splat_steps(
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
     scratch = scratch_for(workers, tables, sheets, rays, wide)
-    yield LOADING
-    with parallel_call(workers):
-        splat_rows(tables, sheets, rays, wide, *model, 0, 0, workers, np.zeros(1, np.int64), scratch, pixels, half)
-    rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
-    for first in range(0, plane.height, rows_at_once):
-        yield first / plane.height
-        with parallel_call(workers):
-            splat_rows(
-                tables, sheets, rays, wide, *model, first, min(first + rows_at_once, plane.height), workers,
-                np.zeros(1, np.int64), scratch, pixels, half,
-            )
+    yield from row_steps(splat_rows, (tables, sheets, rays, wide, *model), plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
 
 
-def _reached(encoded: RunLengthVolume, sheets: Sheets) -> np.ndarray:
+def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, pixels, half):
+    """Generator: yields LOADING, then fractions done; all rows of a base plane by a kernel like ``splat_rows``, whose
+    first ``arguments`` are given."""
+
+    def splat(first, last):
+        with parallel_call(workers):
+            splat_rows(*arguments, first, last, workers, np.zeros(1, np.int64), scratch, pixels, half)
+
+    yield LOADING
+    splat(0, 0)
+    rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
+    for first in range(0, plane.height, rows_at_once):
+        yield first / plane.height
+        splat(first, min(first + rows_at_once, plane.height))
+
+
+def sheet_list(encoded, plane: BasePlane) -> SheetList:
+    """The sheets of a base plane that the volume's voxels reach.  ``encoded``: a RunLengthVolume or ScalarVolume."""
+    placed = plane.sheets
+    shown = _reached(encoded, placed)
+    columns = (
+        placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale, plane.offset,
+    )  # fmt: skip
+    return SheetList(*(column[shown] for column in columns))
+
+
+def _reached(encoded, sheets: Sheets) -> np.ndarray:
     """(n,) bool: which sheets the footprint of any slice with voxels reaches; the first, where none does."""
     near = sheets.first_slice[:, None] + np.arange(sheets.slice_weights.shape[1])
     inside = (near >= 0) & (near < encoded.n_slices) & (sheets.slice_weights > 0.0)

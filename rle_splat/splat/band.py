@@ -1,0 +1,79 @@
+"""A band of rows of the intermediate image: how it begins, which voxels its live pixels reach, and how it ends."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..jit import inner_loop
+from .pixel_block import BLOCK, CLEAR, interleaved
+from .scratch import BAND
+from .voxel_scanline import ONE_BIT, WORD, mark_blocks
+
+NO_BITS = np.uint64(0)
+
+
+@inner_loop
+def begin_band(state, lengths, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope):
+    """Clear the rows of a band: no colour, all light; pixels beyond the image are opaque from the start."""
+    image_width = along.size
+    blocks = placed.size
+    alive[:] = NO_BITS
+    mark_blocks(alive, BAND, 0, blocks - 1)
+    placed[:] = -1
+    state[:] = np.float32(0.0)
+    for r in range(rows):
+        mark_blocks(alive, r, 0, blocks - 1)
+        v = top_row + r
+        for b in range(blocks):
+            first = b * BLOCK
+            count = min(BLOCK, image_width - first)
+            bright[r, b] = count
+            at = BLOCK * (r * blocks + b)
+            state[4 * at + CLEAR : 4 * at + CLEAR + count] = np.float32(1.0)
+            for i in range(count):
+                squared = along[first + i] + across[v] + along_slope[first + i] * across_slope[v]
+                lengths[at + i] = math.sqrt(max(squared, 0.0))
+
+
+@inner_loop
+def write_rows(state, rows, image_width, pixels):
+    """The finished rows of a band, block by block, to ``pixels``, flat, four channels a pixel."""
+    blocks = -(-image_width // BLOCK)
+    for r in range(rows):
+        for b in range(blocks):
+            row, to = 4 * BLOCK * (r * blocks + b), 4 * (r * image_width + b * BLOCK)
+            count = min(BLOCK, image_width - b * BLOCK)
+            if count == BLOCK:
+                interleaved(state, row, pixels, to)
+                continue
+            for i in range(count):
+                for channel in range(4):
+                    pixels[to + 4 * i + channel] = state[row + BLOCK * channel + i]
+
+
+@inner_loop(forceinline=True)
+def live_voxels(alive, blocks, live, shift, step, radius):
+    """The voxel intervals that the footprints of the band's live blocks reach; their number.
+
+    ``alive``: (words,) a bit a block.  A pixel u reads voxels up to ``radius`` from x = (u - shift) / step.
+    """
+    count = 0
+    b = 0
+    while b < blocks:
+        if (alive[b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
+            b += 1
+            continue
+        first = b
+        while b < blocks and (alive[b // WORD] >> np.uint64(b % WORD)) & ONE_BIT != NO_BITS:
+            b += 1
+        low = math.floor((first * BLOCK - shift) / step - radius)
+        high = math.ceil((b * BLOCK - 1 - shift) / step + radius) + 1
+        if count > 0 and low <= live[count - 1, 1]:
+            live[count - 1, 1] = high
+        else:
+            live[count, 0] = low
+            live[count, 1] = high
+            count += 1
+    return count
