@@ -99,9 +99,7 @@ class Catalogue:
         assert measured <= bound, f"{case}: {claim}: {measured:.6g} where {bound:.6g} is the most"
 
     def save(self, path) -> None:
-        rows = [
-            {"id": case, "case": CASES[case], "claim": claim, **row} for (case, claim), row in self.rows.items()
-        ]
+        rows = [{"id": case, "case": CASES[case], "claim": claim, **row} for (case, claim), row in self.rows.items()]
         order = list(CASES)
         rows.sort(key=lambda row: order.index(row["id"]))
         Path(path).parent.mkdir(parents=True, exist_ok=True)

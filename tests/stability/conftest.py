@@ -5,7 +5,7 @@ import os
 import pytest
 
 from devtools.catalogue import FIGURES_VARIABLE
-from tests.stability.catalogue import Catalogue, ids_in
+from tests.stability.catalogue import WIDTHS, Catalogue, ids_in
 
 CATALOGUE = Catalogue()
 
@@ -41,3 +41,11 @@ def pytest_runtest_makereport(item, call):
 def pytest_sessionfinish():
     if os.environ.get(FIGURES_VARIABLE):
         CATALOGUE.save(os.environ[FIGURES_VARIABLE])
+
+
+@pytest.fixture(params=WIDTHS)
+def width(request, monkeypatch):
+    """The arithmetic in which a picture's colour and transmittance are summed: its name, for ``record``."""
+    if request.param == "float64":
+        monkeypatch.setattr("rle_splat.splat.pixel_block.MOST_SHEETS_IN_SINGLE", 0)
+    return request.param

@@ -1,0 +1,58 @@
+"""Scenes whose pixels are single rays through single columns of voxels, so that bounds on numbers can be stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from unittest.mock import patch
+
+import numpy as np
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.render import render, warp
+from rle_splat.scene import Camera, Quality, Scene
+from rle_splat.volume.volume import Volume
+
+BACKENDS = ("numba", "numpy")
+# One sheet per slice, one sheet pixel per voxel, nothing mixed: a pixel is its own column of voxels.
+EXACT = Quality(
+    classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", termination=0.0, name="exact"
+)
+WHITE = ((0.0, 1.0, 1.0, 1.0),)
+
+
+def from_above(voxels, transfer_function, scale: float = 1.0, **more) -> Scene:
+    """Parallel rays down through ``voxels`` (nz, ny, nx), one pixel a column, 1 x 1 x 1 * ``scale`` in the world."""
+    voxels = np.asarray(voxels)
+    nz, ny, nx = voxels.shape
+    place = np.eye(4)
+    place[:3, 3] = scale * 0.5 * (nx - 1), scale * 0.5 * (ny - 1), scale * (nz + 10.0)
+    camera = Camera(
+        place, "ORTHO", ortho_scale=scale * max(nx, ny), clip_start=scale * 0.1, clip_end=scale * (nz + 100.0)
+    )
+    grown = np.diag((scale, scale, scale, 1.0))
+    return Scene(Volume(voxels, np.eye(4)), transfer_function, camera, nx, ny, grown, headlight=False, **more)
+
+
+def columns(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knobs) -> np.ndarray:
+    """(ny, nx, 4) float32: the pixel of each column of a scene ``from_above``, premultiplied colour and alpha."""
+    return render(scene, replace(quality, backend=backend, **knobs)).rgba[::-1]
+
+
+def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knobs) -> np.ndarray:
+    """As ``columns``, before the warp has rounded alpha: premultiplied colour and transmittance."""
+    caught = []
+
+    def catching(images, *rest):
+        caught.extend(images)
+        return warp(images, *rest)
+
+    with patch("rle_splat.render.warp", catching):
+        render(scene, replace(quality, backend=backend, **knobs))
+    (image,) = caught
+    (u, v), (nx, ny, _) = image.base_plane.origin, scene.volume.shape_xyz
+    assert tuple(image.base_plane.density) == (1.0, 1.0) and image.base_plane.axis == 2
+    return image.pixels[-v : ny - v, -u : nx - u]
+
+
+def matter(opacity, color=WHITE, distance=1.0, shade=None, **more) -> TransferFunction:
+    return TransferFunction(opacity=opacity, color=color, opacity_unit_distance=distance, shade=shade, **more)
