@@ -56,7 +56,7 @@ def footprint_weight(kind, t):
             return 0.75 - d * d
         return 0.5 * max(1.5 - d, 0.0) ** 2
     if kind == GAUSSIAN:
-        return math.exp(-0.5 * (d / GAUSSIAN_SIGMA) ** 2) if d <= GAUSSIAN_RADIUS else 0.0
+        return math.exp(-0.5 * (d / GAUSSIAN_SIGMA) ** 2) if d < GAUSSIAN_RADIUS else 0.0
     return 1.0 if -0.5 <= t < 0.5 else 0.0
 
 
@@ -84,7 +84,7 @@ def footprint_values(kind: int, t: np.ndarray) -> np.ndarray:
     if kind == BSPLINE2:
         return np.where(d < 0.5, 0.75 - d * d, 0.5 * np.maximum(1.5 - d, 0.0) ** 2)
     if kind == GAUSSIAN:
-        return np.where(d <= GAUSSIAN_RADIUS, np.exp(-0.5 * (d / GAUSSIAN_SIGMA) ** 2), 0.0)
+        return np.where(d < GAUSSIAN_RADIUS, np.exp(-0.5 * (d / GAUSSIAN_SIGMA) ** 2), 0.0)
     return np.where((t >= -0.5) & (t < 0.5), 1.0, 0.0)
 
 

@@ -154,15 +154,6 @@ def test_sheet_density(stage, perspective):
     assert math.log2(one / two) == pytest.approx(1.6, abs=0.3)
 
 
-@pytest.mark.parametrize("termination", (1 / 1024, 1 / 256, 1 / 64, 1 / 16))
-def test_termination_is_attained_within_five_percent(stage, termination):
-    """Sheets of an optical depth of a fiftieth each: whatever lies behind is cut off at the bound, in every channel."""
-    scene = down_a_column(stage, np.full(600, 0.02), transfer_function=white(((0.0, 0.0), (1.0, 1.0))))
-    full, short = (stage.render(scene, termination=t).rgba[1:3, 1:3] for t in (0.0, termination))
-    lost = (full - short) / termination
-    assert lost.max() < 1.001 and lost.max(axis=(0, 1)).min() > 0.95
-
-
 def blocks(values, depth):
     """(depth, 6, 6 n) opacities in n blocks side by side along x, six voxels wide each."""
     return np.broadcast_to(np.repeat(values, 6), (depth, 6, 6 * len(values)))

@@ -1,0 +1,428 @@
+"""Group A of the catalogue: sheet upon sheet, in float32 and in float64."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.phantoms import FIELDS, blobs
+from rle_splat.classify.classification import classify
+from rle_splat.classify.transfer_function import Shade
+from rle_splat.encode.encode import encode
+from rle_splat.jit import compiled, kernel
+from rle_splat.kept import Kept
+from rle_splat.render import render, render_steps
+from rle_splat.scene import MODELS, WARP_FILTERS, Light, Quality
+from rle_splat.splat import pixel_block, splat
+from rle_splat.splat.pixel_block import BLOCK, CLEAR, accumulator, composite_added, composite_extinction
+from rle_splat.splat.splat import OPAQUE, splat_steps
+from rle_splat.steps import drain
+from rle_splat.view.base_plane import base_plane
+from rle_splat.view.eye import index_view
+from rle_splat.view.footprints import FOOTPRINTS, GAUSSIAN, footprint_values
+from rle_splat.view.principal_axis import candidate_pyramids
+from tests.stability.catalogue import WIDTHS
+from tests.stability.scenes import BACKENDS, columns, from_above, matter
+from tests.truths.conftest import OPACITY_IS_VALUE, Stage
+
+AVAILABLE = BACKENDS if compiled() else ("numpy",)
+WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
+STAGE = Stage()
+STAGE_SHADE = Shade()
+ULP = 2.0**-24  # what float32 rounds a number below one by, at most
+SINGLE, DOUBLE = WIDTHS
+
+
+def intermediate(scene, quality, part=None):
+    """The intermediate image of an unlit scene of one base plane; ``part``: a slice of its sheets."""
+    view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
+    ((axis, sign),) = candidate_pyramids(view)
+    plane = base_plane(
+        view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density, FOOTPRINTS[quality.kernel]
+    )
+    classified = classify(scene.volume, scene.transfer_function, scene.index_to_world)
+    if part is not None:
+        names = plane.sheets.__dataclass_fields__
+        sheets = replace(plane.sheets, **{name: getattr(plane.sheets, name)[part] for name in names})
+        plane = replace(plane, sheets=sheets, scale=plane.scale[part], offset=plane.offset[part])
+    return drain(splat_steps(encode(classified, classified.color, axis), plane, quality)), len(plane.sheets)
+
+
+# --- A1 -------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def _extinctions(sheet, length, state, before, count):
+    for _ in range(count):
+        composite_extinction(
+            sheet, 0, 0, np.float32(0.0), length, 0, np.float32(1.0), np.float32(OPAQUE), state, 0, before
+        )
+
+
+@kernel
+def _opacities(sheet, length, state, before, count):
+    for _ in range(count):
+        composite_added(sheet, 0, 0, np.float32(0.0), length, 0, np.float32(1.0), np.float32(OPAQUE), state, 0, before)
+
+
+def behind_sheets(loop, value, count, width):
+    """(colour, transmittance) of one pixel behind ``count`` sheets of white matter of extinction, or opacity, value."""
+    kind = np.dtype(width).type
+    sheet, length = np.full(4 * BLOCK, value, np.float32), np.ones(BLOCK, np.float32)
+    state, before = np.zeros(4 * BLOCK, kind), np.zeros(BLOCK, kind)
+    state[CLEAR:] = 1.0
+    loop(sheet, length, state, before, count)
+    assert (state[CLEAR:] == state[CLEAR]).all() and (state[:BLOCK] == state[0]).all()
+    return float(state[0]), float(state[CLEAR])
+
+
+@WITH_KERNELS
+@pytest.mark.parametrize("count", (10**3, 10**4, 10**5, 10**6, 10**7))
+@pytest.mark.parametrize("model", MODELS)
+def test_A1_thin_sheets_whose_optical_depths_add_up_to_one(record, model, count):
+    value = np.float32(1.0 / count)
+    loop = _extinctions if model == "extinction" else _opacities
+    exact = math.exp(count * (-float(value) if model == "extinction" else math.log1p(-float(value))))
+    for width in WIDTHS:
+        color, clear = behind_sheets(loop, value, count, width)
+        record("A1", "error of T behind n sheets, in units of n 2^-24", abs(clear - exact) / (count * ULP), 1.0, width)
+        if width == DOUBLE:
+            none = "chosen for no more than 16,384 sheets"
+            record("A1", "error of T behind up to 1e7 sheets", abs(clear - exact), 1e-12, width, why=none)
+            record("A1", "colour + T - 1 behind up to 1e7 sheets", abs(color + clear - 1.0), 1e-12, width, why=none)
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+@pytest.mark.parametrize("model", MODELS)
+def test_A1_the_plan_counts_the_sheets(record, model, backend, monkeypatch):
+    """A column of more slices than float32 is good for, and one slice fewer; the numpy twin has a lower limit here,
+    for it takes its time."""
+    if backend == "numpy":
+        monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 500)
+    most = pixel_block.MOST_SHEETS_IN_SINGLE
+    assert accumulator(most) is np.float32 and accumulator(most + 1) is np.float64
+    asked = []
+    for module in ("scratch", "sheet_buffer_numpy"):
+        monkeypatch.setattr(f"rle_splat.splat.{module}.accumulator", lambda n: asked.append(n) or accumulator(n))
+    # Records, lengths and the finished picture are float32 in either case: a few roundings in all.
+    for count, width, bound in ((most, SINGLE, most * ULP), (most + 1, DOUBLE, 4.0 * ULP)):
+        alpha = np.float32(-math.expm1(-1.0 / count))
+        scene = from_above(np.ones((count, 1, 1), np.uint8), matter(((0.0, 0.0), (1.0, float(alpha)))))
+        found = columns(scene, backend, model=model)[0, 0]
+        assert set(asked) == {count}
+        asked.clear()
+        claim = f"error of A in a picture of {'no more' if width == SINGLE else 'more'} than {most} sheets"
+        record("A1", claim, abs(float(found[3]) + math.expm1(-1.0)), bound, width, why="another number of sheets")
+
+
+# --- A2, A3: the end of a ray ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+@pytest.mark.parametrize("tau", (0.05, 2.0, 16.6))
+def test_A2_transmittance_underflows_to_the_end_of_the_ray(record, width, backend, tau):
+    """No least transmittance is asked for: behind 1e-30 the ray ends, and no denormal number is left to work with."""
+    count = int(70.0 / tau) + 40
+    seen = matter(((0.5, 0.0), (0.5, -math.expm1(-tau))))
+    quality = Quality(
+        depth_rule="slice",
+        sheet_density=0.0,
+        warp_filter="bilinear",
+        termination=0.0,
+        backend=backend,
+        classification="pre",
+    )
+    scene = from_above(np.ones((2 * count, 2, 2), np.uint8), seen)
+    image, _ = intermediate(scene, quality)
+    clear = image.pixels[..., 3]
+    assert clear.min() <= OPAQUE and np.isfinite(image.pixels).all()
+    denormal = (clear > 0.0) & (clear < np.finfo(np.float32).tiny)
+    record("A2", "denormal transmittances left behind opaque matter", denormal.sum(), 0, width)
+    half = from_above(np.ones((2 * count, 2, 2), np.uint8) * (np.arange(2 * count) >= count)[:, None, None], seen)
+    behind = intermediate(half, quality)[0].pixels
+    record(
+        "A2",
+        "pixels that matter behind T = 1e-30 changes",
+        (np.sort(behind.ravel()) != np.sort(image.pixels.ravel())).sum(),
+        0,
+        width,
+    )
+
+
+@pytest.mark.parametrize("termination", (1 / 1024, 1 / 256, 1 / 64, 1 / 16))
+def test_A3_early_termination_costs_its_bound_and_no_more(record, width, termination):
+    """Sheets of an optical depth of a fiftieth: whatever lies behind is cut off at the bound, in every channel."""
+    scene = from_above(np.ones((600, 2, 2), np.uint8), matter(((0.0, 0.0), (1.0, -math.expm1(-0.02)))))
+    full, short = (columns(scene, termination=t)[0, 0] for t in (0.0, termination))
+    lost = (full - short) / termination
+    record("A3", "what termination cuts off, in units of T_min * c_max", lost.max(), 1.001, width)
+    record("A3", "part of the bound that a saturating scene does not attain", 1.0 - lost.min(), 0.05, width)
+
+
+# --- A4, A5: orders and bands ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+@pytest.mark.parametrize("footprint, taps", (("tent", 1), ("bspline2", 27), ("bspline3", 27), ("gaussian", 125)))
+def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, backend, footprint, taps):
+    """The same voxels met in the opposite order, along scanlines and across them."""
+    voxels = np.random.default_rng(4).integers(1, 256, (3, 24, 24)).astype(np.uint8)
+    voxels[:, :4] = voxels[:, -4:] = voxels[..., :4] = 0
+    voxels[..., -4:] = 0
+    faint = matter(((0.0, 0.0), (255.0, 0.2)), color=((0.0, 1.0, 0.2, 0.1), (255.0, 0.2, 0.4, 0.9)))
+    plain, turned = (
+        columns(from_above(v, faint), backend, kernel=footprint).astype(np.float64)
+        for v in (voxels, voxels[:, ::-1, ::-1])
+    )
+    assert plain[..., 3].max() > 0.3
+    record(
+        "A4",
+        "change of a sum of taps whose order is reversed, in units of taps * 2^-24",
+        np.abs(turned[::-1, ::-1] - plain).max() / (taps * ULP),
+        1.0,
+        width,
+    )
+
+
+@WITH_KERNELS
+@pytest.mark.parametrize("rows", (2, 6, 10, 30))
+@pytest.mark.parametrize("threads", (1, 2))
+def test_A5_bands_and_threads_change_no_bit(record, width, monkeypatch, rows, threads):
+    """The rows of the intermediate image, taken so many at a time (more threads: test_same_picture)."""
+    scene = STAGE.on_turntable(FIELDS["smooth"](20)[:, :17], 35.0, 25.0, True, size=(70, 61))
+    whole = STAGE.render(scene, threads=1)
+    calls, work = [], splat.splat_rows
+    with monkeypatch.context() as patch:
+        patch.setattr(splat, "BAND", rows // 2)
+        patch.setattr(splat, "WORK_AT_ONCE", 0)
+        patch.setattr(splat, "splat_rows", lambda *a: calls.append(a[6:8]) or work(*a))
+        split = STAGE.render(scene, threads=threads)
+    assert max(last - first for first, last in calls) == rows and len(calls) > 2
+    changed = (split.rgba != whole.rgba).sum() + (split.depth != whole.depth).sum()
+    record("A5", "numbers whose bits change with threads and bands", changed, 0, width)
+
+
+# --- A6 to A9: what any picture keeps to ----------------------------------------------------------------------
+
+
+def over(front, back):
+    """(..., 4) colour and transmittance, float64: one partial image over another."""
+    return np.concatenate((front[..., :3] + front[..., 3:] * back[..., :3], front[..., 3:] * back[..., 3:]), axis=-1)
+
+
+@pytest.mark.parametrize("depth_rule", ("slice", "simpson"))
+@pytest.mark.parametrize("pieces", (2, 3, 5, 9))
+def test_A6_over_is_associative(record, width, depth_rule, pieces):
+    """Sheets split between them at random, put together again as a tree; nothing in front changes nothing."""
+    random = np.random.default_rng(pieces)
+    scene = STAGE.on_turntable(0.6 * blobs((20, 20, 20), 2), 35.0, 25.0, size=(40, 40))
+    quality = Quality(classification="pre", depth_rule=depth_rule, termination=0.0)
+    whole, sheets = intermediate(scene, quality)
+    cuts = np.sort(random.choice(np.arange(1, sheets), pieces - 1, replace=False))
+    images = [
+        intermediate(scene, quality, slice(first, last))[0].pixels.astype(np.float64)
+        for first, last in zip((0, *cuts), (*cuts, sheets), strict=True)
+    ]
+    depth = 0
+    while len(images) > 1:
+        images = [over(*images[i : i + 2]) if i + 1 < len(images) else images[i] for i in range(0, len(images), 2)]
+        depth += 1
+    assert whole.pixels[..., 3].min() < 0.3
+    error = np.abs(images[0] - whole.pixels).max() / (4 * ULP * depth)
+    record("A6", "error of a tree of over, in units of 4 * 2^-24 * its depth", error, 1.0, width)
+    nothing = np.broadcast_to(np.array((0.0, 0.0, 0.0, 1.0)), whole.pixels.shape)
+    for both in (over(nothing, whole.pixels), over(whole.pixels, nothing)):
+        record("A6", "numbers that over changes where one side is nothing", (both != whole.pixels).sum(), 0, width)
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+@pytest.mark.parametrize("slices", (15, 128))
+@pytest.mark.parametrize("tau", (1e-7, 1e-3, 0.1, 1.0, 5.0, 16.6))
+def test_A7_a_white_furnace_is_as_bright_as_it_is_opaque(record, width, backend, slices, tau):
+    """Emission of colour one: what is emitted is what is hidden, sheet for sheet, before any clamp."""
+    scene = from_above(np.ones((slices, 8, 8), np.uint8), matter(((0.0, 0.0), (1.0, -math.expm1(-tau)))))
+    quality = Quality(classification="pre", depth_rule="slice", termination=0.0, backend=backend)
+    pixels = intermediate(scene, quality)[0].pixels.astype(np.float64)
+    assert pixels[..., 3].min() < math.exp(-min(slices * tau, 30.0)) * 1.001
+    error = np.abs(pixels[..., :3] + pixels[..., 3:] - 1.0).max()
+    if slices == 15:
+        record("A7", "emitted + transmitted light - 1, behind 15 sheets", error, 1e-6, width)
+    record("A7", "emitted + transmitted light - 1, in units of n 2^-24", error / (slices * ULP), 1.0, width)
+    rgba = columns(scene, backend).astype(np.float64)
+    unequal = np.abs(rgba[..., :3] - rgba[..., 3:]).max() / (slices * ULP)
+    record("A7", "colour - alpha of a white picture, in units of n 2^-24", unequal, 1.0, width)
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+def test_A8_more_matter_hides_more_and_more_light_shows_more(record, width, backend):
+    random = np.random.default_rng(8)
+    field = np.where(random.random((14, 14, 14)) < 0.5, 0.0, random.random((14, 14, 14)) * 0.4)
+    quality = Quality(classification="pre", termination=0.0, backend=backend)
+    base = intermediate(STAGE.on_turntable(field, 35.0, 25.0, size=(24, 24)), quality)[0].pixels
+    for _ in range(4):
+        more = field.copy()
+        more[tuple(random.integers(0, 14, 3))] += 0.3
+        added = intermediate(STAGE.on_turntable(more, 35.0, 25.0, size=(24, 24)), quality)[0].pixels
+        assert (added[..., 3] < base[..., 3]).any()
+        record("A8", "rise of T where matter is added", (added - base)[..., 3].max(), 0.0, width)
+    brighter = replace(OPACITY_IS_VALUE, color=tuple((x, 1.2 * r, g, b + 0.1) for x, r, g, b in OPACITY_IS_VALUE.color))
+    lit = intermediate(STAGE.on_turntable(field, 35.0, 25.0, size=(24, 24), transfer_function=brighter), quality)[
+        0
+    ].pixels
+    assert (lit[..., 3] == base[..., 3]).all()
+    record("A8", "fall of C where emission is added", (base - lit)[..., :3].max(), 0.0, width)
+
+
+@pytest.mark.parametrize("warp_filter", WARP_FILTERS)
+@pytest.mark.parametrize("backend", AVAILABLE)
+def test_A9_colour_never_exceeds_what_its_opacity_allows(record, width, warp_filter, backend):
+    """Binary matter of HDR colours, so that the filters' negative lobes have something to overshoot."""
+    random = np.random.default_rng(9)
+    colors = ((0.0, 7.5, 0.0, 0.2), (1.0, 0.1, 2.0, 0.0))
+    harsh = matter(((0.5, 0.0), (0.5, 0.98)), color=colors)
+    field = (random.random((16, 16, 16)) < 0.1) * 1.0
+    for perspective in (False, True):
+        scene = STAGE.on_turntable(field, 35.0, 25.0, perspective, size=(48, 48), transfer_function=harsh)
+        rgba = STAGE.render(
+            scene, warp_filter=warp_filter, sheet_density=1.0, termination=0.0, backend=backend
+        ).rgba.astype(np.float64)
+        assert rgba[..., 3].max() > 0.9
+        over_bright = (rgba[..., :3] - 7.5 * rgba[..., 3:]).max()
+        record("A9", "colour beyond c_max * A after the warp", over_bright, 4 * 7.5 * ULP, width)
+        record("A9", "colour or alpha below 0, alpha above 1", max(-rgba.min(), rgba[..., 3].max() - 1.0), 0.0, width)
+
+
+# --- A10, A11: kernels ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize("rule", ("slice", "simpson", "gauss2"))
+def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, width, footprint, backend, rule):
+    """Optical depth of every sheet pixel over the middle of a block, at 0.39 and 2.93 pixels a voxel."""
+    block = np.zeros((20, 26, 26), np.uint8)
+    block[4:-4, 1:-1, 1:-1] = 1
+    scene = from_above(block, matter(((0.0, 0.0), (1.0, -math.expm1(-0.05)))))
+    for pixels in (76, 10):
+        for moved in (0.0, 1 / 3, 0.5):
+            camera = replace(scene.camera, shift_x=moved / pixels, shift_y=-0.3 * moved / pixels)
+            quality = Quality(classification="pre", kernel=footprint, depth_rule=rule, termination=0.0, backend=backend)
+            image, sheets = intermediate(replace(scene, camera=camera, width=pixels, height=pixels), quality)
+            x, y = image.base_plane.points()
+            middle = np.ix_(np.abs(y - 12.5) < 8.0, np.abs(x - 12.5) < 8.0)
+            tau = -np.log(image.pixels[..., 3][middle].astype(np.float64))
+            assert tau.size >= 36 and sheets >= 14
+            # T itself is float32: one rounding of it is this much of an optical depth of 0.6.
+            stored = ULP / tau.mean()
+            record(
+                "A10",
+                "relative ripple of optical depth in a constant block, beside 2^-24 of T",
+                np.ptp(tau) / tau.mean() - 2.0 * stored,
+                1e-6,
+                width,
+            )
+            if (footprint, rule) != ("gaussian", "slice"):
+                record(
+                    "A10",
+                    "relative error of optical depth through a constant block, beside n 2^-24 of T",
+                    abs(tau.mean() / 0.6 - 1.0) - sheets * stored,
+                    1e-6,
+                    width,
+                )
+
+
+def test_A10_the_gaussian_is_normalised_because_it_must(record):
+    """The lattice sums of the footprints as they are: all but the Gaussian are one without division."""
+    at = np.linspace(0.0, 1.0, 401)[:, None] + np.arange(-4, 5)
+    for kind in range(5):
+        ripple = np.ptp(footprint_values(kind, at).sum(axis=1))
+        if kind == GAUSSIAN:
+            assert ripple > 2e-4  # the premise of the normalisation
+        else:
+            record(
+                "A10",
+                "ripple of the lattice sum of B-splines",
+                ripple,
+                1e-12,
+                DOUBLE,
+                why="weights are made in float64",
+            )
+
+
+def test_A11_a_finer_grid_converges_at_the_kernels_order(record, width):
+    """The same Gaussian blob on grids of 16, 32 and 64, seen by the same camera: differences fall by four."""
+
+    def picture(count, depth_rule):
+        h = 16.0 / count
+        z, y, x = (np.indices((count,) * 3) + 0.5) * h - 8.0
+        tau = 0.3 * np.exp(-0.5 * ((x - 0.6) ** 2 + (y + 0.9) ** 2 + z * z) / 1.8**2)
+        scene = STAGE.on_turntable(-np.expm1(-tau), 0.0, 0.0, size=(40, 40), fit=0.8, spacing=(h, h, h))
+        return STAGE.render(scene, sheet_density=4.0, depth_rule=depth_rule, termination=0.0).rgba
+
+    for rule in ("slice", "gauss2"):
+        coarse, middle, fine = (picture(count, rule)[..., 3] for count in (16, 32, 64))
+        order = math.log2(np.abs(coarse - middle).max() / np.abs(middle - fine).max())
+        record("A11", "distance of the tent's observed order from 2", abs(order - 2.0), 0.15, width)
+
+
+# --- A14, A15 -------------------------------------------------------------------------------------------------
+
+
+def light_at(place, kind="POINT", **more):
+    matrix = np.eye(4)
+    matrix[:3, 3] = place
+    return Light(kind, matrix_world=matrix, **more)
+
+
+@pytest.mark.parametrize("kind", ("POINT", "SPOT", "AREA", "SUN"))
+def test_A14_lights_none_two_at_a_voxel_and_inside(record, width, kind):
+    """Finite, never dark of a sudden, and the sum of what each gives; a light at a voxel is like one beside it."""
+    field = FIELDS["smooth"](16)
+    shaded = matter(((0.0, 0.0), (1.0, 0.5)), shade=STAGE_SHADE)
+
+    def lit(*lights):
+        scene = STAGE.on_turntable(field, size=(32, 32), transfer_function=shaded, lights=lights)
+        return STAGE.render(scene, warp_filter="bilinear").rgba
+
+    none = lit()
+    at, inside = light_at((8.0, 7.0, 9.0), kind, energy=50.0), light_at((7.6, 7.3, 8.2), kind, energy=50.0)
+    pictures = {"none": none, "at": lit(at), "inside": lit(inside), "two": lit(at, inside), "same": lit(at, at)}
+    not_finite = sum((~np.isfinite(picture)).sum() for picture in pictures.values())
+    record("A14", "numbers that are not finite", not_finite, 0, width)
+    assert none[..., :3].max() > 0.1 and all((p[..., 3] == none[..., 3]).all() for p in pictures.values())
+    # P / (4 pi^2 d^2) with d at least half a voxel, or a sun's E / pi; diffuse and specular parts of one each at most.
+    strongest = 50.0 / math.pi if kind == "SUN" else 50.0 / (4.0 * math.pi**2 * 0.25) * (4.0 if kind == "AREA" else 1.0)
+    brightest = (pictures["at"][..., :3] - pictures["at"][..., 3:]).max() / (2.0 * strongest)
+    record("A14", "light at a voxel, in units of what half a voxel's distance allows", brightest, 1.0, width)
+    darker = max((pictures[name] - pictures["two"]).max() for name in ("at", "inside"))
+    record("A14", "fall of a colour when a light is added", darker, 1e-6, width)
+
+
+def test_A15_jobs_that_interleave_share_a_store_and_no_result(record, width):
+    """A picture begun, its transfer function changed half-way and drawn again from the same store, then both ended."""
+    volume = STAGE.volume(FIELDS["smooth"](14))
+    first = STAGE.on_turntable(FIELDS["smooth"](14), size=(30, 30))
+    changed = replace(OPACITY_IS_VALUE, opacity=((0.0, 0.0), (0.3, 0.9), (1.0, 0.1)))
+    others = (
+        replace(first, transfer_function=changed),
+        replace(first, volume=replace(volume, slope=0.5)),
+        replace(first, volume_matrix=first.volume_matrix @ np.diag((1.0, 1.5, 1.0, 1.0))),
+        replace(first, lights=(Light("SUN"),), transfer_function=replace(OPACITY_IS_VALUE, shade=STAGE_SHADE)),
+    )
+    quality = Quality(classification="pre")
+    fresh = [render(scene, quality).rgba for scene in (first, *others)]
+    assert all((picture != fresh[0]).any() for picture in fresh[1:])
+    wrong, most = 0, len(list(render_steps(first, quality)))
+    for other, picture in zip(others, fresh[1:], strict=True):
+        for steps in range(1, most, 3):
+            store = Kept()
+            begun = render_steps(first, quality, store)
+            for _ in range(steps):
+                next(begun)
+            wrong += (render(other, quality, kept=store).rgba != picture).any()
+            wrong += (drain(begun).rgba != fresh[0]).any()
+            wrong += (render(other, quality, kept=store).rgba != picture).any()
+    record("A15", "stale pictures of jobs that interleave", wrong, 0, width)
