@@ -6,6 +6,7 @@ follows from the count.  No kernels here: what only looks at a file does not wai
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -28,6 +29,11 @@ WARPED = 16  # a sheet pixel once more, as its picture is warped
 LIMITS = 40  # where the ray of a sheet pixel begins and ends, and what finding that takes
 PICTURE_PIXEL = 20  # colour and depth of a finished pixel
 WRITTEN = 48  # what putting it into a file takes meanwhile
+# Bytes of a voxel of the scan next to fine ones that a refined classification shows: which it is, its normal, light and
+# highlight, and what finding these takes.
+LIT = 3 + NORMAL + 2 * 12 + 16
+FINE_VOXELS_AT_ONCE = 1 << 23  # fine voxels that are made together, whole blocks of planes; classify's own number
+BLOCK = 8 * 8 * 32  # fine voxels of which the least and the largest are kept
 SPARE = 0.9  # of what is free may be asked for: the system and Python want some too
 
 
@@ -51,6 +57,7 @@ class MemoryEstimate:
     picture: int
     axes: int
     record: int
+    refinement: int = 1
 
     @property
     def needed(self) -> int:
@@ -87,6 +94,12 @@ class MemoryEstimate:
             work=_work_bytes(self.visible_voxels, record),
         )
 
+    def with_refinement(self, refinement: int) -> MemoryEstimate:
+        """At most the same on another finer grid, 1 for that of the scan: thin shells shrink least, as the square."""
+        share = (refinement / self.refinement) ** 2
+        parts = {name: round(share * getattr(self, name)) for name in (*_PARTS[:5], "visible_voxels")}
+        return replace(self, refinement=refinement, **parts)
+
 
 _PARTS = ("visible", "normals", "runs", "records", "work", "picture")
 
@@ -112,7 +125,9 @@ def estimate(volume, tf, quality: Quality | None = None, *, axes: int = 1, shade
         values = volume.physical(stored_values(volume.voxels.dtype))
         count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
     shaded = tf.shade is not None if shaded is None else shaded
-    return _reckon(volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, quality, axes, shaded, 0)
+    return _reckon_scan(
+        volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, quality, axes, shaded, 0, volume.voxels.nbytes
+    )
 
 
 def estimate_from_histogram(
@@ -123,7 +138,9 @@ def estimate_from_histogram(
     _, ny, nz = shape_xyz
     count = int(counts[tf.alpha_at(values) > 0.0].sum())
     pieces = count // TYPICAL_PIECE
-    return _reckon(shape_xyz, np.dtype(dtype), count, pieces, min(pieces, ny * nz), quality, 1, shaded, picture)
+    dtype, lines = np.dtype(dtype), min(pieces, ny * nz)
+    held = math.prod(shape_xyz) * dtype.itemsize
+    return _reckon_scan(shape_xyz, dtype, count, pieces, lines, quality, 1, shaded, picture, held)
 
 
 def estimate_of(
@@ -131,29 +148,78 @@ def estimate_of(
 ) -> MemoryEstimate:
     """As ``estimate``, from ``counted``: visible voxels and connected pieces per row, (nz * ny,) each.
 
+    ``volume``: a RefinedVolume for a classification that is refined.
     ``picture``: see ``picture_bytes``.
     """
     counts, pieces = counted
     lines = int(np.count_nonzero(counts))
     return _reckon(
         volume.shape_xyz, volume.voxels.dtype, int(counts.sum()), int(pieces.sum()), lines, quality, axes, shaded,
-        picture,
+        picture, volume.voxels.nbytes,
     )  # fmt: skip
 
 
-def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture) -> MemoryEstimate:
+def _refinement_of(quality: Quality) -> int:
+    return quality.refinement if quality.classification == "refined" else 1
+
+
+def _reckon_scan(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
+    """From the visible voxels, pieces and lines of the scan itself, whatever grid they will be classified on."""
+    s = _refinement_of(quality)
+    if s > 1:
+        # Of values that are interpolated the same share is shown, so that the count grows as the grid does.
+        shape, count, pieces, lines = (s * (n - 1) + 1 for n in shape), s**3 * count, s**2 * pieces, s**2 * lines
+        dtype = np.dtype("u2" if counts_values(dtype) else "f4" if dtype == np.float32 else "f8")
+    return _reckon(tuple(shape), dtype, count, pieces, lines, quality, axes, shaded, picture, held)
+
+
+def _lit_voxels(count: int, pieces: int, s: int) -> int:
+    """About how many voxels of a scan are next to ``count`` fine voxels: a piece of n of these spans n / s cells of the
+    scan and reaches into one at either end, taken alike along every axis."""
+    return round(count * ((1.0 + 2.0 * (s - 1) * pieces / max(count, 1)) / s) ** 3)
+
+
+LIGHT = 4  # bytes of a voxel's light and highlight, white: mostly they are
+
+
+def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture: int = 0) -> MemoryEstimate:
+    """As ``estimate_of``, for tables of scalars: ``counted`` are the voxels that matter to post-classified sheets.
+
+    ``lit``: whether something shines.
+    """
+    counts, pieces = counted
+    lines, count, dtype = int(np.count_nonzero(counts)), int(counts.sum()), volume.voxels.dtype
+    needs = _reckon(
+        volume.shape_xyz, dtype, count, int(pieces.sum()), lines, Quality(record=RECORDS[-1]), axes, lit, picture,
+        volume.voxels.nbytes,
+    )  # fmt: skip
+    looks = 0 if counts_values(dtype) else LOOK * count  # the value table stands for them
+    visible = needs.visible - looks + volume.voxels.size // 8 + LIGHT * lit * count
+    record = min(dtype.itemsize, 4) + LIGHT * lit
+    return replace(needs, visible=visible, records=axes * record * count, work=0)
+
+
+def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
     nx, ny, nz = shape
+    refinement = _refinement_of(quality)
     visible = count * ((2 if nx <= 65536 else 4) + dtype.itemsize) + ROW * ny * nz
     if not counts_values(dtype):
         visible += LOOK * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
     runs = (2 * pieces + lines) * (2 if max(shape) <= 65535 else 4)
     scanlines = max(shape[across] * shape[principal] for _, across, principal in AXES.values())
+    normals, work = NORMAL * count, _work_bytes(count, quality.record)
+    if refinement > 1:
+        scan = [(n - 1) // refinement + 1 for n in shape]
+        lit = min(_lit_voxels(count, pieces, refinement), math.prod(scan))
+        normals = LIT * lit + ROW * scan[1] * scan[2]
+        visible += 2 * dtype.itemsize * nx * ny * nz // BLOCK
+        work = max(work, dtype.itemsize * max(FINE_VOXELS_AT_ONCE, 8 * nx * ny))
     return MemoryEstimate(
-        visible_voxels=count, voxels=nx * ny * nz, volume=nx * ny * nz * dtype.itemsize, visible=visible,
-        normals=NORMAL * count if shaded else 0, runs=axes * (runs + SCANLINE * scanlines),
-        records=axes * quality.record * count, work=_work_bytes(count, quality.record), picture=picture, axes=axes,
-        record=quality.record,
+        visible_voxels=count, voxels=nx * ny * nz, volume=held, visible=visible,
+        normals=normals if shaded else 0, runs=axes * (runs + SCANLINE * scanlines),
+        records=axes * quality.record * count, work=work, picture=picture, axes=axes, record=quality.record,
+        refinement=refinement,
     )
 
 
@@ -202,13 +268,17 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
     for record in short:
         if wanted.with_record(record).needed <= free:
             return f"voxel records of {record} bytes would fit"
+    for refinement in range(wanted.refinement - 1, 0, -1):
+        if wanted.with_refinement(refinement).needed <= free:
+            coarser = f"a refinement of {refinement}" if refinement > 1 else "classifying on the grid of the scan"
+            return f"{coarser} would fit"
     one_by_one = () if wanted.picture else range(wanted.axes - 1, 0, -1)  # a picture needs all of its axes
     for axes in one_by_one:
         for record in (wanted.record, *short):
             if wanted.with_axes(axes).with_record(record).needed <= free:
                 named = f" with voxel records of {record} bytes" if record != wanted.record else ""
                 return f"{'one principal axis' if axes == 1 else 'two principal axes'} at a time{named} would fit"
-    least = (wanted if wanted.picture else wanted.with_axes(1)).with_record(RECORDS[-1])
+    least = (wanted if wanted.picture else wanted.with_axes(1)).with_record(RECORDS[-1]).with_refinement(1)
     per_voxel = (least.visible + least.normals + least.runs + least.records) / max(least.visible_voxels, 1)
     share = max(free - max(least.picture, least.work), 0.0) / per_voxel / wanted.voxels
     if share < 0.0005:

@@ -117,6 +117,11 @@ class FineVoxels:
         return tuple(self.refinement * (n - 1) + 1 for n in self.coarse.shape)
 
     @property
+    def nbytes(self) -> int:
+        """Of the voxels that they are made from: they take no room themselves."""
+        return self.coarse.nbytes
+
+    @property
     def _coding(self):
         """What kernels need to make codes; None where there are none."""
         return (self.base, 1.0 / self.step) if self.dtype.kind == "u" else None

@@ -18,10 +18,10 @@ from ..volume.gradient import CHUNK
 from .classification import LOOKS, RED, ClassifiedVolume
 from .placing import Places, find_targets
 from .refined import RefinedVolume
-from .shading import DENSITY, LANES, Lighting, light_records, normals
+from .shading import DENSITY, LANES, Lighting, normals, shaded_colors
 from .visible import VisibleVoxels, row_offsets
 
-LIGHT = 3  # floats of a voxel's light, and of its highlight
+LIGHT = 3  # channels of a voxel's light, and of its highlight
 _ZERO = np.float32(0.0)
 
 
@@ -49,27 +49,22 @@ class RefinedLight:
     threads: int = 0
 
     @cached_property
-    def of_voxels(self) -> np.ndarray:
-        """(m, 6) float32: light and highlight of each lit voxel; (m, 3) where nothing is specular."""
+    def of_voxels(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """(m, 3) float32 light of each lit voxel, and its highlight; None where nothing is specular."""
         light = self._shaded(1.0)
         if not self.falling.material[2] > 0.0:
-            return read_only(np.ascontiguousarray(light[:, :LIGHT]))
+            return read_only(light), None
         # White matter shows the light and the highlight, black matter the highlight alone.
         highlight = self._shaded(0.0)
-        light[:, :LIGHT] -= highlight[:, :LIGHT]
-        return read_only(np.hstack((light[:, :LIGHT], highlight[:, :LIGHT])))
+        light -= highlight
+        return read_only(light), read_only(highlight)
 
     def _shaded(self, color: float) -> np.ndarray:
-        """(m, 4) float32 records of the lit voxels as matter of one grey and of density 1."""
+        """(m, 3) float32 shaded colours of the lit voxels as matter of one grey."""
         look = np.full((1, LOOKS), color, np.float32)
         matter = ClassifiedVolume(self.lit.voxels, look, True, 1.0, 1.0)
-        everywhere = Places.in_order(self.lit.voxels, 0, self.lit.voxels.shape_xyz[2])
-        records = np.empty((len(self.lit.voxels), 4), np.float32)
-        light_records(
-            matter, self.lit.normals, self.falling, None, everywhere, records, backend=self.backend,
-            threads=self.threads,
-        )
-        return records
+        colors = shaded_colors(matter, self.lit.normals, self.falling, backend=self.backend, threads=self.threads)
+        return colors.copy()
 
     def records(self, classified: ClassifiedVolume, model: str, places: Places, records) -> float:
         """As ``shading.light_records``, for the fine voxels of ``classified``."""
@@ -77,10 +72,16 @@ class RefinedLight:
         look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
         seen = (look_of, read_only(classified.looks), DENSITY[model])
         lit = self.lit.voxels
-        light = (lit.shape_xyz[0], lit.shape_xyz[1], read_only(lit.row_start), read_only(lit.column), self.of_voxels)
         if compiled(self.backend):
+            fine_x = np.arange(classified.shape_xyz[0])
+            steps = (
+                self.refinement, read_only((fine_x // self.refinement).astype(np.int32)),
+                read_only((fine_x % self.refinement / self.refinement).astype(np.float32)),
+            )
+            of_scan = (lit.shape_xyz[1], read_only(lit.row_start), read_only(lit.column))
+            light = self.of_voxels  # made here: it takes kernels too
             with parallel_call(self.threads):
-                _write_records(places.arguments, *seen, self.refinement, light, records, most)
+                _write_records(places.arguments, *seen, steps, of_scan, *light, records, most)
         else:
             self._write_numpy(places, *seen, records, most)
         return float(most.max())
@@ -92,24 +93,22 @@ class RefinedLight:
         for begin in range(first, last, CHUNK):
             part = slice(begin, min(begin + CHUNK, last))
             seen = looks[part] if look_of is None else looks[look_of[part]]
-            light = self._interpolated_numpy(places.voxels, part)
-            colors = seen[:, RED:] * light[:, :LIGHT]
-            if light.shape[1] > LIGHT:
-                colors = colors + light[:, LIGHT:]
+            light, highlight = self._interpolated_numpy(places.voxels, part)
+            colors = seen[:, RED:] * light + highlight
             made = np.empty((len(seen), 4), np.float32)
             made[:, 3] = seen[:, density_column]
             made[:, :3] = made[:, 3:] * colors
             records[targets[part.start - first : part.stop - first]] = made
             most[0] = max(most[0], colors.max(initial=0.0))
 
-    def _interpolated_numpy(self, voxels, part) -> np.ndarray:
-        """(k, 3 or 6) float32 light at the fine voxels ``part``, a slice."""
+    def _interpolated_numpy(self, voxels, part):
+        """(k, 3) float32 light and highlight at the fine voxels ``part``, a slice; a highlight of 0.0 for none."""
         s, lit = self.refinement, self.lit.voxels
         nx, ny, _ = lit.shape_xyz
         row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
         fine = (voxels.column[part].astype(np.int64), row % voxels.shape_xyz[1], row // voxels.shape_xyz[1])
         number = np.repeat(np.arange(len(lit.row_start) - 1), np.diff(lit.row_start)) * nx + lit.column
-        found = np.zeros((len(row), self.of_voxels.shape[1]))
+        found = [0.0 if light is None else np.zeros((len(row), LIGHT), np.float32) for light in self.of_voxels]
         for corner in np.ndindex(2, 2, 2):
             weight, at = 1.0, []
             for place, far in zip(fine, corner):
@@ -118,8 +117,11 @@ class RefinedLight:
                 at.append(place // s + far)
             use = np.flatnonzero(weight > 0.0)
             x, y, z = (place[use] for place in at)
-            found[use] += weight[use, None] * self.of_voxels[np.searchsorted(number, (z * ny + y) * nx + x)]
-        return found.astype(np.float32)
+            lit_voxel = np.searchsorted(number, (z * ny + y) * nx + x)
+            for mixed, light in zip(found, self.of_voxels):
+                if light is not None:
+                    mixed[use] += weight[use, None] * light[lit_voxel]
+        return found
 
 
 def lit_voxels(
@@ -204,22 +206,25 @@ def _mark(begin, end, row_start, column, s, n_x, n_y, fine_y, fine_z, starts, ma
 
 
 @kernel
-def _write_records(places, look_of, looks, density_column, refinement, light, records, most):
-    """``places``, ``look_of``, ``looks``: as in ``shading``.  ``light``: nx and ny of the scan, row_start and column of
-    its lit voxels, and (m, 3 or 6) their light and highlight."""
-    arguments = (places, look_of, looks, density_column, refinement, light, records, most)
+def _write_records(places, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+    """``places``, ``look_of``, ``looks``: as in ``shading``.  ``steps``: refinement; by fine column, the column of the
+    scan at or before it, int32, and how far it is from there to the next, float32.  ``lit``: ny of the scan, row_start
+    and column of its lit voxels.  ``light``, ``highlight``: (m, 3) float32, the second None where nothing is specular.
+    """
+    arguments = (places, look_of, looks, density_column, steps, lit, light, highlight, records, most)
     share_out(_write_planes, places[5].shape[0], arguments)
 
 
 @kernel(inner=True)
-def _write_planes(begin, end, places, look_of, looks, density_column, s, light, records, most):
+def _write_planes(begin, end, places, look_of, looks, density_column, steps, lit, light, highlight, records, most):
     n_y, first_plane, row_start, column, across, data_starts = places
-    n_x, channels = light[0], light[4].shape[1]
+    s, before, shares = steps
     cursors = np.empty(data_starts.shape[1], np.int64)
     targets = np.empty(LANES, np.uint64)
-    line = np.zeros((n_x + 1) * channels, np.float32)  # light along one fine row, at the scan's columns
-    made = np.zeros(2 * LIGHT, np.float32)
-    share = (np.arange(s) / s).astype(np.float32)
+    # Light along one fine row, at the scan's columns.
+    width = np.int64(before[before.size - 1]) + 2
+    matt = np.zeros(LIGHT * width, np.float32)
+    gloss = np.zeros(0 if highlight is None else LIGHT * width, np.float32)
     for plane in range(begin, end):
         for key in range(cursors.size):
             cursors[key] = data_starts[plane, key]
@@ -229,46 +234,56 @@ def _write_planes(begin, end, places, look_of, looks, density_column, s, light, 
             at, last = row_start[row], row_start[row + 1]
             if at == last:
                 continue
-            low, high = np.int64(column[at]) // s, np.int64(column[last - 1]) // s + 1
-            _light_line(light, z, row - z * n_y, s, share, low, high, line)
+            low, high = np.int64(before[column[at]]), np.int64(before[column[last - 1]]) + 1
+            _light_line(lit, light, z, row - z * n_y, s, low, high, matt)
+            if highlight is not None:
+                _light_line(lit, highlight, z, row - z * n_y, s, low, high, gloss)
             while at < last:
                 stop = min(at + LANES, last)
                 find_targets(across, z * n_y, row, row_start, column, at, stop - at, cursors, targets)
                 for i in range(at, stop):
-                    x = np.uint32(column[i])
-                    cell = x // np.uint32(s)
-                    phase = x - cell * np.uint32(s)
-                    here = np.intp(cell) * channels
-                    for c in range(channels):
-                        made[c] = line[here + c] + (line[here + channels + c] - line[here + c]) * share[phase]
-                    look = i if look_of is None else np.int64(look_of[i])
+                    x = np.intp(column[i])
+                    here, share = LIGHT * np.intp(before[x]), shares[x]
+                    look = i if look_of is None else np.intp(look_of[i])
+                    red = looks[look, RED] * _mixed(matt, here, share)
+                    green = looks[look, RED + 1] * _mixed(matt, here + 1, share)
+                    blue = looks[look, RED + 2] * _mixed(matt, here + 2, share)
+                    if highlight is not None:
+                        red += _mixed(gloss, here, share)
+                        green += _mixed(gloss, here + 1, share)
+                        blue += _mixed(gloss, here + 2, share)
                     density = looks[look, density_column]
                     to = targets[i - at]
-                    for c in range(LIGHT):
-                        color = looks[look, RED + c] * made[c] + made[LIGHT + c]
-                        records[to, c] = density * color
-                        brightest = max(brightest, color)
-                    records[to, LIGHT] = density
+                    records[to, 0] = density * red
+                    records[to, 1] = density * green
+                    records[to, 2] = density * blue
+                    records[to, 3] = density
+                    brightest = max(brightest, max(red, max(green, blue)))
                 at = stop
         most[plane] = brightest
 
 
+@kernel(inline="always")
+def _mixed(line, at, share):
+    """Between one column of a line of light and the next."""
+    return line[at] + (line[at + LIGHT] - line[at]) * share
+
+
 @kernel(inner=True)
-def _light_line(light, z, y, s, share, low, high, line):
+def _light_line(lit, light, z, y, s, low, high, line):
     """Light along fine row (z, y), at the columns [low, high] of the scan, interpolated along y and z."""
-    _, n_y, row_start, column, values = light
-    channels = values.shape[1]
-    for i in range(low * channels, (high + 1) * channels):
+    n_y, row_start, column = lit
+    for i in range(LIGHT * low, LIGHT * (high + 1)):
         line[i] = _ZERO
     for far_z in range(2):
-        wz = share[z % s] if far_z else np.float32(1.0) - share[z % s]
+        wz = (z % s if far_z else s - z % s) / s
         for far_y in range(2):
-            weight = wz * (share[y % s] if far_y else np.float32(1.0) - share[y % s])
+            weight = np.float32(wz * ((y % s if far_y else s - y % s) / s))
             if weight == _ZERO:
                 continue
             row = (z // s + far_z) * n_y + y // s + far_y
             for i in range(row_start[row], row_start[row + 1]):
-                x = np.int64(column[i])
+                x = np.intp(column[i])
                 if low <= x <= high:
-                    for c in range(channels):
-                        line[x * channels + c] += weight * values[i, c]
+                    for c in range(LIGHT):
+                        line[LIGHT * x + c] += weight * light[i, c]
