@@ -13,8 +13,9 @@ from .memory import available_bytes, total_bytes
 
 LEAST_BYTES = 1 << 30  # kept on any machine
 SHARE = 0.25  # of a larger machine's memory
-# Stages whose results replace one another as a light or a camera is dragged about: how many are worth their memory.
-MOST_RESULTS = {"records": 6, "pyramid": 2}
+# Stages whose results replace one another as a light, a camera or a transfer function is dragged about: how many are
+# worth their memory.  (What leaves makes room for what comes: memory never used before is dear.)
+MOST_RESULTS = {"visible": 6, "looks": 6, "normals": 6, "runs": 6, "records": 6, "pyramid": 2}
 
 
 class Kept:
@@ -102,6 +103,13 @@ class Job:
         if not self._find(place):
             self._made(place, (yield from make_steps()), size)
         return self._used[place][0]
+
+    def latest(self, stage: str, serves) -> object:
+        """The key of the latest kept result of ``stage`` for which ``serves(key, result)``; None if there is none."""
+        for place in reversed(self.kept._results):
+            if place[0] == stage and serves(place[1], self.kept._results[place][0]):
+                return place[1]
+        return None
 
     def keep(self) -> None:
         """Hand over to the store everything that the job used; call it when the job is done."""

@@ -13,7 +13,7 @@ import numpy as np
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
 from ..scene import RleSplatError
-from ..volume.gradient import CHUNK, unit_normals
+from ..volume.gradient import CHUNK, KnownNormals, unit_normals
 from .classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN, light_rows
 from .limits import BRIGHTEST
@@ -88,13 +88,16 @@ def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, ey
     return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 
 
-def normals(classified, volume, index_to_world, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+def normals(
+    classified, volume, index_to_world, *, known: KnownNormals | None = None, backend: str = "auto", threads: int = 0
+) -> np.ndarray:
     """(m, 3) float32 unit world normals of the visible voxels, (0, 0, 0) where the gradient is below the noise.
 
-    ``classified``: a ClassifiedVolume, or its VisibleVoxels.
+    ``classified``: a ClassifiedVolume, or its VisibleVoxels.  ``known``: those of other voxels of the same volume under
+    the same matrix, which are not computed again.
     """
     return unit_normals(
-        volume, classified.row_start, classified.column, index_to_world, backend=backend, threads=threads
+        volume, classified.row_start, classified.column, index_to_world, known=known, backend=backend, threads=threads
     )
 
 

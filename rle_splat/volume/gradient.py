@@ -11,6 +11,8 @@ gradient.  Float data: eight rounding errors of the larger value, which is what 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..jit import compiled, kernel, parallel_call, read_only
@@ -20,96 +22,204 @@ INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
 SMOOTHING = 16.0  # sum of the smoothing weights; the span of a difference is 2, or 1 at a face
 CHUNK = 1 << 18  # voxels that the numpy twin works on at once
+GAP = 64  # columns: hidden voxels between visible ones, worked on with them rather than begun anew after
+COMPARED = 16  # columns compared at once
+END = 1 << 31  # past any column
+
+
+@dataclass(frozen=True, eq=False)
+class KnownNormals:
+    """Normals that ``unit_normals`` returned earlier for the same voxels and the same matrix, and which they are of."""
+
+    row_start: np.ndarray
+    column: np.ndarray
+    normals: np.ndarray
 
 
 def unit_normals(
-    volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, backend: str = "auto", threads: int = 0
+    volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, known: KnownNormals | None = None,
+    backend: str = "auto", threads: int = 0,
 ) -> np.ndarray:
     """(m, 3) float32 unit vectors in world space along the scalar's gradient; (0, 0, 0) where there is none.
 
     ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,): which voxels, in rows along x (row = z * ny + y), as
     in a ClassifiedVolume.  ``index_to_world``: (4, 4) float64, any invertible affine: a gradient is a covector,
-    so it goes to the world by the inverse transpose.
+    so it goes to the world by the inverse transpose.  ``known``: normals that need only be copied.
     """
     voxels = read_only(np.asarray(volume.voxels))
-    row_start, column = read_only(row_start), read_only(column)
     linear = np.asarray(index_to_world, dtype=np.float64)[:3, :3]
     # Only the direction matters, so the matrix is brought to ordinary size: no overflow at extreme scales.
     covector = np.linalg.inv(linear / np.abs(linear).max()).T * np.sign(volume.slope)
     is_integer = voxels.dtype.kind in "iu"
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
-    normals = np.empty((3, len(column)), dtype=np.float32).T  # one component after the other, for SIMD
+    normals = np.empty((3, len(column)), dtype=np.float32)  # one component after the other, for SIMD
+    if known is None:
+        known = KnownNormals(np.zeros_like(row_start), column[:0], np.empty((0, 3), np.float32))
+    lists = tuple(read_only(array) for array in (row_start, column, known.row_start, known.column))
+    lists += (read_only(np.ascontiguousarray(known.normals.T)),)
     if compiled(backend):
+        covector = tuple(covector.ravel().tolist())
         with parallel_call(threads):
             if is_integer:
                 sum_type = np.empty(0, np.int32 if voxels.dtype.itemsize <= 2 else np.int64)
-                _sobel(voxels, row_start, column, covector, floor, sum_type, normals)
+                _sobel(voxels, lists, covector, floor, sum_type, normals)
             else:
-                _central(voxels, row_start, column, covector, floor, normals)
+                _central(voxels, lists, covector, floor, normals)
     else:
-        _normals_numpy(voxels, row_start, column, covector, floor, is_integer, normals)
-    return normals
+        _normals_numpy(voxels, lists, covector, floor, is_integer, normals)
+    return normals.T
+
+
+# --- kernels --------------------------------------------------------------------------------------------------
+#
+# Throughout: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the voxels wanted, then row_start, column and
+# (3, k) normals of those known; ``covector``: the nine numbers of the matrix, row by row (an array would be read anew
+# for every voxel); ``normals`` (3, m) float32, unit, world, to be written.
 
 
 @kernel(inline="always")
-def _write_normal(gx, gy, gz, floor, covector, normals, i):
-    """Unit world normal of the index-space gradient (stored values per voxel step) into ``normals[i]``."""
-    wx = covector[0, 0] * gx + covector[0, 1] * gy + covector[0, 2] * gz
-    wy = covector[1, 0] * gx + covector[1, 1] * gy + covector[1, 2] * gz
-    wz = covector[2, 0] * gx + covector[2, 1] * gy + covector[2, 2] * gz
+def _same_columns(column, i, end, known_column, j, known_end):
+    """How many columns from ``i`` and from ``j`` on are the same."""
+    most = min(end - i, known_end - j)
+    same = 0
+    while same + COMPARED <= most:
+        differing = 0
+        for k in range(COMPARED):  # no branch within, so that it becomes SIMD
+            differing |= np.int64(column[i + same + k]) ^ np.int64(known_column[j + same + k])
+        if differing:
+            break
+        same += COMPARED
+    while same < most and column[i + same] == known_column[j + same]:
+        same += 1
+    return same
+
+
+@kernel(inner=True)
+def _take_known(i, end, column, j, known_end, known_column, known, normals):
+    """Copies the normals known of the next voxels [i, end) of a row, ``j`` and on being the row's known ones, up to
+    some that are not known.  Returns those, first and one past the last, without wide gaps; and j, moved along."""
+    while i < end:
+        while j < known_end and known_column[j] < column[i]:
+            j += 1
+        same = _same_columns(column, i, end, known_column, j, known_end)
+        if same == 0:
+            break
+        for component in range(3):
+            to, source = normals[component, i : i + same], known[component, j : j + same]
+            for k in range(to.size):
+                to[k] = source[k]
+        i += same
+        j += same
+    first = i
+    while i < end:
+        x = np.int64(column[i])
+        while j < known_end and known_column[j] < x:
+            j += 1
+        until = np.int64(known_column[j]) if j < known_end else END
+        if x == until or (i > first and x - np.int64(column[i - 1]) > GAP):
+            break
+        i += 1
+        # Many at once, where the last of them tells that none is known and that there is no wide gap.
+        while i + COMPARED <= end:
+            last = np.int64(column[i + COMPARED - 1])
+            if last >= until or last - np.int64(column[i - 1]) >= COMPARED + GAP:
+                break
+            i += COMPARED
+    return first, i, j
+
+
+@kernel(inline="always")
+def _unit(gx, gy, gz, floor, covector):
+    """Unit world normal of an index-space gradient (stored values per voxel step), or (0, 0, 0)."""
+    wx = covector[0] * gx + covector[1] * gy + covector[2] * gz
+    wy = covector[3] * gx + covector[4] * gy + covector[5] * gz
+    wz = covector[6] * gx + covector[7] * gy + covector[8] * gz
     length = np.sqrt(wx * wx + wy * wy + wz * wz)
     # No branch, so that the loop round it becomes SIMD.
     found = gx * gx + gy * gy + gz * gz > floor * floor and 0.0 < length < np.inf
     scale = 1.0 / length if found else 0.0
-    normals[i, 0] = wx * scale if found else 0.0
-    normals[i, 1] = wy * scale if found else 0.0
-    normals[i, 2] = wz * scale if found else 0.0
+    return wx * scale if found else 0.0, wy * scale if found else 0.0, wz * scale if found else 0.0
 
 
 @kernel
-def _sobel(voxels, row_start, column, covector, floor, sum_type, normals):
-    """Integer ``voxels`` (nz, ny, nx); ``covector`` (3, 3); ``sum_type``: an array of the type that holds 16 times
-    any voxel exactly; writes ``normals`` (m, 3) float32, unit, world."""
-    arguments = (voxels, row_start, column, covector, floor, sum_type, normals)
-    share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], arguments)
+def _sobel(voxels, lists, covector, floor, sum_type, normals):
+    """Integer ``voxels``; ``sum_type``: an array of the type that holds 16 times any voxel exactly."""
+    share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, covector, floor, sum_type, normals))
 
 
 @kernel(inner=True)
-def _sobel_rows(begin_row, end_row, voxels, row_start, column, covector, floor, sum_type, normals):
-    """Along a row the sums over the 3 x 3 voxels across it are formed once for the span of its visible voxels, in long
-    SIMD loops; a voxel then takes three of them."""
-    n_z, n_y, n_x = voxels.shape
-    # Smoothed over y and z; difference along y, smoothed over z; difference along z, smoothed over y.
-    smooth = np.empty(n_x, sum_type.dtype)
-    along_y = np.empty(n_x, sum_type.dtype)
-    along_z = np.empty(n_x, sum_type.dtype)
-    one = smooth.dtype.type  # arithmetic stays in this type: with plain integers it would be twice as wide
-    two, four = one(2), one(4)
+def _sobel_rows(begin_row, end_row, voxels, lists, covector, floor, sum_type, normals):
+    row_start, column, known_row_start, known_column, known = lists
+    n_x = voxels.shape[2]
+    # Arrays of their own, so that the compiler knows which do not overlap.
+    sums = np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype)
+    unit = np.empty(n_x, np.float32), np.empty(n_x, np.float32), np.empty(n_x, np.float32)
     for row in range(begin_row, end_row):
-        begin, end = row_start[row], row_start[row + 1]
-        if begin == end:
-            continue
-        z, y = row // n_y, row % n_y
-        z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
-        first = max(np.int64(column[begin]) - 1, 0)
-        count = min(np.int64(column[end - 1]) + 1, n_x - 1) + 1 - first
-        for i in range(count):
-            x = first + i
-            nw, nn, ne = one(voxels[z0, y0, x]), one(voxels[z0, y, x]), one(voxels[z0, y1, x])
-            ww, here, ee = one(voxels[z, y0, x]), one(voxels[z, y, x]), one(voxels[z, y1, x])
-            sw, ss, se = one(voxels[z1, y0, x]), one(voxels[z1, y, x]), one(voxels[z1, y1, x])
-            smooth[i] = nw + ne + sw + se + two * (nn + ww + ee + ss) + four * here
-            along_y[i] = ne + se - nw - sw + two * (ee - ww)
-            along_z[i] = sw + se - nw - ne + two * (ss - nn)
-        scale_y, scale_z = 1.0 / (SMOOTHING * max(y1 - y0, 1)), 1.0 / (SMOOTHING * max(z1 - z0, 1))
-        for i in range(begin, end):
-            x = np.int64(column[i])
-            x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
-            b, h, a = x0 - first, x - first, x1 - first
-            gx = np.float64(smooth[a] - smooth[b]) * (1.0 / (2 * SMOOTHING) if x1 - x0 == 2 else 1.0 / SMOOTHING)
-            gy = np.float64(along_y[b] + two * along_y[h] + along_y[a]) * scale_y
-            gz = np.float64(along_z[b] + two * along_z[h] + along_z[a]) * scale_z
-            _write_normal(gx, gy, gz, floor, covector, normals, i)
+        i, end = row_start[row], row_start[row + 1]
+        j, known_end = known_row_start[row], known_row_start[row + 1]
+        while i < end:
+            first, i, j = _take_known(i, end, column, j, known_end, known_column, known, normals)
+            if first < i:
+                _sobel_stretch(voxels, row, column[first:i], covector, floor, sums, unit, normals[:, first:i])
+
+
+@kernel(inline="always")
+def _across(one, nw, nn, ne, ww, here, ee, sw, ss, se):
+    """Of the 3 x 3 voxels across a row, along y, then z: smoothed over y and z; difference along y, smoothed over z;
+    difference along z, smoothed over y.  Arithmetic stays in type ``one``: with plain integers it would be twice as
+    wide."""
+    nw, nn, ne, ww, here, ee = one(nw), one(nn), one(ne), one(ww), one(here), one(ee)
+    sw, ss, se = one(sw), one(ss), one(se)
+    two, four = one(2), one(4)
+    smooth = nw + ne + sw + se + two * (nn + ww + ee + ss) + four * here
+    return one(smooth), one(ne + se - nw - sw + two * (ee - ww)), one(sw + se - nw - ne + two * (ss - nn))
+
+
+@kernel(inner=True)
+def _sobel_stretch(voxels, row, column, covector, floor, sums, unit, normals):
+    """Normals of the voxels of a row at ``column``, and of those between them, in long SIMD loops: first the sums over
+    the 3 x 3 voxels across the row, then normals, of which those wanted are taken.
+
+    Scratch: ``sums``, three (nx + 2,) integers, and ``unit``, three (nx,) float32.
+    """
+    n_z, n_y, n_x = voxels.shape
+    z, y = row // n_y, row % n_y
+    z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
+    begin, count = np.int64(column[0]), np.int64(column[-1]) + 1 - np.int64(column[0])
+    one = sums[0].dtype.type  # arithmetic stays in this type: with plain integers it would be twice as wide
+    two = one(2)
+    scale_x = 1.0 / (2 * SMOOTHING)
+    scale_y, scale_z = 1.0 / (SMOOTHING * max(y1 - y0, 1)), 1.0 / (SMOOTHING * max(z1 - z0, 1))
+    first, last = max(begin - 1, 0), min(begin + count + 1, n_x)
+    # (Slices: counted from zero, the compiler knows that no index is negative, and makes SIMD of the loops.)
+    nw, nn, ne = voxels[z0, y0, first:last], voxels[z0, y, first:last], voxels[z0, y1, first:last]
+    ww, here, ee = voxels[z, y0, first:last], voxels[z, y, first:last], voxels[z, y1, first:last]
+    sw, ss, se = voxels[z1, y0, first:last], voxels[z1, y, first:last], voxels[z1, y1, first:last]
+    smooth, along_y, along_z = sums
+    at = first - (begin - 1)  # the sums of the voxel before the first one come first
+    s, a, b = smooth[at:], along_y[at:], along_z[at:]
+    for i in range(here.size):
+        s[i], a[i], b[i] = _across(one, nw[i], nn[i], ne[i], ww[i], here[i], ee[i], sw[i], ss[i], se[i])
+    # Beyond a face: repeated for the smoothing, and as much further for the difference, which is then exactly twice
+    # the one-sided one.
+    if begin == 0:
+        along_y[0], along_z[0] = along_y[1], along_z[1]
+        smooth[0] = two * smooth[1] - smooth[2 if n_x > 1 else 1]
+    if begin + count == n_x:
+        along_y[count + 1], along_z[count + 1] = along_y[count], along_z[count]
+        smooth[count + 1] = two * smooth[count] - smooth[count - 1 if n_x > 1 else count]
+    s0, s2 = smooth[:count], smooth[2:]
+    a0, a1, a2 = along_y[:count], along_y[1:], along_y[2:]
+    b0, b1, b2 = along_z[:count], along_z[1:], along_z[2:]
+    unit_x, unit_y, unit_z = unit
+    for i in range(s0.size):
+        gx = np.float64(one(s2[i] - s0[i])) * scale_x
+        gy = np.float64(one(a0[i] + two * a1[i] + a2[i])) * scale_y
+        gz = np.float64(one(b0[i] + two * b1[i] + b2[i])) * scale_z
+        unit_x[i], unit_y[i], unit_z[i] = _unit(gx, gy, gz, floor, covector)
+    for i in range(column.size):
+        x = np.int64(column[i]) - begin
+        normals[0, i], normals[1, i], normals[2, i] = unit_x[x], unit_y[x], unit_z[x]
 
 
 @kernel(inline="always")
@@ -120,45 +230,68 @@ def _finite_or(value, otherwise):
 
 
 @kernel
-def _central(voxels, row_start, column, covector, floor, normals):
-    """Float ``voxels`` (nz, ny, nx); ``floor`` is relative to the largest value met; else as ``_sobel``."""
-    arguments = (voxels, row_start, column, covector, floor, normals)
-    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], arguments)
+def _central(voxels, lists, covector, floor, normals):
+    """Float ``voxels``; ``floor`` is relative to the largest value met."""
+    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, covector, floor, normals))
 
 
 @kernel(inner=True)
-def _central_rows(begin, end, voxels, row_start, column, covector, floor, normals):
+def _central_rows(begin_row, end_row, voxels, lists, covector, floor, normals):
+    row_start, column, known_row_start, known_column, known = lists
+    for row in range(begin_row, end_row):
+        i, end = row_start[row], row_start[row + 1]
+        j, known_end = known_row_start[row], known_row_start[row + 1]
+        while i < end:
+            first, i, j = _take_known(i, end, column, j, known_end, known_column, known, normals)
+            if first < i:
+                _central_stretch(voxels, row, column[first:i], covector, floor, normals[:, first:i])
+
+
+@kernel(inner=True)
+def _central_stretch(voxels, row, column, covector, floor, normals):
+    """Normals of the voxels of a row at ``column``."""
     n_z, n_y, n_x = voxels.shape
-    for row in range(begin, end):
-        if row_start[row] == row_start[row + 1]:
-            continue
-        z, y = row // n_y, row % n_y
-        z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
-        for i in range(row_start[row], row_start[row + 1]):
-            x = np.int64(column[i])
-            x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
-            here = np.float64(voxels[z, y, x])
-            ax, bx = _finite_or(voxels[z, y, x0], here), _finite_or(voxels[z, y, x1], here)
-            ay, by = _finite_or(voxels[z, y0, x], here), _finite_or(voxels[z, y1, x], here)
-            az, bz = _finite_or(voxels[z0, y, x], here), _finite_or(voxels[z1, y, x], here)
-            largest = max(max(abs(ax), abs(bx)), max(abs(ay), abs(by)), max(abs(az), abs(bz)))
-            gx, gy, gz = (bx - ax) / max(x1 - x0, 1), (by - ay) / max(y1 - y0, 1), (bz - az) / max(z1 - z0, 1)
-            _write_normal(gx, gy, gz, floor * largest, covector, normals, i)
+    z, y = row // n_y, row % n_y
+    z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
+    for i in range(column.size):
+        x = np.int64(column[i])
+        x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
+        here = np.float64(voxels[z, y, x])
+        ax, bx = _finite_or(voxels[z, y, x0], here), _finite_or(voxels[z, y, x1], here)
+        ay, by = _finite_or(voxels[z, y0, x], here), _finite_or(voxels[z, y1, x], here)
+        az, bz = _finite_or(voxels[z0, y, x], here), _finite_or(voxels[z1, y, x], here)
+        largest = max(max(abs(ax), abs(bx)), max(abs(ay), abs(by)), max(abs(az), abs(bz)))
+        gx, gy, gz = (bx - ax) / max(x1 - x0, 1), (by - ay) / max(y1 - y0, 1), (bz - az) / max(z1 - z0, 1)
+        normals[0, i], normals[1, i], normals[2, i] = _unit(gx, gy, gz, floor * largest, covector)
 
 
-def _normals_numpy(voxels, row_start, column, covector, floor, is_integer, normals):
+# --- twins ----------------------------------------------------------------------------------------------------
+
+
+def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
     """Twin of both kernels, in chunks of voxels."""
-    n_y = voxels.shape[1]
-    for first in range(0, len(column), CHUNK):
-        part = slice(first, min(first + CHUNK, len(column)))
-        row = np.searchsorted(row_start, np.arange(part.start, part.stop), side="right") - 1
-        place = (row // n_y, row % n_y, column[part].astype(np.int64))
+    row_start, column, known_row_start, known_column, known = lists
+    _, n_y, n_x = voxels.shape
+    for begin in range(0, len(column), CHUNK):
+        wanted = np.arange(begin, min(begin + CHUNK, len(column)))
+        row = np.searchsorted(row_start, wanted, side="right") - 1
+        # Known ones in the rows of this chunk: both lists ascend along x, then along rows.
+        rows = np.arange(row[0], row[-1] + 1)
+        part = slice(known_row_start[row[0]], known_row_start[row[-1] + 1])
+        known_row = np.repeat(rows, known_row_start[rows + 1] - known_row_start[rows])
+        known_place = np.append(known_row * n_x + known_column[part], -1)
+        place = row * n_x + column[wanted]
+        at = np.searchsorted(known_place[:-1], place)
+        is_known = known_place[at] == place
+        normals[:, wanted[is_known]] = known[:, part][:, at[is_known]]
+        wanted, row = wanted[~is_known], row[~is_known]
+        index = (row // n_y, row % n_y, column[wanted].astype(np.int64))
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            gradient, largest = (_sobel_numpy if is_integer else _central_numpy)(voxels, place)
+            gradient, largest = (_sobel_numpy if is_integer else _central_numpy)(voxels, index)
             world = gradient @ covector.T
             length = np.sqrt((world**2).sum(axis=1))
             keep = ((gradient**2).sum(axis=1) > (floor * largest) ** 2) & (length > 0.0) & (length < np.inf)
-            normals[part] = np.where(keep[:, None], world / length[:, None], 0.0)
+            normals[:, wanted] = np.where(keep, world.T / length, 0.0)
 
 
 def _neighbours(place, shape, axis):
