@@ -30,7 +30,6 @@ from .classify.shading import (
     is_shaded,
     light_records,
     lighting,
-    normals,
     shaded_colors,
 )
 from .classify.transfer_function import TransferFunction
@@ -39,6 +38,7 @@ from .encode.encode import brightest_steps, record_steps, reorder_steps, run_tab
 from .encode.records import decoding_of
 from .encode.store import StoredVolume
 from .kept import Job, Kept
+from .kept_normals import kept_normals
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
 from .scene import Quality, RleSplatError, Scene
@@ -166,10 +166,11 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         if not shaded:
             return Look(found, None, None, visible_key, (looks_key, "unshaded"), needs)
         matrix = matrix @ np.diag((refinement, refinement, refinement, 1.0))  # light falls on the scan's own voxels
-        find = lit_voxels if refinement > 1 else normals
-        directions = job.get(
-            "normals", (visible_key, _array_key(matrix[:3, :3])), lambda: find(voxels, volume, matrix, **machine)
-        )
+        normals_key = (visible_key, _array_key(matrix[:3, :3]))
+        if refinement > 1:
+            directions = job.get("normals", normals_key, lambda: lit_voxels(voxels, volume, matrix, **machine))
+        else:
+            directions = kept_normals(job, normals_key, voxels, volume, matrix, **machine)
         eye = np.append(to_camera[2, :3], 0.0)
         if scene.camera.type == "PERSP":
             eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)

@@ -1,15 +1,16 @@
 """Every edit redoes only what it must, and gives the picture that a fresh start gives."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rle_splat import medium
-from rle_splat.classify.shading import light_records
+from rle_splat import kept_normals, medium
+from rle_splat.classify.shading import light_records, normals
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode_scene import encode_scene
-from rle_splat.kept import Kept
+from rle_splat.kept import MOST_RESULTS, Kept
 from rle_splat.render import render, render_steps
 from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.view.turntable import turntable
@@ -87,6 +88,68 @@ def test_the_numpy_twins_are_kept_alike():
     quality = replace(QUALITY, backend="numpy")
     edited, first, stages = EDITS["light"]
     assert work_of(scene(**edited), scene(**first), quality) == stages
+
+
+NARROWER = replace(FUNCTION, opacity=((100, 0.0), (140, 0.3), (250, 0.6)))
+
+
+@pytest.fixture
+def taken_over(monkeypatch):
+    """How many normals were known, each time that some were made."""
+    sizes = []
+
+    def make(*arguments, known=None, **machine):
+        sizes.append(0 if known is None else len(known.normals))
+        return normals(*arguments, known=known, **machine)
+
+    monkeypatch.setattr(kept_normals, "normals", make)
+    return sizes
+
+
+@pytest.mark.parametrize("dtype", (np.uint8, np.float32))
+@pytest.mark.parametrize("threads", (1, 2))
+def test_normals_of_voxels_seen_before_are_taken_over(dtype, threads, taken_over):
+    """The latest ones there are, and of each function the picture, and every normal, of a fresh start."""
+    kept, volume = Kept(), ball(dtype)
+    quality, shown = replace(QUALITY, threads=threads), []
+    for function in (FUNCTION, WIDER, NARROWER, WIDER):
+        edited = scene(function=function, lights=(SUN,), volume=volume)
+        picture = render(edited, quality, kept=kept)
+        shown.append(picture.report["volume"]["visible_voxels"])
+        fresh = Kept()
+        np.testing.assert_array_equal(picture.rgba, render(edited, quality, kept=fresh).rgba)
+        for (stage, key), (result, _) in fresh._results.items():
+            if stage == "normals":
+                np.testing.assert_array_equal(result.normals, kept._results[stage, key][0].normals)
+    assert shown[2] < shown[0] < shown[1] == shown[3]
+    # Each is made afresh too, with nothing known; the last is kept.
+    assert taken_over == [0, 0, shown[0], 0, shown[1], 0, 0]
+
+
+def test_normals_of_another_volume_or_another_place_are_not_taken_over(taken_over):
+    """Content decides: equal voxels serve whoever holds them, others never do."""
+    kept, lit = Kept(), dict(function=MATT_FUNCTION, lights=(SUN,))
+    wide = dict(lit, function=replace(WIDER, shade=MATT))
+    first = scene(**lit)
+    render(first, QUALITY, kept=kept)
+    longer = np.diag((1.0, 1.0, 2.0, 1.0)) @ first.volume_matrix
+    bent = replace(BALL, voxels=BALL.voxels + (BALL.voxels > 130).astype(np.uint8))
+    for other in (replace(scene(**wide), volume_matrix=longer), scene(**wide, volume=bent)):
+        picture = render(other, QUALITY, kept=kept).rgba
+        np.testing.assert_array_equal(picture, render(other, QUALITY).rgba)
+    assert taken_over == [0] * 5
+    render(scene(**wide, volume=ball()), QUALITY, kept=kept)
+    assert taken_over[-1] > 0
+
+
+def test_a_dragged_transfer_function_does_not_fill_the_memory():
+    kept, sizes = Kept(), []
+    for step in range(2 * max(MOST_RESULTS.values())):
+        wider = replace(FUNCTION, opacity=((80 - 2 * step, 0.0), *FUNCTION.opacity[1:]))
+        render(scene(function=wider, lights=(SUN,)), QUALITY, kept=kept)
+        sizes.append(kept.nbytes)
+    counts = Counter(stage for stage, _ in kept.contents)
+    assert counts["normals"] == MOST_RESULTS["normals"] and sizes[-1] < 1.5 * sizes[len(sizes) // 2]
 
 
 def test_the_tables_are_shared_between_lights():
