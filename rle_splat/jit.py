@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
 
@@ -93,6 +94,8 @@ FASTMATH = {"contract", "arcp", "nsz"}
 # passed round.  (A queue needs no import of threading, which the Extensions platform refuses.)
 _TOKEN: queue.SimpleQueue = queue.SimpleQueue()
 _TOKEN.put(None)
+# Every thread has a context of its own, so this is whether the thread that asks holds the token already.
+_HOLDS_TOKEN: ContextVar[bool] = ContextVar("holds_token", default=False)
 
 
 def kernel(
@@ -164,15 +167,32 @@ def thread_count(requested: int) -> int:
 
 @contextmanager
 def parallel_call(threads: int = 0):
-    """Hold the right to run parallel kernels on ``threads`` threads; yields the number in force."""
+    """Hold the right to run parallel kernels on ``threads`` threads; yields the number in force.
+
+    Another thread that asks meanwhile waits; RuntimeError when this one holds the right already, for it would wait
+    for itself for ever.
+    """
+    if _HOLDS_TOKEN.get():
+        raise RuntimeError("parallel_call within parallel_call: a thread would wait for itself")
     count = thread_count(threads)
     _TOKEN.get()
+    outside = _HOLDS_TOKEN.set(True)
     try:
-        if numba is not None:
-            before = numba.get_num_threads()
-            numba.set_num_threads(count)
-        yield count
+        with _numba_threads(count):
+            yield count
     finally:
-        if numba is not None:
-            numba.set_num_threads(before)
+        _HOLDS_TOKEN.reset(outside)
         _TOKEN.put(None)
+
+
+@contextmanager
+def _numba_threads(count: int):
+    if numba is None:
+        yield
+        return
+    before = numba.get_num_threads()
+    numba.set_num_threads(count)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)

@@ -18,15 +18,16 @@ if numba is not None:
     from numba.extending import intrinsic
 
     _BYTES = ir.IntType(8).as_pointer()
-    # Where a loop is, how far it goes, the length of its pieces, and the arguments of its body.
-    _NEXT, _TOTAL, _PIECE, _ARGUMENTS = range(4)
+    # Where a loop is, how far it goes, the length of its pieces, whether a piece failed, and the arguments of its body.
+    _NEXT, _TOTAL, _PIECE, _FAILED, _ARGUMENTS = range(5)
 
     @intrinsic
     def share_out(typing, task, count, arguments):
         """``task(begin, end, *arguments)`` for parts of [0, count) that together are all of it, on all threads.
 
         ``task``: a serial kernel that returns nothing; its parts must not write to the same places.  Only under
-        ``jit.parallel_call``, which makes the threads and says how many there are.
+        ``jit.parallel_call``, which makes the threads and says how many there are.  Raises MemoryError when a part
+        fails: all that can go wrong in one is to find no room for its scratch.
         """
         if not isinstance(task, types.Dispatcher) or not isinstance(arguments, types.BaseTuple):
             return None
@@ -35,7 +36,7 @@ if numba is not None:
         def generate(context, builder, signature, values):
             _, total, held = values
             intp = context.get_value_type(types.intp)
-            job_type = ir.LiteralStructType((intp, intp, intp, held.type))
+            job_type = ir.LiteralStructType((intp, intp, intp, intp, held.type))
             overload = task.dispatcher.overloads[tuple(called.args)]
             context.add_linking_libs((overload.library,))
 
@@ -49,7 +50,7 @@ if numba is not None:
             part = ir.Function(builder.module, part_type, f"{builder.function.name}.{overload.fndesc.unique_name}.part")
             part.linkage = "internal"
             block = ir.IRBuilder(part.append_basic_block("begin"))
-            take, work, done = (part.append_basic_block(name) for name in ("take", "work", "done"))
+            take, work, fail, done = (part.append_basic_block(name) for name in ("take", "work", "fail", "done"))
             job = block.bitcast(part.args[3], job_type.as_pointer())
             last, piece, packed = (block.load(field(block, job, number)) for number in (_TOTAL, _PIECE, _ARGUMENTS))
             block.branch(take)
@@ -60,8 +61,11 @@ if numba is not None:
             end = block.add(begin, piece)
             end = block.select(block.icmp_signed("<", end, last), end, last)
             unpacked = [block.extract_value(packed, number) for number in range(len(arguments.types))]
-            context.call_internal_no_propagate(block, overload.fndesc, called, [begin, end, *unpacked])
-            block.branch(take)
+            status, _ = context.call_internal_no_propagate(block, overload.fndesc, called, [begin, end, *unpacked])
+            block.cbranch(status.is_error, fail, take)
+            block.position_at_end(fail)
+            block.store(intp(1), field(block, job, _FAILED))
+            block.branch(done)
             block.position_at_end(done)
             block.ret_void()
 
@@ -71,7 +75,7 @@ if numba is not None:
             piece = builder.sdiv(total, builder.mul(threads, intp(PARTS)))
             piece = builder.select(builder.icmp_signed(">", piece, intp(1)), piece, intp(1))
             job = cgutils.alloca_once(builder, job_type)
-            for number, value in ((_NEXT, intp(0)), (_TOTAL, total), (_PIECE, piece), (_ARGUMENTS, held)):
+            for number, value in enumerate((intp(0), total, piece, intp(0), held)):
                 builder.store(value, field(builder, job, number))
             # One item of work a thread, over one array of no bytes; the job itself is the loop's own data.
             inputs = cgutils.alloca_once_value(builder, _BYTES(None))
@@ -81,6 +85,9 @@ if numba is not None:
             )
             passed = [builder.bitcast(value, _BYTES) for value in (part, inputs, items, step, job)]
             builder.call(pool, [*passed, intp(0), intp(1), threads])
+            failed = builder.icmp_signed("!=", builder.load(field(builder, job, _FAILED)), intp(0))
+            with builder.if_then(failed, likely=False):
+                context.call_conv.return_user_exc(builder, MemoryError, ("no room for a kernel's scratch",))
             return context.get_dummy_value()
 
         return types.void(task, types.intp, arguments), generate
