@@ -26,8 +26,6 @@ from .classify.shading import (
     DENSITY,
     Lighting,
     color_bound,
-    follows_view,
-    is_shaded,
     light_records,
     lighting,
     shaded_colors,
@@ -42,6 +40,7 @@ from .kept_normals import kept_normals
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
 from .scene import Quality, RleSplatError, Scene
+from .splat.splat import splat_steps
 from .steps import Clock, Progress, drain, portion, timed
 from .view.projection import world_to_camera
 
@@ -52,15 +51,18 @@ IN_ORDER = 2  # the principal axis whose records are in the voxels' own order
 class Medium:
     """What the splatter needs to know of a volume, however it came to be encoded.
 
-    ``encode_steps(axis)``: generator of fractions done, returns the RunLengthVolume of a principal axis.
-    ``length_unit``: world length in which path lengths are counted.  ``classified``: None for a `.rle` file.
+    ``encode_steps(axis)``: generator of fractions done, returns the tables of a principal axis.
+    ``splat_steps(encoded, plane, limits)``: generator that splats such tables, see ``splat.splat_steps``.
+    ``most_color(encodings)``: the largest channel of any unassociated colour in some tables.
+    ``visible_voxels``: how many the tables hold.  ``estimate``: None for a `.rle` file.
     """
 
     shape_xyz: tuple[int, int, int]
     encode_steps: Callable
-    length_unit: float
+    splat_steps: Callable
+    most_color: Callable
     visible_voxels: int
-    classified: ClassifiedVolume | None = None
+    nan_voxels: int = 0
     estimate: MemoryEstimate | None = None
 
 
@@ -118,7 +120,21 @@ def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: i
         return axes_steps(look, quality, (IN_ORDER, axis) if axes == len(AXES) else (axis,), job, clock)
 
     length = found.opacity_distance if quality.model == "opacity" else 1.0
-    return Medium(found.shape_xyz, encode_steps, length, found.visible_voxels, found, look.estimate)
+    return _pre_classified(
+        found.shape_xyz, encode_steps, length, quality, found.visible_voxels, found.nan_voxels, look.estimate
+    )
+
+
+def _pre_classified(shape_xyz, encode_steps, length_unit: float, quality: Quality, *counts) -> Medium:
+    """The Medium of voxels that are classified before they are splatted; ``length_unit``: in which rays are counted."""
+
+    def splat(encoded, plane, limits):
+        return splat_steps(encoded, plane, quality, length_unit, limits)
+
+    def most_color(encodings):
+        return max((encoded.most_color for encoded in encodings), default=0.0)
+
+    return Medium(shape_xyz, encode_steps, splat, most_color, *counts)
 
 
 def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int = 1, picture: int = 0):
@@ -136,9 +152,9 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
     visible_key = (voxels_key, shown.key)
     looks_key = (visible_key, tf.classification_key, length)
-    to_camera = world_to_camera(scene.camera)
-    headlight = -to_camera[2, :3] if scene.headlight else None
-    shaded = is_shaded(tf.shade, scene.lights, headlight)
+    lit_matrix = matrix @ np.diag((refinement, refinement, refinement, 1.0))  # light falls on the scan's own voxels
+    falling = scene_lighting(scene, lit_matrix)
+    shaded = falling is not None
 
     def wanted(counted):
         return estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture)
@@ -165,19 +181,30 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     with clock.stage("shade"):
         if not shaded:
             return Look(found, None, None, visible_key, (looks_key, "unshaded"), needs)
-        matrix = matrix @ np.diag((refinement, refinement, refinement, 1.0))  # light falls on the scan's own voxels
-        normals_key = (visible_key, _array_key(matrix[:3, :3]))
+        normals_key = (visible_key, array_key(lit_matrix[:3, :3]))
         if refinement > 1:
-            directions = job.get("normals", normals_key, lambda: lit_voxels(voxels, volume, matrix, **machine))
+            directions = job.get("normals", normals_key, lambda: lit_voxels(voxels, volume, lit_matrix, **machine))
         else:
-            directions = kept_normals(job, normals_key, voxels, volume, matrix, **machine)
-        eye = np.append(to_camera[2, :3], 0.0)
-        if scene.camera.type == "PERSP":
-            eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
-        falling = lighting(matrix, tf.shade, scene.lights, headlight_direction=headlight, eye=eye)
-        seen_from = _array_key(falling.eye) if follows_view(tf.shade, scene.lights, headlight) else None
-        key = (looks_key, _array_key(matrix), tuple(asdict(tf.shade).values()), _array_key(falling.rows), seen_from)
+            directions = kept_normals(job, normals_key, voxels, volume, lit_matrix, **machine)
+        key = (looks_key, *lighting_key(scene, lit_matrix, falling))
     return Look(found, directions, falling, visible_key, key, needs, refinement)
+
+
+def scene_lighting(scene: Scene, matrix) -> Lighting | None:
+    """What falls on voxels; ``matrix``: their indices to the world.  None where nothing shades or nothing shines."""
+    to_camera = world_to_camera(scene.camera)
+    eye = np.append(to_camera[2, :3], 0.0)
+    if scene.camera.type == "PERSP":
+        eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
+    headlight = -to_camera[2, :3] if scene.headlight else None
+    return lighting(matrix, scene.transfer_function.shade, scene.lights, headlight_direction=headlight, eye=eye)
+
+
+def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:
+    """Names all that the light on each voxel depends on beside its normal: the eye only where there are highlights."""
+    seen_from = array_key(falling.eye) if falling.material[2] > 0.0 else None
+    shade = tuple(asdict(scene.transfer_function.shade).values())
+    return (array_key(matrix), shade, array_key(falling.rows), seen_from)
 
 
 def axes_steps(look: Look, quality: Quality, axes, job: Job, clock: Clock):
@@ -245,7 +272,7 @@ def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
     return look.classified, colors
 
 
-def _array_key(*arrays) -> tuple:
+def array_key(*arrays) -> tuple:
     return tuple(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
@@ -272,4 +299,4 @@ def _stored_medium(scene: Scene, quality: Quality) -> Medium:
         distance = function.opacity_unit_distance or np.linalg.norm(stored.affine[:3, :3], axis=0).min()
         length *= distance * stored.unit_length
     visible = next(iter(stored.axes.values())).visible_voxels
-    return Medium(stored.shape_xyz, encode_steps, length, visible)
+    return _pre_classified(stored.shape_xyz, encode_steps, length, quality, visible)

@@ -12,14 +12,16 @@ import numpy as np
 from .axes import AXIS_NAMES
 from .effects.depth_layers import HALO, DepthLayers, depth_layers
 from .effects.mesh_depth import mesh_depth
+from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
 from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
 from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
+from .scalar_medium import scalar_medium_steps
 from .scene import Quality, Rendering, RleSplatError, Scene
-from .splat.splat import LOADING, splat_steps
+from .splat.splat import LOADING
 from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
@@ -58,19 +60,21 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     clock = Clock()
     backend = "numba" if compiled(quality.backend) else "numpy"
     quality = replace(quality, backend=backend)
+    if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
+        quality = replace(quality, classification="pre")  # its voxels are classified already: a remark says so
     scene = classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
-    boxed = quality.classification == "refined"
-    limited = _clipped(scene, view, quality) or scene.triangles is not None or boxed
+    limited = _clipped(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
     left, top, right, bottom = scene.region
     picture = picture_bytes(planes, right - left, bottom - top, limited)
     kept.make_room(picture)
     refuse_too_large(picture, right - left, bottom - top)
 
     job, axes = kept.job(), tuple(dict.fromkeys(plane.axis for plane in planes))
-    medium = yield from medium_steps(scene, quality, job, clock, len(axes), picture)
-    encodings: dict[int, RunLengthVolume] = {}
+    make_medium = scalar_medium_steps if quality.classification == "post" else medium_steps
+    medium = yield from make_medium(scene, quality, job, clock, len(axes), picture)
+    encodings: dict[int, RunLengthVolume | ScalarVolume] = {}
     for axis in axes:
         encodings[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
     held = dict(scene.volume.axes) if isinstance(scene.volume, StoredVolume) else encodings
@@ -86,12 +90,12 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(quality, planes),
-        "effects": _effects_report(scene, medium.classified, layers, clock, _clipped(scene, view, quality)),
+        "effects": _effects_report(scene, layers, clock, _clipped(scene, view, quality)),
         "error": {
-            "tolerance": None, "predicted": None, "measured": None, "truth": "T2" if boxed else "T1", "probes": 0,
+            "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
         },
         "threads": thread_count(quality.threads) if backend == "numba" else 1,
-        "remarks": _remarks(scene, medium, backend),
+        "remarks": _remarks(scene, quality, medium, backend),
     }
     job.keep()
     yield Progress(1.0, "Done")
@@ -104,13 +108,14 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
 def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[BasePlane]]:
     """The view, and the base planes, or the windows of them, that the rays of the wanted pixels belong to."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    nearest, furthest = box_depths(view, scene.volume.shape_xyz, FOOTPRINTS[quality.kernel].radius)
+    boxed = quality.classification == "post"
+    footprint = FOOTPRINTS[quality.kernel]
+    nearest, furthest = box_depths(view, scene.volume.shape_xyz, 0.0 if boxed else footprint.radius)
     planes = []
     if furthest > scene.camera.clip_start and nearest < scene.camera.clip_end:
         for axis, sign in candidate_pyramids(view):
             plane = base_plane(
-                view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density,
-                FOOTPRINTS[quality.kernel],
+                view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density, footprint, boxed
             )
             if plane is not None:
                 planes.append(plane)
@@ -174,7 +179,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
         first_pixel = layers.first_pixel
         surfaces = [layers.near, layers.far] if layers.has_silhouettes else [layers.near]
     pictures = []
-    most_color = max((encoded.most_color for encoded in encodings.values()), default=0.0)
+    most_color = medium.most_color(encodings.values())
     parts = max(len(surfaces) * len(planes), 1)
     for s, surface in enumerate(surfaces):
         images = []
@@ -187,7 +192,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                     )
             if boxed:
                 limits = within_box(plane, scene.volume.shape_xyz, limits)
-            steps = splat_steps(encodings[plane.axis], plane, quality, medium.length_unit, limits)
+            steps = medium.splat_steps(encodings[plane.axis], plane, limits)
             stage, message = "splat", "Splatting"
             done = 0.0
             while True:
@@ -223,17 +228,22 @@ def _image_report(scene: Scene) -> dict:
     return {**size, "full_width": scene.width, "full_height": scene.height, "crop": list(scene.crop)}
 
 
+def truth_of(quality: Quality) -> str:
+    """The truth that a picture's errors are against: of the classified medium for pre, else of the scalar's."""
+    return "T1" if quality.classification == "pre" else "T2"
+
+
 def _volume_report(medium: Medium) -> dict:
     total = int(np.prod([int(n) for n in medium.shape_xyz]))
     return {
         "shape_xyz": [int(n) for n in medium.shape_xyz],
         "visible_voxels": medium.visible_voxels,
         "visible_fraction": medium.visible_voxels / total,
-        "nan_voxels": 0 if medium.classified is None else medium.classified.nan_voxels,
+        "nan_voxels": medium.nan_voxels,
     }
 
 
-def _memory_report(held: dict[int, RunLengthVolume]) -> dict:
+def _memory_report(held: dict[int, RunLengthVolume | ScalarVolume]) -> dict:
     tables = (*TABLES, "scanline_data_pointers")
     return {
         **{name: sum(encoded.table_bytes[name] for encoded in held.values()) for name in tables},
@@ -255,9 +265,9 @@ def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
     return knobs
 
 
-def _effects_report(scene: Scene, classified, layers, clock: Clock, clipped: bool) -> list[dict]:
+def _effects_report(scene: Scene, layers, clock: Clock, clipped: bool) -> list[dict]:
     milliseconds = clock.stages
-    if classified is None:
+    if isinstance(scene.volume, StoredVolume):
         shading = (False, "baked into the .rle file", 0.0)
     else:
         tf = scene.transfer_function
@@ -281,12 +291,19 @@ def _effects_report(scene: Scene, classified, layers, clock: Clock, clipped: boo
     ]
 
 
-def _remarks(scene: Scene, medium: Medium, backend: str) -> list[str]:
+def _remarks(scene: Scene, quality: Quality, medium: Medium, backend: str) -> list[str]:
     remarks = list(scene.volume.remarks)
-    if medium.visible_voxels == 0:
+    if isinstance(scene.volume, StoredVolume) and quality.classification == "pre":
+        remarks.append("A .rle file holds voxels that are classified already, so they are splatted as they are: pre.")
+    if quality.classification == "post" and min(scene.volume.shape_xyz) == 1:
+        remarks.append(
+            "The volume is one voxel thick, and post-classified matter fills the space between voxel centres: nothing "
+            "is shown; choose the classification pre."
+        )
+    elif medium.visible_voxels == 0:
         remarks.append("The transfer function makes every voxel transparent, so the picture is empty.")
-    if medium.classified is not None and medium.classified.nan_voxels:
-        remarks.append(f"{medium.classified.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
+    if medium.nan_voxels:
+        remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
     if backend == "numpy":
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")

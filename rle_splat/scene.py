@@ -189,7 +189,7 @@ QUALITY_PRESETS = {
     "strict": dict(depth_rule="midpoint-4", sheet_density=3.0, warp_filter="cubic", termination=1 / 8192),
 }
 # Names of the knobs' values, in the order shown to people.
-CLASSIFICATIONS = ("pre", "refined")
+CLASSIFICATIONS = ("pre", "refined", "post")
 REFINEMENTS = (2, 3, 4)  # cells of the refined grid along each side of a voxel cell
 MOST_MIDPOINTS = 64
 NAMED_DEPTH_RULES = ("slice", "simpson", "gauss2")  # and midpoint-M, of which lists show some
@@ -268,6 +268,14 @@ class Quality:
                 f"There is no depth rule called {self.depth_rule!r}; choose {', '.join(NAMED_DEPTH_RULES)}, or "
                 f"midpoint-M with a whole number M from 1 to {MOST_MIDPOINTS}."
             )
+        if self.classification == "post":
+            for value, needed, what in ((self.kernel, "tent", "kernel"), (self.model, "extinction", "model"),
+                                        (self.minification, "off", "minification")):  # fmt: skip
+                if value != needed:
+                    raise RleSplatError(
+                        f"The classification post splats with the {what} {needed} only, not {value}; choose that, or "
+                        "the classification pre."
+                    )
         if self.refinement not in REFINEMENTS:
             allowed = ", ".join(map(str, REFINEMENTS))
             raise RleSplatError(f"The refined grid is {allowed} times finer than the voxels, not {self.refinement!r}.")

@@ -131,6 +131,14 @@ def unit_length(volume, index_to_world) -> float:
     return float(np.cbrt(world / own))
 
 
+def opacity_distance(volume, tf, length: float) -> float:
+    """World length that the opacities of ``tf`` refer to: the volume's smallest spacing unless it states one.
+
+    ``length``: world length of one of the volume's units.
+    """
+    return max(length * float(tf.opacity_unit_distance or volume.spacing.min()), LEAST_DISTANCE)
+
+
 def optical_depth(alpha) -> np.ndarray:
     """Optical depth of opacity ``alpha`` in [0, 1], float64; alpha = 1 is capped at 24 ln 2."""
     return -np.log1p(-np.minimum(alpha, ALPHA_CAP))
@@ -154,11 +162,10 @@ def classified(
 ) -> ClassifiedVolume:
     """The looks of visible voxels; ``length``: world length of one of the volume's units.
 
-    Extinction is -log1p(-alpha) per opacity unit distance: the volume's smallest spacing unless the transfer
-    function states one.
+    Extinction is -log1p(-alpha) per opacity unit distance.
     """
     volume, tf = shown.volume, shown.tf
-    distance = max(length * float(tf.opacity_unit_distance or volume.spacing.min()), LEAST_DISTANCE)
+    distance = opacity_distance(volume, tf, length)
     if shown.by_table:
         looks = _looks_by_table(shown, distance)
     else:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ..axes import AXES
 from ..view.base_plane import BasePlane
+from ..view.ray_limits import box_limits
 
 
 class Tables(NamedTuple):
@@ -93,3 +95,47 @@ class Wide(NamedTuple):
     kind: int
     radius: float
     widen: bool
+
+
+class ScalarTables(NamedTuple):
+    """The tables of one principal axis of a scalar volume (``encode.scalars.ScalarVolume``).
+
+    As ``Tables``, but ``scalars`` (m,) numbers of any type and ``lights`` (m, channels) uint16 codes, or None, which
+    ``light_unit`` makes numbers of.
+    """
+
+    pointers: np.ndarray
+    data_starts: np.ndarray
+    runs: np.ndarray
+    scalars: np.ndarray
+    lights: np.ndarray | None
+    light_unit: np.float32
+    width: int
+
+
+class Box(NamedTuple):
+    """Where rays are inside the box of the voxel centres, in voxels along the viewing direction.
+
+    ``columns`` (2, W) and ``rows`` (2, H) float32: entry and exit sideways, along and across scanlines
+    (``view.ray_limits.box_limits``).  ``blocks`` (4, blocks) float32: of each block of columns the first and the last
+    entry, the first and the last exit.  ``overhang``: voxels by which a ray that is inside somewhere in a sheet's slab
+    may be beside the box at the sheet itself; such samples are taken at the box's face.
+    """
+
+    columns: np.ndarray
+    rows: np.ndarray
+    blocks: np.ndarray
+    overhang: float
+
+
+def box_of(plane: BasePlane, shape_xyz, block: int) -> Box:
+    """The Box of a base plane, its columns in blocks of ``block``."""
+    columns, rows = box_limits(plane, shape_xyz)
+    starts = np.arange(0, columns.shape[1], block)
+    ends = [
+        reduce.reduceat(columns[which], starts)
+        for which, reduce in ((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))
+    ]
+    deepest = float(np.max(plane.sheets.end - plane.sheets.begin, initial=0.0))
+    steepest = max(float(np.abs(slope).max(initial=0.0)) for slope in plane.slopes(*plane.points()))
+    return Box(columns, rows, np.stack(ends), math.ceil(deepest * steepest) + 1.0)

@@ -22,8 +22,9 @@ class Scratch(NamedTuple):
     their first axis, flat behind it unless a shape is given.
 
     ``line``: one voxel scanline, float32, four channels a voxel; all zero between two uses.  (Of sheets of the scalar:
-    planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at the end a block that stays
-    transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their blocks that is not empty.
+    planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at
+    the end a block that stays transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their
+    blocks that is not empty.
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
     ``reach`` (2,) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
@@ -32,7 +33,8 @@ class Scratch(NamedTuple):
     ``bright`` (BAND, blocks) pixels above one half.
     Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
     ``placed`` for, per block.
-    One block: ``samples``, ``entries`` of the value table, ``length_inside`` the limits, ``before`` the sheet in numbers of ``state``.
+    One block: ``samples``, ``entries`` of the value table, ``length_inside`` the limits, ``before`` the sheet in
+    numbers of ``state``.
     """
 
     line: np.ndarray

@@ -59,7 +59,8 @@ def splat_steps(
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
     scratch = scratch_for(workers, tables, sheets, rays, wide)
-    yield from row_steps(splat_rows, (tables, sheets, rays, wide, *model), plane, sheets, scratch, workers, pixels, half)
+    arguments = (tables, sheets, rays, wide, *model)
+    yield from row_steps(splat_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
 
 

@@ -160,17 +160,19 @@ def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
 
 def base_plane(
     view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float,
-    footprint: Footprint = FOOTPRINTS["tent"],
+    footprint: Footprint = FOOTPRINTS["tent"], boxed: bool = False,
 ) -> BasePlane | None:
     """The base plane of one principal axis and direction, or None when no visible ray belongs to it.
 
     ``sheet_density`` is in sheet pixels per image pixel; 0 asks for one sheet pixel per voxel at the reference.
+    ``boxed``: the medium fills the box of the voxel centres only, without the ramps of its face voxels' footprints.
     """
     axes = i, j, k = AXES[axis]
     eye = view.eye
     counts = np.array([shape_xyz[a] for a in axes], dtype=np.float64)
     eye_position = None if view.is_parallel else float(eye[k])
-    sheets = place_sheets(int(counts[2]), sign, rule, eye_position, footprint)
+    sheets = place_sheets(int(counts[2]), sign, rule, eye_position, footprint, boxed)
+    radius = 0.0 if boxed else footprint.radius
     if len(sheets) == 0:
         return None
     reference = float(sheets.position[0])
@@ -181,8 +183,8 @@ def base_plane(
     # Where the volume (with the footprints of its outermost voxels) lands: monotone in depth, so the ends decide.
     ends = [0, -1]
     moves = np.stack((move_x[ends], move_y[ends]), axis=1)
-    low = (moves - footprint.radius * scale[ends, None]).min(axis=0)
-    high = (moves + (counts[:2] - 1.0 + footprint.radius) * scale[ends, None]).max(axis=0)
+    low = (moves - radius * scale[ends, None]).min(axis=0)
+    high = (moves + (counts[:2] - 1.0 + radius) * scale[ends, None]).max(axis=0)
     homography = np.stack((
         view.projection[:, i], view.projection[:, j], view.projection[:, 3] + reference * view.projection[:, k]
     ), axis=1)

@@ -62,14 +62,16 @@ class Sheets:
 
 
 def place_sheets(
-    n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: Footprint = FOOTPRINTS["tent"]
+    n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: Footprint = FOOTPRINTS["tent"],
+    boxed: bool = False,
 ) -> Sheets:
     """The sheets of ``rule`` through ``n_slices`` slices, seen along ``sign`` (+1 or -1) of the principal axis.
 
     ``eye_position`` is the eye's coordinate along the axis, None for parallel rays; what lies behind the eye is
-    left out and the cell around the eye is integrated from the eye on (algorithm.md 1.4).
+    left out and the cell around the eye is integrated from the eye on (algorithm.md 1.4).  ``boxed``: the medium ends
+    at the first and the last slice, without the footprints' ramps.
     """
-    past = math.ceil(footprint.radius)
+    past = 0 if boxed else math.ceil(footprint.radius)
     front, back = -float(past), n_slices - 1.0 + past
     first, last = (front, back) if sign > 0 else (-back, -front)  # in viewing order
     eye = -np.inf if eye_position is None else sign * float(eye_position)
@@ -99,7 +101,9 @@ def place_sheets(
     begin = start + np.concatenate(([0.0], np.cumsum(thickness)[:-1])) if len(along) else along
     end = begin + thickness
     place = sign * along
-    touches_data = (place > -footprint.radius) & (place < n_slices - 1 + footprint.radius)
+    reach = 0.5 if boxed else footprint.radius  # half a voxel keeps what rounding puts behind the last slice
+    touches_data = (place > -reach) & (place < n_slices - 1 + reach)
+    place = np.clip(place, 0.0, n_slices - 1.0) if boxed else place
     first_slice, slice_weights = footprint_weights(footprint, place[touches_data])
     return Sheets(
         *(np.ascontiguousarray(column) for column in (place[touches_data], first_slice, slice_weights)),

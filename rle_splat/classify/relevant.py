@@ -1,0 +1,334 @@
+"""Which voxels matter to sheets of the scalar (algorithm.md 1.14): those of cells that hold a value which is shown.
+
+Post-classified sheets interpolate the scalar first and classify then.  What lies between eight voxels takes all values
+from their smallest to their largest, so a cell is shown where the transfer function is above zero anywhere in
+between, and a voxel is kept where it is a corner of such a cell.  A sample that needs a voxel which is not kept is
+transparent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..bits import count_bits, lowest_bit
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
+from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, slabs
+from .points import pieces, positive_intervals
+from .visible import VisibleVoxels, row_offsets
+
+WORD = 64  # voxels of a row that share one word of bits
+NO_BITS, ONE_BIT = np.uint64(0), np.uint64(1)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What a cell's smallest and largest stored value must be for the transfer function to show some of it.
+
+    ``ends``: (k, 2) of the volume's own type: a cell is shown where, for any row (a, b), its largest value is at least
+    a and its smallest at most b.  (a > b where all that is shown lies between two neighbouring numbers.)
+    """
+
+    ends: np.ndarray
+
+    @classmethod
+    def of(cls, volume, tf) -> Reach:
+        """``tf``: a TransferFunction."""
+        shown = positive_intervals(pieces(tf.opacity))
+        found = [_stored_ends(volume, begin, end) for begin, end in shown]
+        kept = [ends for ends in found if ends is not None]
+        return cls(np.array(kept, volume.voxels.dtype).reshape(-1, 2))
+
+    @property
+    def key(self) -> tuple:
+        return (self.ends.dtype.str, self.ends.tobytes())
+
+    def covers(self, other: Reach) -> bool:
+        """Whether all that the other shows is shown by this one too."""
+        inside = (self.ends[:, 0] <= other.ends[:, :1]) & (self.ends[:, 1] >= other.ends[:, 1:])
+        return bool(inside.any(axis=1).all())
+
+    def of_blocks(self, blocks: Blocks) -> np.ndarray:
+        """(blocks along z, y, x) uint8: 0 where no voxel of a block is a corner of a cell that is shown."""
+        low, high = blocks.low, blocks.high
+        for axis in range(3):  # cells reach into the neighbouring blocks
+            low, high = _with_neighbours(low, axis, np.minimum), _with_neighbours(high, axis, np.maximum)
+        shown = np.zeros(low.shape, bool)
+        for least, most in self.ends:
+            shown |= (high >= least) & (low <= most)
+        return (shown & (low <= high)).astype(np.uint8)
+
+
+def _with_neighbours(ends, axis, choose):
+    moved = np.moveaxis(ends, axis, 0)
+    found = moved.copy()
+    found[1:] = choose(found[1:], moved[:-1])
+    found[:-1] = choose(found[:-1], moved[1:])
+    return np.moveaxis(found, 0, axis)
+
+
+class _Numbers:
+    """The numbers of a type in ascending order, by whole numbers: for bisection between any two of them."""
+
+    def __init__(self, kind):
+        self.kind = np.dtype(kind)
+        self.bits = np.dtype(f"i{self.kind.itemsize}")
+        if self.kind.kind == "f":
+            self.first, self.last = self.order(-np.inf), self.order(np.inf)
+        else:
+            limits = np.iinfo(self.kind)
+            self.first, self.last = int(limits.min), int(limits.max)
+
+    def order(self, number) -> int:
+        code = int(np.array(number, self.kind).view(self.bits))
+        return code if code >= 0 else -(code & np.iinfo(self.bits).max) - 1
+
+    def at(self, order: int):
+        if self.kind.kind != "f":
+            return self.kind.type(order)
+        code = order if order >= 0 else (-(order + 1)) | np.iinfo(self.bits).min
+        return np.array(code, self.bits).view(self.kind)[()]
+
+
+def _stored_ends(volume, begin: float, end: float):
+    """The row of ``Reach.ends`` for physical values [begin, end); None where no cell can reach them."""
+    numbers = _Numbers(volume.voxels.dtype)
+
+    def first_where(holds):
+        """The order of the first number for which ``holds``, one past the last where it never does."""
+        low, high = numbers.first - 1, numbers.last + 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if holds(float(volume.physical(numbers.at(middle)))):
+                high = middle
+            else:
+                low = middle
+        return high
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        if volume.slope > 0.0:
+            least, past = first_where(lambda value: value >= begin), first_where(lambda value: value >= end)
+        else:
+            least, past = first_where(lambda value: value < end), first_where(lambda value: value < begin)
+    if least > numbers.last or past - 1 < numbers.first:
+        return None
+    return numbers.at(least), numbers.at(past - 1)
+
+
+def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto", threads: int = 0):
+    """Generator: yields the fraction done; returns (nz * ny, words) uint64, a bit for each voxel that is kept."""
+    nx, ny, nz = volume.shape_xyz
+    bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
+    voxels, near = read_only(np.asarray(volume.voxels)), reach.of_blocks(blocks)
+    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
+        yield first / nz
+        rows = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
+        if not near[rows].any():
+            continue
+        if compiled(backend):
+            with parallel_call(threads):
+                _mark_relevant(voxels, rows.start, rows.stop, near, reach.ends, bits)
+        else:
+            _mark_relevant_numpy(voxels, first, last, reach.ends, bits)
+    return bits
+
+
+def kept_counts(bits: np.ndarray, *, backend: str = "auto", threads: int = 0):
+    """(voxels, connected pieces) per row, (nz * ny,) each, of the bits of ``relevant_steps``."""
+    counts, row_pieces = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int32)
+    if compiled(backend):
+        with parallel_call(threads):
+            _count_kept(bits, counts, row_pieces)
+    else:
+        seen = _unpacked(bits)
+        counts[:] = seen.sum(axis=1)
+        row_pieces[:] = (seen[:, 1:] > seen[:, :-1]).sum(axis=1) + seen[:, 0]
+    return counts, row_pieces
+
+
+def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto", threads: int = 0) -> VisibleVoxels:
+    """The voxels of the bits of ``relevant_steps``, and their stored values; ``counted``: their ``kept_counts``."""
+    nx, ny, nz = volume.shape_xyz
+    counts, row_pieces = counted
+    row_start = row_offsets(counts)
+    column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
+    stored = np.empty(row_start[-1], volume.voxels.dtype)
+    rows = read_only(np.asarray(volume.voxels)).reshape(nz * ny, nx)
+    if compiled(backend):
+        with parallel_call(threads):
+            _fill_kept(bits, rows, row_start, column, stored)
+    else:
+        seen = _unpacked(bits)[:, :nx] > 0
+        column[:], stored[:] = np.nonzero(seen)[1], rows[seen]
+    return VisibleVoxels(volume.shape_xyz, row_start, row_pieces, column, stored, blocks.nan_voxels)
+
+
+# --- kernels and twins ----------------------------------------------------------------------------------------
+
+
+@kernel
+def _mark_relevant(voxels, first, last, near, ends, bits):
+    """Planes of blocks [first, last) of ``voxels`` (nz, ny, nx).  ``near``: blocks that may hold kept voxels."""
+    share_out(_mark_rows, (last - first) * near.shape[1], (voxels, first, near, ends, bits))
+
+
+@kernel(inner=True, exact=True)
+def _mark_rows(begin, end, voxels, first, near, ends, bits):
+    """Rows of blocks [begin, end), numbered along y, then z, from plane of blocks ``first`` on.
+
+    Cells that straddle two rows of blocks are looked at by both, so that each writes its own voxels only.
+    """
+    n_z, n_y, n_x = voxels.shape
+    lowest, highest = np.empty(n_x, voxels.dtype), np.empty(n_x, voxels.dtype)
+    seen = np.empty(n_x, np.uint8)
+    kept = np.empty((BLOCK_Z, BLOCK_Y, bits.shape[1] * WORD), np.uint8)
+    for row in range(begin, end):
+        k, j = first + row // near.shape[1], row % near.shape[1]
+        z0, y0 = k * BLOCK_Z, j * BLOCK_Y
+        z1, y1 = min(z0 + BLOCK_Z, n_z), min(y0 + BLOCK_Y, n_y)
+        kept[:] = np.uint8(0)
+        some = False
+        b = 0
+        while b < near.shape[2]:
+            if near[k, j, b] == 0:
+                b += 1
+                continue
+            from_x = max(b * BLOCK_X - 1, 0)
+            while b < near.shape[2] and near[k, j, b] != 0:
+                b += 1
+            to_x = min(b * BLOCK_X, n_x - 1)  # one past the last cell
+            some = True
+            for z in range(max(z0 - 1, 0), min(z1, n_z - 1)):
+                for y in range(max(y0 - 1, 0), min(y1, n_y - 1)):
+                    if _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
+                        for z_of in range(max(z, z0), min(z + 2, z1)):
+                            for y_of in range(max(y, y0), min(y + 2, y1)):
+                                _keep_corners(seen[from_x:to_x], kept[z_of - z0, y_of - y0, from_x : to_x + 1])
+        if some:
+            for z in range(z0, z1):
+                for y in range(y0, y1):
+                    _pack(kept[z - z0, y - y0].view(np.uint64), bits[z * n_y + y])
+
+
+@kernel(inner=True, exact=True)
+def _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
+    """seen[x] = whether cell (z, y, x) is shown, for x in [from_x, to_x); whether any is."""
+    a, b = voxels[z, y, from_x : to_x + 1], voxels[z, y + 1, from_x : to_x + 1]
+    c, d = voxels[z + 1, y, from_x : to_x + 1], voxels[z + 1, y + 1, from_x : to_x + 1]
+    low, high = lowest[: a.size], highest[: a.size]
+    for x in range(a.size):  # what is not a number stays so, and compares as false below
+        least = b[x] if b[x] < a[x] or b[x] != b[x] else a[x]
+        least = c[x] if c[x] < least or c[x] != c[x] else least
+        low[x] = d[x] if d[x] < least or d[x] != d[x] else least
+        most = b[x] if b[x] > a[x] or b[x] != b[x] else a[x]
+        most = c[x] if c[x] > most or c[x] != c[x] else most
+        high[x] = d[x] if d[x] > most or d[x] != d[x] else most
+    found = seen[from_x:to_x]
+    found[:] = np.uint8(0)
+    for k in range(ends.shape[0]):
+        at_least, at_most = ends[k, 0], ends[k, 1]
+        for x in range(found.size):
+            # (low <= most of either) and (high >= least of either); both numbers
+            number = (low[x] == low[x]) & (low[x + 1] == low[x + 1])
+            near = (low[x] <= at_most) | (low[x + 1] <= at_most)
+            far = (high[x] >= at_least) | (high[x + 1] >= at_least)
+            found[x] |= np.uint8(number & near & far)
+    some = np.uint8(0)
+    for x in range(found.size):
+        some |= found[x]
+    return some != np.uint8(0)
+
+
+@kernel(inline="always")
+def _keep_corners(seen, kept):
+    """Both ends along x of the cells that are ``seen`` (n,), in ``kept`` (n + 1,)."""
+    for x in range(seen.size):
+        kept[x] |= seen[x]
+    for x in range(seen.size):
+        kept[x + 1] |= seen[x]
+
+
+@kernel(inline="always")
+def _pack(eights, bits):
+    """Bytes of 0 and 1, eight at a time as one number (little-endian), to bits."""
+    gather = np.uint64(0x0102040810204080)
+    for word in range(bits.size):
+        packed = NO_BITS
+        for part in range(8):
+            packed |= ((eights[8 * word + part] * gather) >> np.uint64(56)) << np.uint64(8 * part)
+        bits[word] = packed
+
+
+def _mark_relevant_numpy(voxels, first, last, ends, bits):
+    """Twin of ``_mark_relevant`` for planes [first, last)."""
+    n_z, n_y, _ = voxels.shape
+    begin, end = max(first - 1, 0), min(last + 1, n_z)
+    low = high = voxels[begin:end]
+    for axis in range(3):
+        nearer, further = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
+        low, high = np.minimum(low[nearer], low[further]), np.maximum(high[nearer], high[further])
+    seen = np.zeros(low.shape, bool)
+    with np.errstate(invalid="ignore"):
+        for least, most in ends:
+            seen |= (high >= least) & (low <= most)
+    kept = np.zeros((end - begin, n_y, bits.shape[1] * WORD), np.uint8)
+    for z in (0, 1):
+        for y in (0, 1):
+            for x in (0, 1):
+                kept[z : z + seen.shape[0], y : y + seen.shape[1], x : x + seen.shape[2]] |= seen
+    packed = np.packbits(kept[first - begin : last - begin], axis=-1, bitorder="little")
+    bits[first * n_y : last * n_y] = np.ascontiguousarray(packed).view("<u8").reshape(-1, bits.shape[1])
+
+
+def _unpacked(bits) -> np.ndarray:
+    """(rows, voxels and more) uint8: the bits, one by one."""
+    return np.unpackbits(bits.astype("<u8").view(np.uint8).reshape(len(bits), -1), axis=1, bitorder="little")
+
+
+@kernel
+def _count_kept(bits, counts, pieces):
+    """Bits of each row, and how many connected pieces they come in."""
+    share_out(_count_rows, bits.shape[0], (bits, counts, pieces))
+
+
+@kernel(inner=True)
+def _count_rows(begin, end, bits, counts, pieces):
+    for row in range(begin, end):
+        count = piece = 0
+        before = NO_BITS
+        for word in range(bits.shape[1]):
+            kept = bits[row, word]
+            count += count_bits(kept)
+            piece += count_bits(kept & ~((kept << ONE_BIT) | before))
+            before = kept >> np.uint64(WORD - 1)
+        counts[row] = count
+        pieces[row] = piece
+
+
+@kernel
+def _fill_kept(bits, rows, row_start, column, stored):
+    """Writes ``column`` and ``stored`` of the voxels whose bits are set; ``rows`` (nz * ny, nx)."""
+    share_out(_fill_rows, bits.shape[0], (bits, rows, row_start, column, stored))
+
+
+@kernel(inner=True)
+def _fill_rows(begin, end, bits, rows, row_start, column, stored):
+    for row in range(begin, end):
+        at = row_start[row]
+        for word in range(bits.shape[1]):
+            kept = bits[row, word]
+            while kept != NO_BITS:
+                first = lowest_bit(kept)
+                rest = ~(kept >> np.uint64(first))  # the run's end is the first bit that is not set
+                count = lowest_bit(rest) if rest != NO_BITS else WORD
+                count = min(count, WORD - first)
+                x = word * WORD + first
+                for i in range(count):
+                    column[at + i] = x + i
+                for i in range(count):
+                    stored[at + i] = rows[row, x + i]
+                at += count
+                kept = kept & (kept + (ONE_BIT << np.uint64(first))) if first + count < WORD else NO_BITS
+

@@ -1,0 +1,80 @@
+"""A transfer function baked into a table over stored values: what sheets of the scalar are classified by.
+
+    entry i  ->  (extinction * RGB, extinction) of the stored value  first + i / rate
+
+The nearest entry is taken.  The table spans the values that are shown; one more entry, behind the last, is transparent,
+for all others and for samples that need a voxel which is not kept.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .classification import optical_depth
+from .points import pieces, positive_intervals
+
+FEWEST, MOST = 1 << 10, 1 << 14  # entries; what is in use of the larger still fits the second cache
+FINEST = 1.0 / 512.0  # of opacity, from one entry to the next on the steepest ramp, if there is room
+ROUNDING = 1e-6  # of the largest value: what float32 sums of it may be off by
+
+
+@dataclass(frozen=True, eq=False)
+class ValueTable:
+    """``entries``: (n + 1, 4) float32, scene-linear, extinction in 1 / world length; the last one is transparent.
+
+    ``origin``, ``rate``: stored value where the first entry begins, entries per stored value.  ``low``, ``high``:
+    stored values beyond which nothing is shown.  ``most_color``: largest channel of any visible colour.
+    """
+
+    entries: np.ndarray
+    origin: float
+    rate: float
+    low: float
+    high: float
+    most_color: float
+
+    def __post_init__(self):
+        self.entries.setflags(write=False)
+
+
+def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> ValueTable:
+    """The table of ``tf`` over the stored values of ``volume``.
+
+    ``value_range``: smallest and largest finite stored value there is.  ``distance``: world length that opacity refers
+    to.  ``entries``: about how many, 0 for as many as the function's steepest ramp asks for.
+    """
+    shown = (np.clip(positive_intervals(pieces(tf.opacity)), -1e300, 1e300) - volume.intercept) / volume.slope
+    least, most = (float(end) for end in value_range)
+    first, last = max(float(shown.min(initial=np.inf)), least), min(float(shown.max(initial=-np.inf)), most)
+    slack = ROUNDING * max(abs(least), abs(most))
+    if not first <= last:  # nothing that there is is shown
+        return ValueTable(np.zeros((2, 4), np.float32), least, 0.0, math.inf, -math.inf, 0.0)
+    wanted = entries or _entries_for(tf, abs(volume.slope) * (last - first))
+    if volume.voxels.dtype.kind in "iu":
+        # Whole numbers lie inside entries, never where two meet, or rounding would choose between the two.
+        first, last = math.floor(first), math.ceil(last)
+        span = last - first
+        rate = float(math.ceil(wanted / max(span, 1))) if wanted >= span else 1.0 / (int(span / wanted) | 1)
+    else:
+        rate = wanted / (last - first) if last > first else 1.0
+    count = math.ceil((last - first) * rate) + 1
+    values = volume.physical(first + np.arange(count) / rate)
+    alpha = np.asarray(tf.alpha_at(values), np.float64)
+    color = np.asarray(tf.color_at(values), np.float64)
+    made = np.zeros((count + 1, 4), np.float32)
+    made[:count, 3] = optical_depth(alpha) / distance
+    made[:count, :3] = made[:count, 3:] * color
+    most_color = float(color[alpha > 0.0].max(initial=0.0))
+    low, high = float(shown.min()) - slack, float(shown.max()) + slack
+    return ValueTable(made, first - 0.5 / rate, rate, low, high, most_color)
+
+
+def _entries_for(tf, width: float) -> int:
+    """So many entries over ``width`` physical values that neighbours differ little in opacity, within limits."""
+    table = np.array(sorted(tf.opacity, key=lambda point: point[0]), np.float64)
+    gaps, rises = np.diff(table[:, 0]), np.abs(np.diff(table[:, 1]))
+    steepest = float(np.divide(rises, gaps, out=np.zeros_like(gaps), where=gaps > 0.0).max(initial=0.0))
+    return int(min(max(steepest * width / FINEST, FEWEST), MOST))

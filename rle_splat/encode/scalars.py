@@ -1,0 +1,103 @@
+"""The tables of a scalar volume for one principal axis: what post-classified sheets are splatted from.
+
+The paper's scanline pointers, data pointers and runs, of the voxels that matter to the transfer function's range of
+values (``classify.relevant``); a voxel's record is its scalar, in the volume's own type where that is a small one,
+and the light that falls on it where anything shines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..classify.visible import VisibleVoxels
+from ..jit import read_only
+from .encode import place_slabs
+from .tables import RunTables
+
+OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # kept as they are; others become float32
+NOT_A_NUMBER = np.float32(-3e38)  # of voxels that are none: like those that are not kept
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarVolume:
+    """The voxels that matter, run-length encoded along one principal axis, with their scalars and light.
+
+    ``tables``: where they are.  ``scalars``: (m,) in the tables' order, stored values less ``centre``.  ``lights``:
+    (m, channels) uint16 codes of ``voxel_light``, or None where nothing shines; ``light_unit`` makes numbers of them.
+    """
+
+    tables: RunTables
+    scalars: np.ndarray
+    centre: float
+    lights: np.ndarray | None = None
+    light_unit: float = 1.0
+
+    def __post_init__(self):
+        for array in (self.scalars, self.lights):
+            if array is not None:
+                array.setflags(write=False)
+
+    @property
+    def axis(self) -> int:
+        return self.tables.axis
+
+    @property
+    def width(self) -> int:
+        return self.tables.width
+
+    @property
+    def n_slices(self) -> int:
+        return self.tables.n_slices
+
+    @property
+    def data_pointers(self) -> np.ndarray:
+        return self.tables.data_pointers
+
+    @property
+    def record(self) -> int:
+        """Bytes of a voxel's record."""
+        return self.scalars.itemsize + (0 if self.lights is None else 2 * self.lights.shape[1])
+
+    @property
+    def table_bytes(self) -> dict[str, int]:
+        """Bytes of each table by the paper's names, and of the derived one."""
+        tables = self.tables
+        return {
+            "scanline_pointers": tables.scanline_pointers.nbytes, "data_pointers": tables.data_pointers.nbytes,
+            "runs": tables.runs.nbytes, "voxel_data": len(self.scalars) * self.record,
+            "scanline_data_pointers": tables.scanline_data_pointers.nbytes,
+        }  # fmt: skip
+
+    @property
+    def nbytes(self) -> int:
+        return sum(self.table_bytes.values())
+
+
+def scalars_of(voxels: VisibleVoxels, kind, ends, centre: float) -> np.ndarray:
+    """(m,) scalars in the voxels' own order: stored values of type ``kind``, less ``centre``.
+
+    ``ends``: what stands for minus and plus infinity.
+    """
+    stored = voxels.stored.view(kind) if np.dtype(kind).itemsize == voxels.stored.itemsize else voxels.stored
+    if np.dtype(kind).name in OWN_TYPES[:-1]:
+        return stored
+    if stored.dtype == np.float32 and centre == 0.0 and np.isfinite(stored).all():
+        return stored
+    with np.errstate(invalid="ignore", over="ignore"):
+        values = np.clip(stored.astype(np.float64), -1e300, 1e300)
+        values = np.where(np.isinf(stored), np.clip(stored.astype(np.float64), *sorted(ends)), values) - centre
+        found = np.clip(values, -1e37, 1e37).astype(np.float32)
+    return np.where(np.isnan(values), NOT_A_NUMBER, found)
+
+
+def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: str = "auto", threads: int = 0):
+    """Generator: yields the fraction done; returns records (m,) or (m, w) of the voxels, which come in the voxels' own
+    order, in the order of ``tables``."""
+    if tables.axis == 2:  # the voxels' own order
+        return words
+    rows = words if words.ndim == 2 else words.reshape(-1, 1)
+    target = np.empty_like(rows)
+    yield from place_slabs(tables, voxels, read_only(rows), target, backend=backend, threads=threads)
+    return target.reshape(words.shape)

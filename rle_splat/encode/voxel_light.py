@@ -1,0 +1,132 @@
+"""The light that falls on each voxel, apart from its colour: what post-classified sheets carry beside the scalar.
+
+The paper shades voxels before they are splatted; so does this, but the colour comes later, from the value table:
+
+    colour of a sample  =  classified colour * light + highlight        (algorithm.md 1.14)
+
+One number each where all light is white, else three.  They are kept as the 16-bit floats of ``records``: relative to a
+power of two, so that the 1 of unshaded voxels is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..classify.lights import NEAREST, RGB
+from ..classify.shading import DR, LANES, SCRATCH, SR, Lighting, add_near, add_rays, clear_light, lit_numpy
+from ..classify.visible import VisibleVoxels
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
+from ..volume.gradient import CHUNK
+from .records import UNBIAS, code_of, codes_numpy
+
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelLight:
+    """``codes``: (m, channels) uint16, light and then highlight of each voxel, 1 or 3 channels each; no highlight where
+    nothing is specular.  ``unit``: a code's float32 bits, shifted, times this are the number it stands for.
+    ``most_light``, ``most_highlight``: the largest of any voxel.
+    """
+
+    codes: np.ndarray
+    unit: float
+    most_light: float
+    most_highlight: float
+
+    @property
+    def nbytes(self) -> int:
+        return self.codes.nbytes
+
+
+def light_planes(channels: int) -> tuple[tuple, tuple]:
+    """The planes of a sheet, counted behind the scalar, that hold light and highlight, from their number together."""
+    return {1: ((1,), ()), 2: ((1,), (2,)), 3: ((1, 2, 3), ()), 6: ((1, 2, 3), (4, 5, 6))}[channels]
+
+
+def voxel_light(
+    voxels: VisibleVoxels, normals, falling: Lighting, *, backend: str = "auto", threads: int = 0
+) -> VoxelLight:
+    """What ``falling`` sheds on voxels with ``normals`` (m, 3) float32; 1 and 0 where there is no normal."""
+    strengths = falling.rows[:, RGB:NEAREST]
+    white = bool((strengths == strengths[:, :1]).all())
+    glossy = bool(falling.material[2] > 0.0)
+    each = 1 if white else 3
+    ambient, diffuse, specular, _ = falling.material
+    strongest = float((strengths / np.maximum(falling.rows[:, NEAREST:], 1e-36)[:, :1]).sum(axis=0).max(initial=0.0))
+    if falling.is_far:
+        strongest = float(strengths.sum(axis=0).max(initial=0.0))
+    bound = max(1.0, ambient + diffuse * strongest, specular * strongest)
+    scale = 2.0 ** math.ceil(math.log2(bound))
+    codes = np.empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
+    _, ny, nz = voxels.shape_xyz
+    most = np.zeros((max(nz, 1), 2), np.uint16)
+    if compiled(backend):
+        near = None if falling.is_far else (falling.matrix, falling.rows, falling.eye)
+        light = (read_only(np.asfortranarray(normals)), falling.material, None if near else falling.rays(), near)
+        rows = (ny, read_only(voxels.row_start), read_only(voxels.column))
+        with parallel_call(threads):
+            _code_light(rows, *light, each, 1.0 / scale, codes, most)
+    else:
+        _code_light_numpy(voxels, normals, falling, each, scale, codes, most)
+    unit = float(UNBIAS) * scale
+    largest = (most.max(axis=0).astype(np.uint32) << np.uint32(12)).view(np.float32) * unit
+    return VoxelLight(codes, unit, float(largest[0]), float(largest[1]))
+
+
+@kernel
+def _code_light(rows, normals, material, rays, near, each, inverse, codes, most):
+    """``rows``: ny, row_start, column of the voxels.  ``rays`` and ``near``: see ``shading._write_records``.  ``each``:
+    channels of light, and of highlight; ``inverse``: one over their scale.  ``most`` (nz, 2): largest codes."""
+    share_out(_code_planes, most.shape[0], (rows, normals, material, rays, near, each, inverse, codes, most))
+
+
+@kernel(inner=True)
+def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse, codes, most):
+    n_y, row_start, column = rows
+    s = np.empty(SCRATCH, np.float32)
+    for plane in range(begin, end):
+        row = plane * n_y
+        at, last = row_start[row], row_start[row + n_y]
+        while at < last:
+            count = min(LANES, last - at)
+            while row_start[row + 1] <= at:
+                row += 1
+            clear_light(material, s)
+            if rays is not None:
+                add_rays(rays, normals[at : at + count], material, count, s)
+            if near is not None:
+                add_near(near, normals[at : at + count], material, n_y, row, row_start, column, at, count, s)
+            for i in range(count):
+                if normals[at + i, 0] == _ZERO and normals[at + i, 1] == _ZERO and normals[at + i, 2] == _ZERO:
+                    for channel in range(each):
+                        s[DR + channel * LANES + i] = _ONE
+                        s[SR + channel * LANES + i] = _ZERO
+            for part in range(codes.shape[1] // each):
+                for channel in range(each):
+                    light = s[(SR if part else DR) + channel * LANES :]
+                    largest = np.uint16(0)
+                    for i in range(count):
+                        code = np.uint16(code_of(light[i] * inverse))
+                        codes[at + i, part * each + channel] = code
+                        largest = max(largest, code)
+                    most[plane, part] = max(most[plane, part], largest)
+            at += count
+
+
+def _code_light_numpy(voxels, normals, falling, each, scale, codes, most):
+    """Twin of ``_code_light``, in chunks of voxels."""
+    for begin in range(0, len(voxels), CHUNK):
+        part = slice(begin, min(begin + CHUNK, len(voxels)))
+        n = normals[part].astype(np.float64)
+        # White matter shows the light and the highlight, black matter the highlight alone.
+        white, black = (lit_numpy(falling, voxels, part, n, np.full((len(n), 3), c, np.float64)) for c in (1.0, 0.0))
+        found = [white.astype(np.float64) - black, black][: codes.shape[1] // each]
+        for kind, light in enumerate(found):
+            made = codes_numpy(np.clip(light[:, :each] / scale, 0.0, 1.0)).astype(np.uint16)
+            codes[part, kind * each : (kind + 1) * each] = made
+            most[0, kind] = max(most[0, kind], made.max(initial=0))

@@ -1,0 +1,182 @@
+"""The first half of the road for post-classified sheets: a scene's volume -> tables of scalars, each stage kept.
+
+What depends on what, so that a change redoes no more than it must:
+
+    blocks    the voxels
+    relevant  blocks, and the range of values that the transfer function shows, or a wider one that is kept
+    normals   relevant, and how the volume lies in the world
+    light     normals and lights; the view too if a highlight or a headlight follows it
+    runs      relevant, and the principal axis
+    scalars   relevant, and the principal axis
+    table     the transfer function: nothing else depends on it
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .classify.classification import opacity_distance, unit_length
+from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from .classify.shading import Lighting
+from .classify.value_table import value_table
+from .classify.visible import VisibleVoxels
+from .encode.encode import run_tables
+from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, scalars_of
+from .encode.voxel_light import VoxelLight, voxel_light
+from .kept import Job
+from .kept_normals import kept_normals
+from .medium import Medium, array_key, lighting_key, scene_lighting
+from .memory import bytes_text
+from .memory_estimate import MemoryEstimate, refuse_too_much, scalar_estimate
+from .scene import Quality, Scene
+from .splat.scalar_splat import scalar_splat_steps
+from .steps import Clock, Progress, portion, timed
+from .volume.blocks import Blocks, block_steps
+
+# A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
+WORTH_KEEPING = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class RelevantVoxels:
+    """The ``voxels`` that matter to a range of values, ``reach``."""
+
+    reach: Reach
+    voxels: VisibleVoxels
+
+    @property
+    def nbytes(self) -> int:
+        return self.voxels.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class _Lit:
+    """What is known of a scene before a principal axis is chosen; keys name all that results depend on."""
+
+    voxels: VisibleVoxels
+    key: tuple
+    light: VoxelLight | None
+    light_key: tuple
+    estimate: MemoryEstimate
+
+
+def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int = 1, picture: int = 0):
+    """Generator of Progress: the Medium of a scene for post-classified sheets, its tables still to be made.
+
+    The arguments are those of ``medium.medium_steps``.
+    """
+    volume, tf = scene.volume, scene.transfer_function
+    machine = dict(backend=quality.backend, threads=quality.threads)
+    length = unit_length(volume, scene.index_to_world)
+    voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
+    steps = job.steps("blocks", voxels_key, lambda: block_steps(volume, **machine))
+    blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
+    falling = scene_lighting(scene, scene.index_to_world)
+    relevant, needs = yield from _relevant_steps(scene, quality, job, clock, blocks, voxels_key, falling, axes, picture)
+    with clock.stage("classify"):
+        ends = _value_ends(volume, tf, blocks)
+        table = job.get(
+            "table", (voxels_key, tf.classification_key, length),
+            lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
+            lambda made: made.entries.nbytes,
+        )
+    key = (voxels_key, relevant.reach.key)
+    with clock.stage("shade"):
+        light, light_key = _light(scene, relevant.voxels, key, falling, job, machine)
+    lit = _Lit(relevant.voxels, key, light, light_key, needs)
+    centre = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
+
+    def encode_steps(axis: int):
+        return _axis_steps(volume, lit, axis, ends, centre, quality, job, clock)
+
+    def splat(encoded, plane, limits):
+        return scalar_splat_steps(encoded, table, plane, quality, limits)
+
+    shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
+    most_color = table.most_color * shine[0] + shine[1]
+    voxels = relevant.voxels
+    return Medium(
+        voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, len(voxels), voxels.nan_voxels, needs
+    )
+
+
+def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxels_key, falling, axes, picture):
+    """Generator of Progress: the RelevantVoxels of a scene, and the MemoryEstimate of all that is to come."""
+    volume = scene.volume
+    machine = dict(backend=quality.backend, threads=quality.threads)
+    reach = Reach.of(volume, scene.transfer_function)
+    near = int(np.count_nonzero(reach.of_blocks(blocks)))
+
+    def wanted(counted) -> MemoryEstimate:
+        return scalar_estimate(volume, counted, axes=axes, lit=falling is not None, picture=picture)
+
+    def serves(key, held: RelevantVoxels) -> bool:
+        if key[0] != voxels_key or not held.reach.covers(reach):
+            return False
+        return np.count_nonzero(held.reach.of_blocks(blocks)) <= WORTH_KEEPING * near
+
+    key = (voxels_key, reach.key)
+    found = None if job.has("relevant", key) else job.latest("relevant", serves)
+    if found is not None:
+        key = found
+    if job.has("relevant", key):
+        relevant = job.get("relevant", key, None)
+        return relevant, wanted((np.diff(relevant.voxels.row_start), relevant.voxels.row_pieces))
+    steps = timed(relevant_steps(volume, reach, blocks, **machine), clock, "classify")
+    bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
+    with clock.stage("classify"):
+        counted = kept_counts(bits, **machine)
+    needs = wanted(counted)
+    job.kept.make_room(needs.needed)
+    refuse_too_much(needs)
+    yield Progress(0.08, f"Keeping {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
+    with clock.stage("classify"):
+        relevant = job.get(
+            "relevant", key, lambda: RelevantVoxels(reach, kept_voxels(volume, bits, counted, blocks, **machine))
+        )
+    return relevant, needs
+
+
+def _light(scene: Scene, voxels: VisibleVoxels, key, falling: Lighting | None, job: Job, machine):
+    """The VoxelLight of the voxels, and its key; None where nothing shines."""
+    if falling is None:
+        return None, ()
+    matrix = scene.index_to_world
+    directions = kept_normals(job, (key, array_key(matrix[:3, :3])), voxels, scene.volume, matrix, **machine)
+    light_key = (key, *lighting_key(scene, matrix, falling))
+    return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **machine)), light_key
+
+
+def _value_ends(volume, tf, blocks: Blocks) -> tuple[float, float]:
+    """Smallest and largest stored value there is; infinite ones stand for the nearest end of the transfer function."""
+    finite = [ends[np.isfinite(ends)].astype(np.float64) for ends in (blocks.low, blocks.high)]
+    least, most = float(finite[0].min(initial=np.inf)), float(finite[1].max(initial=-np.inf))
+    if volume.voxels.dtype.kind == "f" and any(np.isinf(ends).any() for ends in (blocks.low, blocks.high)):
+        points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
+        least, most = min(least, *points), max(most, *points)
+    return (least, most) if least <= most else (0.0, 0.0)
+
+
+def _axis_steps(volume, lit: _Lit, axis: int, ends, centre: float, quality: Quality, job: Job, clock: Clock):
+    """Generator of fractions done: the ScalarVolume of one principal axis."""
+    machine = dict(backend=quality.backend, threads=quality.threads)
+    kind, voxels = volume.voxels.dtype, lit.voxels
+    with clock.stage("encode"):
+        tables = job.get("runs", (lit.key, axis), lambda: run_tables(voxels, axis, **machine))
+    needs = lit.estimate.one_axis()
+    own = () if kind.kind in "iu" else ends
+
+    def scalars():
+        job.kept.make_room(needs.needed)
+        refuse_too_much(needs)
+        return in_scanlines(tables, voxels, scalars_of(voxels, kind, ends, centre), **machine)
+
+    steps = job.steps("scalars", (lit.key, own, centre, axis), scalars)
+    placed = yield from timed(steps, clock, "encode")
+    if lit.light is None:
+        return ScalarVolume(tables, placed, centre)
+    steps = job.steps("lights", (lit.light_key, axis), lambda: in_scanlines(tables, voxels, lit.light.codes, **machine))
+    codes = yield from timed(steps, clock, "encode")
+    return ScalarVolume(tables, placed, centre, codes, lit.light.unit)

@@ -1,0 +1,279 @@
+"""The sheet-buffer loop with sheets of the scalar, classified pixel by pixel (algorithm.md 1.14).
+
+The same walk as in ``sheet_buffer``: voxel scanlines run by run, resampled along the scanline once for all rows of a
+band that share them, marked as bits; then each row mixes two scanlines.  What differs is what a sheet holds: the
+scalar itself, and light, which a table makes extinction and colour of when everything is interpolated.  The medium
+fills the box of the voxel centres: a ray's first and last slab end where it enters and leaves the box.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..bits import lowest_bit
+from ..jit import inner_loop, kernel
+from ..parallel import share_out, taken
+from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .pixel_block import BLOCK, CLEAR
+from .scalar_block import composite_classified, look_up, place_inside, resample_plane
+from .scalar_scanline import NOT_KEPT, put_scanline
+from .scratch import BAND, SPREAD
+from .sheet_row import note_half_depth
+from .voxel_scanline import ONE_BIT, WORD
+
+NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
+
+
+@inner_loop(forceinline=True)
+def _resample_scanlines(
+    pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
+    shift_u, scale_u, shift_v, scale_v, begin, end, box_rows, top_row, rows, line, stride, planes, sheet, marks,
+    row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed,
+):
+    """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
+
+    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``begin``, ``end``: its slab.
+    ``box_rows`` (2, H): where each row's rays enter and leave the box.  The others: see ``sheet_buffer._splat_sheet``.
+    Returns whether anything was found, and whether every pixel of the band is already opaque.
+    """
+    n_scanlines = pointers.shape[1]
+    blocks = placed.size
+    step = 1.0 / scale_u
+    near = first_slice
+    weight, far_weight = slice_weights[number, 0], slice_weights[number, 1]
+    if weight == 0.0:
+        near, weight, far_weight = first_slice + 1, far_weight, np.float32(0.0)
+    found = False
+    live_count = -1
+    slot, tapped = -1, -1  # of the scanline dealt with last, and its number
+    for r in range(rows):
+        v = top_row + r
+        if begin >= box_rows[1, v] or end <= box_rows[0, v]:
+            row_slot[r] = NO_ROW
+            continue
+        y = min(max((v - shift_v) / scale_v, 0.0), n_scanlines - 1.0)
+        first_line = max(min(int(y), n_scanlines - 2), 0)
+        if first_line > tapped:
+            tapped = first_line - 1
+        row_slot[r] = slot + first_line - tapped
+        # Kept, not reckoned again: rounded otherwise, it might fall on the other side of a voxel.
+        row_line[r], row_place[r] = first_line, y
+        for scanline in range(tapped + 1, first_line + 2):
+            tapped = scanline
+            slot += 1
+            for word in range(marks.shape[1]):
+                marks[slot, word] = NO_BITS
+            if scanline >= n_scanlines:
+                continue
+            run = int(pointers[near, scanline])
+            if run < 0:  # the paper's flag: nothing on this scanline
+                continue
+            far_run, far_voxel = 0, 0
+            if far_weight != np.float32(0.0):
+                far_run = int(pointers[near + 1, scanline])
+                if far_run < 0:
+                    continue
+                far_voxel = data_starts[near + 1, scanline]
+            if live_count < 0:
+                live_count = live_voxels(band_alive, blocks, live, shift_u, scale_u, 1.0 + overhang)
+                if live_count == 0:
+                    return False, True
+            reach[0], reach[1] = width, 0
+            put_scanline(
+                line, stride, reach, marks, slot, scale_u, shift_u, overhang, runs, scalars, lights, light_unit, weight,
+                run, data_starts[near, scanline], far_weight, far_run, far_voxel, width, live, live_count,
+            )
+            if reach[1] == 0:
+                continue
+            found = True
+            for word in range(band_alive.size):
+                bits = marks[slot, word] & band_alive[word]
+                marks[slot, word] = bits
+                while bits != NO_BITS:
+                    b = word * WORD + lowest_bit(bits)
+                    bits &= bits - ONE_BIT
+                    if placed[b] != number:  # the same for all scanlines of the sheet
+                        placed[b] = number
+                        place_inside(cells, fractions, BLOCK * b, (b * BLOCK - shift_u) * step, step, width - 1.0)
+                    at = planes * BLOCK * (slot * blocks + b)
+                    for plane in range(planes):
+                        resample_plane(line, plane * stride, cells, fractions, BLOCK * b, sheet, at + BLOCK * plane)
+            line[reach[0] : reach[1]] = NOT_KEPT
+    return found, False
+
+
+@inner_loop(forceinline=True)
+def _end_in_box(box_columns, box_rows, limits, v, first_pixel, i):
+    """Where the ray of pixel ``first_pixel + i`` of row ``v`` begins and ends, along the viewing direction."""
+    u = first_pixel + i
+    enter, leave = max(box_columns[0, u], box_rows[0, v]), min(box_columns[1, u], box_rows[1, v])
+    if limits is not None:
+        enter, leave = max(enter, limits[0, v, u]), min(leave, limits[1, v, u])
+    return enter, leave
+
+
+@inner_loop(forceinline=True)
+def _inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
+    """Shorten the rays of one block to the part of a slab that lies in the box and within the limits."""
+    length_inside[:] = np.float32(0.0)
+    for i in range(count):
+        enter, leave = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+        inside = (min(end, leave) - max(begin, enter)) / (end - begin)
+        length_inside[i] = lengths[deep + i] * np.float32(min(max(inside, 0.0), 1.0))
+
+
+@inner_loop(forceinline=True)
+def _composite_sheet(
+    begin, end, thickness, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look, least, sheet,
+    planes, matt, gloss, marks, row_slot, row_line, row_place, state, lengths, alive, bright, blocks, entries,
+    length_inside, before, half,
+):
+    """One sheet over the rows of a band: scanlines mixed, classified, composited; whether a block became opaque.
+
+    ``box_blocks`` (4, blocks): of each block's columns the first and the last entry into the box, and the first and
+    the last exit.  ``look``: the value table as ``splat_scalar_rows`` has it.  The others: see ``sheet_buffer``.
+    """
+    table, origin, rate, low, high, last = look
+    died = False
+    for r in range(rows):
+        slot = row_slot[r]
+        if slot == NO_ROW:
+            continue
+        v = top_row + r
+        down = np.float32(row_place[r] - row_line[r])
+        enter, leave = box_rows[0, v], box_rows[1, v]
+        for word in range(alive.shape[1]):
+            bits = marks[slot, word] & marks[slot + 1, word] & alive[r, word]
+            while bits != NO_BITS:
+                lowest = lowest_bit(bits)
+                b = word * WORD + lowest
+                bit = ONE_BIT << np.uint64(lowest)
+                bits ^= bit
+                if end <= box_blocks[0, b] or begin >= box_blocks[3, b]:
+                    continue
+                upper = planes * BLOCK * (slot * blocks + b)
+                lower = upper + planes * BLOCK * blocks
+                if look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries) == 0:
+                    continue
+                at = r * blocks + b
+                first_pixel = b * BLOCK
+                count = min(BLOCK, image_width - first_pixel)
+                length, deep = lengths, BLOCK * at
+                whole = begin >= max(box_blocks[1, b], enter) and end <= min(box_blocks[2, b], leave)
+                if limits is not None or not whole:
+                    _inside_box(
+                        box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside
+                    )
+                    length, deep = length_inside, 0
+                row = 4 * BLOCK * at
+                pixels = composite_classified(
+                    table, entries, sheet, upper, lower, down, matt, gloss, length, deep, thickness, least, state, row,
+                    before,
+                )
+                bright_pixels = pixels >> 8
+                if bright_pixels != bright[r, b]:
+                    bright[r, b] = bright_pixels
+                    for i in range(count):
+                        from_, to = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+                        note_half_depth(
+                            before[i:], state, row + CLEAR + i, max(begin, from_), min(end, to), half, v,
+                            first_pixel + i, 1,
+                        )
+                live_pixels = pixels & 255
+                if limits is not None:  # a ray that has reached its end is done as well
+                    live_pixels = 0
+                    for i in range(count):
+                        live_pixels += state[row + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
+                if live_pixels == 0:
+                    alive[r, word] ^= bit
+                    died = True
+    return died
+
+
+@inner_loop
+def _splat_band(
+    tables, sheets, rays, box, look, matt, gloss, least, top_row, rows, worker, scratch, out, half
+):
+    """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_scalar_rows``."""
+    # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
+    pointers, data_starts, runs, scalars, lights, light_unit, width = tables
+    first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
+    along, along_slope, across, across_slope, limits = rays
+    box_columns, box_rows, box_blocks, overhang = box
+    mine = worker * SPREAD
+    line, sheet_buffer, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
+    row_slot, row_line, row_place = scratch.row_slot[mine], scratch.row_line[mine], scratch.row_place[mine]
+    reach, live = scratch.reach[mine], scratch.live[mine]
+    state, length = scratch.state[mine], scratch.length[mine]
+    alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
+    cells, fractions, entries = scratch.cells[mine], scratch.weights[mine], scratch.entries[mine]
+    length_inside, before = scratch.length_inside[mine], scratch.before[mine]
+    n_scanlines = pointers.shape[1]
+    image_width = along.size
+    blocks = placed.size
+    planes = 1 + len(matt) + len(gloss)
+    stride = line.size // planes
+    band_alive = alive[BAND]
+    line[:stride] = NOT_KEPT
+    begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    for sheet in range(first_slice.size):
+        shift, step = offset[sheet, 1], scale[sheet, 1]
+        first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
+        if last_y <= -overhang or first_y >= n_scanlines - 1 + overhang:
+            continue
+        found, opaque = _resample_scanlines(
+            pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet], slice_weights,
+            overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], end[sheet], box_rows, top_row, rows,
+            line, stride, planes, sheet_buffer, marks, row_slot, row_line, row_place, reach, live, band_alive, cells,
+            fractions, placed,
+        )
+        if opaque:
+            break  # early termination
+        if not found:
+            continue
+        died = _composite_sheet(
+            begin[sheet], end[sheet], np.float32(thickness[sheet]), top_row, rows, image_width, box_columns, box_rows,
+            box_blocks, limits, look, least, sheet_buffer, planes, matt, gloss, marks, row_slot, row_line, row_place,
+            state, length, alive, bright, blocks, entries, length_inside, before, half,
+        )
+        if died:
+            band_alive[:] = NO_BITS
+            for r in range(rows):
+                for word in range(band_alive.size):
+                    band_alive[word] |= alive[r, word]
+    write_rows(state, rows, image_width, out[top_row : top_row + rows].reshape(-1))
+
+
+@inner_loop
+def _splat_bands(
+    first_worker, last_worker, tables, sheets, rays, box, look, matt, gloss, least, first_row, last_row, next_band,
+    scratch, out, half,
+):
+    """What a worker does: bands, one after another, as long as there are any; see ``splat_scalar_rows``."""
+    bands = (last_row - first_row + BAND - 1) // BAND
+    for worker in range(first_worker, last_worker):
+        band = taken(next_band)
+        while band < bands:
+            top_row = first_row + band * BAND
+            _splat_band(
+                tables, sheets, rays, box, look, matt, gloss, least, top_row, min(BAND, last_row - top_row), worker,
+                scratch, out, half,
+            )
+            band = taken(next_band)
+
+
+@kernel
+def splat_scalar_rows(
+    tables, sheets, rays, box, look, matt, gloss, least, first_row, last_row, workers, next_band, scratch, out, half
+):
+    """Rows [first_row, last_row) of the intermediate image, post-classified.
+
+    ``tables``, ``sheets``, ``rays``, ``box``: see ``arguments``.  ``look``: the value table, flat, and its origin,
+    rate, low, high and last entry.  ``matt``, ``gloss``: see ``scalar_block.composite_classified``.  The others, and
+    what is written: see ``sheet_buffer.splat_rows``.
+    """
+    share_out(
+        _splat_bands, workers,
+        (tables, sheets, rays, box, look, matt, gloss, least, first_row, last_row, next_band, scratch, out, half),
+    )
+
