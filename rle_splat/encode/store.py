@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ..axes import AXES, AXIS_NAMES
+from ..classify.limits import BRIGHTEST
 from ..memory import refuse_beyond
 from ..scene import RECORDS, RleSplatError, as_matrix
 from .tables import TABLES, RunLengthVolume
@@ -133,6 +134,8 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
         axes[axis] = RunLengthVolume(axis, header["shape_xyz"], header["model"], *tables, derived, decoding)
         if axes[axis].record != header["record"]:
             raise ValueError("its voxel data are not of the kind it names")
+        if not axes[axis].most_color <= 2.0 * BRIGHTEST:  # twice, since short records are rounded
+            raise ValueError(f"its colours are brighter than {BRIGHTEST:g}, where white is 1")
     return StoredVolume(
         axes, header["affine"], header["unit"], header["unit_length"], header["transfer_function"],
         header["lighting"], header["source"], tuple(header["remarks"]),

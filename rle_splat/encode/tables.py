@@ -116,14 +116,16 @@ class RunLengthVolume(_OnAxis):
 
     @cached_property
     def most_color(self) -> float:
-        """The largest channel of any voxel's unassociated colour."""
+        """The largest channel of any voxel's unassociated colour; NaN where damaged tables overflow."""
         if self.given_most_color is not None:
             return self.given_most_color
         most = 0.0
         for first in range(0, len(self.voxel_data), CHUNK):
-            data = self.decoded(first, first + CHUNK)
-            most = max(most, float((data[:, :3].max(axis=1) / np.maximum(data[:, 3], LEAST_DENSITY)).max()))
-        return most
+            with np.errstate(over="ignore", invalid="ignore"):
+                data = self.decoded(first, first + CHUNK)
+                colors = data[:, :3].max(axis=1) / np.maximum(data[:, 3], LEAST_DENSITY)
+            most = np.maximum(most, colors.max())
+        return float(most)
 
     @property
     def table_bytes(self) -> dict[str, int]:

@@ -12,6 +12,7 @@ from ..scene import MODELS, RleSplatError
 from .records import TYPES, WORDS, decoding_size
 from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
 
+MOST = 1e37  # of any number in the voxel data: twice the densest and brightest there is, and float32 holds it
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
 
 
@@ -108,5 +109,5 @@ def _check_records(axis, voxel_data, decoding) -> None:
         if decoding is None or decoding.dtype != np.float32 or decoding.shape != (decoding_size(record),):
             raise _broken(axis, "the scales of the voxel data are not the float32 numbers that they need")
     # One pass each and no copy: NaN fails both comparisons.  Codes are numbers whatever their bits.
-    if numbers.size and not (numbers.min() >= 0.0 and numbers.max() < np.inf):
-        raise _broken(axis, "the voxel data hold a value that is negative or not finite")
+    if numbers.size and not (numbers.min() >= 0.0 and numbers.max() <= MOST):
+        raise _broken(axis, "the voxel data hold a value that is negative, not finite or too large")

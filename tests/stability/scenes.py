@@ -56,3 +56,9 @@ def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knob
 
 def matter(opacity, color=WHITE, distance=1.0, shade=None, **more) -> TransferFunction:
     return TransferFunction(opacity=opacity, color=color, opacity_unit_distance=distance, shade=shade, **more)
+
+
+def unlike(one, two) -> int:
+    """How many numbers of two arrays differ; NaN is unlike everything."""
+    one, two = np.asarray(one), np.asarray(two)
+    return int((one != two).sum()) if one.shape == two.shape else max(one.size, two.size, 1)

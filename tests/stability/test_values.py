@@ -20,7 +20,7 @@ from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import STORED_TYPES, Volume
-from tests.stability.scenes import BACKENDS, EXACT, WHITE, columns, from_above, matter, sheets
+from tests.stability.scenes import BACKENDS, EXACT, WHITE, columns, from_above, matter, sheets, unlike
 
 LEVEL = 1.0 / 255.0
 BITS = "differing bits"
@@ -30,12 +30,6 @@ STEPPED = TransferFunction(
     color=((0, 0.0, 0.5, 1.0), (60, 1.0, 0.5, 0.25), (60, 2.0, 0.0, 0.0), (200, 0.0, 0.0, 4.0)),
 )
 every_backend = pytest.mark.parametrize("backend", BACKENDS)
-
-
-def unlike(one, two) -> int:
-    """How many numbers of two arrays differ; NaN is unlike everything."""
-    one, two = np.asarray(one), np.asarray(two)
-    return int((one != two).sum()) if one.shape == two.shape else max(one.size, two.size, 1)
 
 
 def lists_unlike(one, two) -> int:

@@ -1,4 +1,4 @@
-"""Normals against analytic fields under any affine (catalogue V8, V13, C9; the table of algorithm.md 1.13)."""
+"""Normals against analytic fields under any affine (catalogue C9; V8 and V13 are in tests/stability)."""
 
 import numpy as np
 import pytest
@@ -50,42 +50,6 @@ def test_kernel_and_twin_agree(dtype):
     one, two = (all_normals(voxels, AFFINES["sheared"], b) for b in BACKENDS)
     np.testing.assert_allclose(one, two, atol=1e-6)
     assert (np.abs(np.linalg.norm(one, axis=-1) - 1.0) < 1e-6).mean() > 0.9
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("dtype, mean, worst", (("float32", 0.35, 0.8), ("uint8", 0.4, 1.0)))
-def test_angle_errors_on_a_sphere_are_those_of_the_table(dtype, mean, worst, backend):
-    z, y, x = np.indices((40, 40, 40)) - 19.5
-    radius = np.sqrt(x * x + y * y + z * z)
-    field = 255.0 / (1.0 + np.exp((radius - 13.0) / 1.5))
-    voxels = np.rint(field).astype(dtype) if dtype == "uint8" else field.astype(dtype)
-    edge = np.abs(radius - 13.0) < 1.5
-    got = all_normals(voxels, backend=backend)[edge]
-    outward = np.stack((x, y, z), axis=-1)[edge] / radius[edge][:, None]
-    angle = np.degrees(np.arccos(np.clip(-(got * outward).sum(axis=1), -1.0, 1.0)))
-    assert angle.mean() < mean and angle.max() < worst
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("dtype", INTEGER + FLOAT)
-def test_v8_a_constant_has_no_normal(dtype, backend):
-    assert not all_normals(np.full((3, 4, 5), 77, dtype), backend=backend).any()
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_v13_below_the_noise_floor_there_is_no_normal(backend):
-    x = np.indices((5, 5, 40))[2]
-    slow = (x // 8).astype(np.uint8)  # one step in eight voxels: mostly flat
-    lone = np.zeros((5, 5, 5), np.uint8)
-    lone[2, 2, 2] = 1  # one stray step: Sobel sees an eighth of it straight ahead
-    assert not all_normals(lone, backend=backend).any()
-    flat = (x % 8 > 0) & (x % 8 < 7)
-    assert not all_normals(slow, backend=backend)[flat].any()
-    wobble = 1000.0 * (1.0 + 2.0**-23 * np.random.default_rng(1).integers(-2, 3, (5, 5, 5)))
-    assert not all_normals(wobble.astype(np.float32), backend=backend).any()
-    clear = (1000.0 + 0.1 * x).astype(np.float32)
-    along_x = np.broadcast_to((1, 0, 0), (5, 5, 40, 3))
-    np.testing.assert_allclose(all_normals(clear, backend=backend), along_x, atol=1e-6)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -47,15 +47,6 @@ def test_every_layout_is_read_exactly(tmp_path, dtype, order, suffix, header):
     assert (volume.slope, volume.intercept, volume.value_unit) == (2.0, -1024.0, "HU")
 
 
-def test_big_endian_equals_its_byteswapped_twin(tmp_path):
-    voxels = voxels_of("int16")
-    big = write(tmp_path / "a.raw", voxels.astype(">i2").tobytes())
-    little = write(tmp_path / "b.raw", voxels.astype("<i2").tobytes())
-    one = read_volume(big, shape=SHAPE, dtype="int16", byte_order="big")
-    other = read_volume(little, shape=SHAPE, dtype="int16", byte_order="little")
-    assert one.key == other.key
-
-
 def test_a_plain_native_file_is_mapped_not_copied(tmp_path):
     path = write(tmp_path / "a.raw", voxels_of("uint16").astype("<u2").tobytes())
     volume = read_volume(path, shape=SHAPE, dtype="uint16", byte_order="little")

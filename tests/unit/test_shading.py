@@ -185,14 +185,6 @@ def test_any_shininess_is_finite(backend):
         assert np.isfinite(got).all()
 
 
-def test_v8_a_constant_volume_keeps_its_color():
-    volume = Volume(np.full((4, 4, 4), 90, np.int16), np.eye(4))
-    classified = classify(volume, WHITE, np.eye(4))
-    n = normals(classified, volume, np.eye(4))
-    got = shade(classified, n, np.eye(4), Shade(), (), headlight_direction=(0, 0, -1), eye=(0, 0, 1, 0))
-    np.testing.assert_array_equal(got, classified.color)
-
-
 def test_shading_only_when_called_for():
     volume = Volume(np.full((2, 2, 2), 90, np.int16), np.eye(4))
     classified = classify(volume, WHITE, np.eye(4))
