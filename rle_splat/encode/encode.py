@@ -12,7 +12,7 @@ import numpy as np
 from ..axes import AXES
 from ..classify.placing import Places
 from ..classify.visible import VisibleVoxels
-from ..jit import compiled, parallel_call, read_only
+from ..jit import compiled, parallel_call, read_only, thread_count
 from ..scene import MODELS, RECORDS, RleSplatError
 from ..steps import drain
 from . import encode_kernels as passes
@@ -27,6 +27,9 @@ from .tables import (
 )
 
 VOXELS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two chances to cancel, some 50 ms
+# Of shorter records so many for each thread: what they are packed from, 16 bytes each, then stays in a cache.  (64 MiB
+# anew for every light cost as much as the packing.)
+PACKED_AT_ONCE = 1 << 18
 
 
 def encode(
@@ -95,23 +98,24 @@ def record_steps(
     voxel_data = empty_records(record, tables.n_voxels)
     floats, codes = empty_records(16, 0), empty_records(record, 0)
     most_color = 0.0
-    for fraction, first_plane, last_plane in _slabs(voxels):
+    in_order = tables.axis == 2  # the voxels' own order: nothing to place
+    for fraction, *slab in _slabs(voxels):
         yield fraction
-        places = _places(tables, voxels, first_plane, last_plane)
         if record == 16:
-            most_color = max(most_color, write(places, voxel_data))
+            most_color = max(most_color, write(_places(tables, voxels, *slab), voxel_data))
             continue
-        first, last = places.span
-        if len(floats) < last - first:
-            floats = empty_records(16, last - first)
-        most_color = max(most_color, write(Places.in_order(voxels, first_plane, last_plane), floats))
-        in_order = tables.axis == 2  # the voxels' own order: nothing to place
-        if not in_order and len(codes) < last - first:
-            codes = empty_records(record, last - first)
-        made = voxel_data[first:last] if in_order else codes[: last - first]
-        pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
-        if not in_order:
-            _place(places, words_of(made), words_of(voxel_data), backend, threads)
+        for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
+            places = Places.in_order(voxels, *planes)
+            first, last = places.span
+            if len(floats) < last - first:
+                floats = empty_records(16, last - first)
+            if not in_order and len(codes) < last - first:
+                codes = empty_records(record, last - first)
+            most_color = max(most_color, write(places, floats))
+            made = voxel_data[first:last] if in_order else codes[: last - first]
+            pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
+            if not in_order:
+                _place(_places(tables, voxels, *planes), words_of(made), words_of(voxel_data), backend, threads)
     return tables.with_voxels(model, voxel_data, decoding, most_color)
 
 
@@ -135,29 +139,33 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, back
         _place(places, words[first:last], target, backend, threads)
 
 
-def brightest_steps(voxels: VisibleVoxels, write):
+def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     """Generator: yields the fraction done; returns the largest channel of any colour.  ``write``: see
     ``record_steps``; what it writes is thrown away."""
     floats = empty_records(16, 0)
     most_color = 0.0
-    for fraction, first_plane, last_plane in _slabs(voxels):
+    for fraction, *slab in _slabs(voxels):
         yield fraction
-        places = Places.in_order(voxels, first_plane, last_plane)
-        first, last = places.span
-        if len(floats) < last - first:
-            floats = empty_records(16, last - first)
-        most_color = max(most_color, write(places, floats))
+        for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
+            places = Places.in_order(voxels, *planes)
+            first, last = places.span
+            if len(floats) < last - first:
+                floats = empty_records(16, last - first)
+            most_color = max(most_color, write(places, floats))
     return most_color
 
 
-def _slabs(voxels: VisibleVoxels):
-    """(fraction done, first plane, last plane) of pieces of about VOXELS_AT_ONCE visible voxels."""
+def _slabs(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, last: int | None = None):
+    """(fraction done, first plane, last plane) of pieces of planes [first, last), all of them when left out.
+
+    ``at_once``: about how many visible voxels a piece has, VOXELS_AT_ONCE when left out.
+    """
     _, ny, nz = voxels.shape_xyz
+    at_once, end = at_once or VOXELS_AT_ONCE, nz if last is None else last
     plane_start = voxels.row_start[::ny]
-    first = 0
-    while first < nz:
-        last = int(np.searchsorted(plane_start, plane_start[first] + VOXELS_AT_ONCE, side="right")) - 1
-        last = min(max(last, first + 1), nz)
+    while first < end:
+        last = int(np.searchsorted(plane_start, plane_start[first] + at_once, side="right")) - 1
+        last = min(max(last, first + 1), end)
         yield first / nz, first, last
         first = last
 

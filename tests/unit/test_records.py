@@ -1,5 +1,6 @@
 """Voxel records of 8, 6 and 4 bytes: what each code keeps, and what the picture loses by it."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from rle_splat.encode.encode import encode
 from rle_splat.encode.records import decoding_of, empty_records, pack, record_bytes, unpack
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.validate import validate
+from rle_splat.encode_scene import encode_scene
 from rle_splat.medium import classify_and_shade
 from rle_splat.render import render
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
@@ -167,6 +169,21 @@ def test_the_three_axes_hold_the_same_records(record, model):
         np.testing.assert_array_equal(other, grids[0])
     exact = to_volume_order(decode(encode(classified, colors, 2, model)), 2)
     np.testing.assert_allclose(grids[0][..., 3], exact[..., 3], rtol=0.003, atol=1e-5)
+
+
+@pytest.mark.parametrize("at_once", ((1 << 22, 1), (1000, 300), (1, 1 << 18)))
+@pytest.mark.parametrize("record", SHORT)
+def test_the_pieces_that_records_are_packed_in_leave_no_trace(record, at_once, monkeypatch):
+    """Between two chances to cancel, and within: pieces of one plane, of some, and of all."""
+    near = Light("POINT", energy=400000.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)))
+    lit, quality = lit_scene(20, lights=(near,)), replace(QUALITY, record=record)
+    whole = encode_scene(lit, quality).axes
+    for name, voxels in zip(("VOXELS_AT_ONCE", "PACKED_AT_ONCE"), at_once):
+        monkeypatch.setattr(sys.modules[encode.__module__], name, voxels)
+    for axis in (0, 1, 2):
+        pieces = encode_scene(lit, quality, axes=(axis,)).axes[axis]
+        np.testing.assert_array_equal(pieces.voxel_data, whole[axis].voxel_data)
+        assert pieces.most_color == whole[axis].most_color
 
 
 def test_lights_among_the_voxels_are_measured_first():
