@@ -62,7 +62,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     quality = replace(quality, backend=backend)
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
         quality = replace(quality, classification="pre")  # its voxels are classified already: a remark says so
-    scene = classified_scene(scene, quality)
+    shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
     limited = _clipped(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
@@ -85,7 +85,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
 
     report = {
         "image": _image_report(scene),
-        "volume": _volume_report(medium),
+        "volume": _volume_report(shape_xyz, medium),
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
@@ -233,10 +233,11 @@ def truth_of(quality: Quality) -> str:
     return "T1" if quality.classification == "pre" else "T2"
 
 
-def _volume_report(medium: Medium) -> dict:
+def _volume_report(shape_xyz, medium: Medium) -> dict:
+    """``shape_xyz``: of the volume itself; the voxels that are visible are those of the grid that is classified."""
     total = int(np.prod([int(n) for n in medium.shape_xyz]))
     return {
-        "shape_xyz": [int(n) for n in medium.shape_xyz],
+        "shape_xyz": [int(n) for n in shape_xyz],
         "visible_voxels": medium.visible_voxels,
         "visible_fraction": medium.visible_voxels / total,
         "nan_voxels": medium.nan_voxels,

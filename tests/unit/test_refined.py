@@ -229,7 +229,7 @@ def test_what_is_kept_is_of_one_refinement():
     first = render(scene, refined_quality(2), kept=kept)
     assert (render(scene, refined_quality(2), kept=kept).rgba == first.rgba).all()
     assert {"visible": 1, "normals": 1, "records": 1}.items() <= kept.made.items()
-    for number, quality in enumerate((refined_quality(3), Quality(), refined_quality(4)), 2):
+    for number, quality in enumerate((refined_quality(3), Quality(classification="pre"), refined_quality(4)), 2):
         other = render(scene, quality, kept=kept)
         assert kept.made["visible"] == kept.made["records"] == number
         assert (other.rgba == render(scene, quality).rgba).all() and (other.rgba != first.rgba).any()
@@ -312,7 +312,7 @@ def test_rle_files_hold_the_grid_of_the_scan():
     scene = scene_of(waves(), headlight=False)
     with pytest.raises(RleSplatError, match="classification pre"):
         encode_scene(scene, refined_quality())
-    stored = encode_scene(scene, Quality(), (1,))
+    stored = encode_scene(scene, Quality(classification="pre"), (1,))
     with pytest.raises(RleSplatError, match="classified already"):
         render(replace(scene, volume=stored), refined_quality())
 
