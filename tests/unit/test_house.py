@@ -46,6 +46,7 @@ FLOORS = {
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
     "rle_splat.cost_of_accuracy": 11,
+    "rle_splat.tolerance": 11,
     "rle_splat": 12,
     "rle_splat.named_systems": 13,
     "rle_splat.cli": 14,

@@ -1,0 +1,214 @@
+"""Make the planner's constants anew: rle_splat/plan/calibration.json, from scenes of formulas.
+
+Everything is held against the truth at probe pixels.  What a depth rule errs shows where sheets are dense, what a
+filter and a density err where there are many sheets; both are taken over the difference of the scene's pilots.  The
+constants are the same quantile of either over all scenes, and are then scaled together until as many plans of all kinds
+err no more than is predicted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rle_splat.accuracy.lighting import shading_of
+from rle_splat.accuracy.probes import choose_probes, probe_errors
+from rle_splat.accuracy.truths import truth
+from rle_splat.kept import Kept
+from rle_splat.plan import model as plan_model
+from rle_splat.plan.candidates import WARP_FILTERS
+from rle_splat.plan.features import Features, doubtful_pixels, features_of, pilots
+from rle_splat.plan.model import Model, splat_terms, warp_terms
+from rle_splat.render import render, truth_of
+from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
+
+from .planning_scenes import calibration_scenes
+
+QUANTILE = 0.8  # of the calibration scenes' errors lie below what is predicted
+RULES = ("slice", "simpson", "gauss2", "midpoint-1", "midpoint-2", "midpoint-3", "midpoint-4")
+DENSE = 4.0  # at which depth rules are measured
+# Sheet density -> the rule under which filters are measured there: deep enough for the depth not to matter.
+DENSITIES = {
+    0.5: "midpoint-4", 0.7: "midpoint-4", 1.0: "midpoint-4", 1.5: "midpoint-4", 2.0: "midpoint-8", 3.0: "midpoint-8",
+    4.0: "midpoint-8", 6.0: "midpoint-12",
+}  # fmt: skip
+DENSEST = 8.0  # that the constants are carried on to
+CUBIC_ALONE = 6.0  # at and beyond this density only the cubic filter is measured
+NO_TERMINATION = 1e-5
+FAINTEST = 0.02  # levels: pilots that differ by less tell nothing
+# Plans whose errors come from depth and density alike.
+JUDGED = (
+    ("slice", 0.7, "bilinear"), ("slice", 1.0, "cubic"), ("simpson", 1.0, "cubic"), ("simpson", 1.5, "cubic"),
+    ("midpoint-2", 1.5, "keys"), ("midpoint-2", 2.0, "cubic"), ("midpoint-4", 2.0, "cubic"),
+    ("midpoint-4", 3.0, "cubic"), ("midpoint-6", 3.0, "cubic"), ("midpoint-8", 4.0, "cubic"),
+)  # fmt: skip
+PROBES, DOUBTFUL = 1000, 500
+
+
+def observe(scene: Scene, base: Quality) -> dict:
+    """What one scene tells, JSON-ready: its ``features``, and of each of ``plans`` its depth rule, density and filter,
+    its largest error in levels, and the milliseconds of splat and warp."""
+    kept = Kept()
+
+    def draw(rule, density, warp_filter, termination=NO_TERMINATION):
+        plan = replace(
+            base, name="calibration", depth_rule=rule, sheet_density=density, warp_filter=warp_filter,
+            termination=termination,
+        )  # fmt: skip
+        return render(scene, plan, kept=kept)
+
+    for plan in pilots(base).values():  # once before, so that tables are made and memory is at hand
+        render(scene, plan, kept=kept)
+    drawn = {name: render(scene, plan, kept=kept) for name, plan in pilots(base).items()}
+    features = features_of(scene, base, drawn)
+    fine = draw("midpoint-4", 2.0, "cubic").rgba
+    probes, which = choose_probes(fine, PROBES), truth_of(base)
+    doubtful = doubtful_pixels(drawn, DOUBTFUL)
+    columns, rows = (np.concatenate(both) for both in zip((probes.columns, probes.rows), doubtful))
+    true, _ = truth(scene, which, pixels=(columns + 0.5, rows + 0.5), tolerance=1e-7, **shading_of(scene, which))
+    wanted = [(rule, DENSE, "cubic") for rule in RULES]
+    wanted += [
+        (rule, density, name) for density, rule in DENSITIES.items() for name in WARP_FILTERS
+        if name == "cubic" or density < CUBIC_ALONE
+    ]  # fmt: skip
+    plans = []
+    for plan in dict.fromkeys((*wanted, *JUDGED)):
+        rendering = draw(*plan)
+        stages = rendering.report["stages_ms"]
+        error = float(probe_errors(rendering.rgba[rows, columns], true).max())
+        plans.append((*plan, error, stages["splat"], stages["warp"]))
+    return {"features": features.report(), "plans": plans}
+
+
+def fitted(observations: list[dict], base: Quality) -> tuple[dict, dict]:
+    """(constants of one classification as Model has them, what there is to say of the fit)."""
+    scenes = [(Features(**seen["features"]), {tuple(p[:3]): p[3] for p in seen["plans"]}) for seen in observations]
+    warp = {name: _densities(scenes, name) for name in WARP_FILTERS}
+    at_dense = dict(warp["cubic"])[DENSE]
+    depth = {
+        rule: _envelope(
+            _without(errors[rule, DENSE, "cubic"], at_dense * f.sheet_step) / f.depth_step for f, errors in scenes
+            if f.depth_step > FAINTEST
+        )
+        for rule in RULES
+    }  # fmt: skip
+    times = [(number, f, *plan) for number, (f, _) in enumerate(scenes) for plan in observations[number]["plans"]]
+    of_scene = [entry[0] for entry in times]
+    splat = _nonnegative_fit(
+        [splat_terms(f, rule, density) for _, f, rule, density, *_ in times], [entry[-2] for entry in times], of_scene
+    )
+    warped = _nonnegative_fit(
+        [warp_terms(f, name, density) for _, f, _, density, name, *_ in times], [entry[-1] for entry in times], of_scene
+    )
+    constants = {"depth": depth, "warp": warp, "splat_ms": splat, "warp_ms": warped}
+    factor = float(np.quantile(_against_truth(constants, scenes, base), QUANTILE))
+    constants["depth"] = {rule: _rounded(factor * value) for rule, value in depth.items()}
+    constants["warp"] = {name: [[d, _rounded(factor * value)] for d, value in table] for name, table in warp.items()}
+    ratios = _against_truth(constants, scenes, base)
+    quantiles = {f"{share:.0%}": float(np.quantile(ratios, share)) for share in (0.1, 0.5, 0.8, 0.95, 1.0)}
+    return constants, {"scenes": len(scenes), "factor": factor, "measured_over_predicted": quantiles}
+
+
+def _without(error: float, other: float) -> float:
+    """What is left of an error when another that it holds in quadrature is taken away; never less than a tenth."""
+    return max(np.sqrt(max(error**2 - other**2, 0.0)), 0.1 * error)
+
+
+def _envelope(ratios) -> float:
+    return float(np.quantile(list(ratios), QUANTILE))
+
+
+def _densities(scenes, name: str) -> list[list[float]]:
+    """[[density, constant], ...] of one filter, carried on beyond what was measured at the pace it fell with."""
+    table = []
+    for density, rule in DENSITIES.items():
+        if name != "cubic" and density >= CUBIC_ALONE:
+            continue
+        ratios = [errors[rule, density, name] / f.sheet_step for f, errors in scenes if f.sheet_step > FAINTEST]
+        table.append([density, _envelope(ratios)])
+    for number in range(1, len(table)):  # denser is never worse
+        table[number][1] = min(table[number][1], table[number - 1][1])
+    (before, high), (last, low) = table[-2:]
+    order = max(np.log(high / low) / np.log(last / before), 1.0)
+    return [*table, [DENSEST, low * (last / DENSEST) ** order]]
+
+
+def _against_truth(constants, scenes, base: Quality) -> list[float]:
+    """Measured error over predicted error of every judged plan whose prediction is more than noise."""
+    model = Model(base.classification, **constants)
+    ratios = []
+    for f, errors in scenes:
+        for rule, density, warp_filter in JUDGED:
+            plan = replace(
+                base, depth_rule=rule, sheet_density=density, warp_filter=warp_filter, termination=NO_TERMINATION
+            )
+            budget = model.errors(f, plan)
+            if budget.modelled > 0.1:
+                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modelled)
+    return ratios
+
+
+def _nonnegative_fit(terms, milliseconds, scene_of) -> list[float]:
+    """Coefficients, none below zero, of terms whose sum is some milliseconds; relative errors count, and every scene
+    may be slower or quicker than the others as a whole, as the planner takes that from the pilots."""
+    terms, spent, scene_of = np.array(terms), np.maximum(np.array(milliseconds), 0.02), np.array(scene_of)
+    scale = np.ones(scene_of.max() + 1)
+    for _ in range(8):
+        goal = spent / scale[scene_of]
+        weighted = terms / goal[:, None]
+        used = [column for column in range(terms.shape[1]) if terms[:, column].any()]
+        while True:
+            found = np.linalg.lstsq(weighted[:, used], np.ones(len(spent)), rcond=None)[0]
+            if (found >= 0.0).all():
+                break
+            used.pop(int(np.argmin(found * np.linalg.norm(weighted[:, used], axis=0))))
+        coefficients = np.zeros(terms.shape[1])
+        coefficients[used] = found
+        ratio = spent / np.maximum(terms @ coefficients, 1e-6)
+        scale = np.array([np.median(ratio[scene_of == number]) for number in range(len(scale))])
+        scale /= np.median(scale)
+    return [_rounded(value) for value in coefficients]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py calibrate", description=__doc__)
+    parser.add_argument("--classification", nargs="*", choices=CLASSIFICATIONS, default=CLASSIFICATIONS)
+    parser.add_argument("--output", type=Path, default=plan_model.CALIBRATION)
+    parser.add_argument("--observations", type=Path, help="write what the scenes told to this file too")
+    options = parser.parse_args(arguments)
+    written = json.loads(options.output.read_text()) if options.output.exists() else {"classifications": {}, "fit": {}}
+    told, began = {}, time.perf_counter()
+    for classification in CLASSIFICATIONS:
+        if classification not in options.classification:
+            continue
+        base = Quality(classification=classification)
+        told[classification] = []
+        for name, scene in calibration_scenes():
+            start = time.perf_counter()
+            told[classification].append({"name": name, **observe(scene, base)})
+            spent = time.perf_counter() - start
+            print(f"{classification}: {name}, {spent:.1f} s", flush=True)
+        constants, fit = fitted(told[classification], base)
+        written["classifications"][classification], written["fit"][classification] = constants, fit
+        for share, ratio in fit["measured_over_predicted"].items():
+            print(f"{classification}: {share} of plans err at most {ratio:.2f} of what is predicted")
+    if options.observations:
+        options.observations.write_text(json.dumps(told))
+    options.output.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
+    print(f"Wrote {options.output} in {time.perf_counter() - began:.0f} s.")
+    return 0
+
+
+if __name__ == "__main__":
+    import sys
+
+    sys.exit(main(sys.argv[1:]))

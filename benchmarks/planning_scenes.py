@@ -1,0 +1,128 @@
+"""The scenes that the planner is calibrated on, and those it is judged on: no volume, no transfer function and no view
+is in both (algorithm.md 7.3).  All that is calibrated on is made of formulas."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from devtools.phantom import SPACING_MM, head_phantom
+from rle_splat.accuracy.closed_forms import marschner_lobb
+from rle_splat.accuracy.phantoms import binary_shell, blobs, smooth_shell, thin_shell
+from rle_splat.classify.presets import preset
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.scene import Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+RAINBOW = ((0.0, 0.9, 0.3, 0.1), (0.2, 0.2, 0.8, 0.3), (0.5, 0.1, 0.3, 1.0), (1.0, 0.9, 0.9, 0.8))
+
+
+@dataclass(frozen=True)
+class View:
+    """A turntable view of a square picture ``size`` pixels a side."""
+
+    azimuth: float
+    elevation: float
+    size: int
+    perspective: bool = False
+    fit: float = 1.25
+    fov: float = 40.0
+
+    def of(self, volume: Volume, function: TransferFunction, shaded: bool) -> Scene:
+        camera, matrix = turntable(
+            volume, self.azimuth, self.elevation, self.fit, self.perspective, self.fov, self.size, self.size
+        )
+        return Scene(volume, function, camera, self.size, self.size, matrix, headlight=shaded)
+
+
+def ramp(low: float, high: float, alpha: float, colors=RAINBOW, distance=1.0, shade=None) -> TransferFunction:
+    """Opacity that rises from 0 at ``low`` to ``alpha`` at ``high``; colours spread over [0, 2 high]."""
+    color = tuple((2.0 * high * position, *rgb) for position, *rgb in colors)
+    return TransferFunction("ramp", None, ((low, 0.0), (high, alpha)), color, distance, shade)
+
+
+def bands(centres, half_width: float, alpha: float, distance=1.0, shade=None) -> TransferFunction:
+    """Tents of opacity about some values: iso-surfaces, the narrower the harder."""
+    opacity, color = [], []
+    for number, centre in enumerate(centres):
+        opacity += [(centre - half_width, 0.0), (centre, alpha), (centre + half_width, 0.0)]
+        color.append((centre, *RAINBOW[number % len(RAINBOW)][1:]))
+    return TransferFunction("bands", None, tuple(opacity), tuple(color), distance, shade)
+
+
+def _opacities(field) -> Volume:
+    return Volume(np.asarray(field, np.float32), np.eye(4))
+
+
+def _noise(size: int, seed: int, slope: float) -> np.ndarray:
+    """A random field, 0 to 255 as uint8, whose amplitudes fall with frequency to the power of ``slope``."""
+    random = np.random.default_rng(seed)
+    waves = np.fft.rfftn(random.standard_normal((size,) * 3))
+    k = np.sqrt(sum(f**2 for f in np.meshgrid(*(np.fft.fftfreq(size),) * 2, np.fft.rfftfreq(size), indexing="ij")))
+    field = np.fft.irfftn(waves / np.maximum(k, 1.0 / size) ** slope, s=(size,) * 3, axes=(0, 1, 2))
+    low, high = np.quantile(field, (0.001, 0.999))
+    return np.clip(np.rint(255.0 * (field - low) / (high - low)), 0, 255).astype(np.uint8)
+
+
+def _machine_part(size: int = 96) -> np.ndarray:
+    """A block with bores and steps, edges a voxel soft, uint8: 0, 120 and 230."""
+    z, y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, size),) * 3, indexing="ij")
+
+    def soft(distance):
+        return np.clip(0.5 + distance * size / 2.0, 0.0, 1.0)
+
+    block = soft(np.minimum(np.minimum(0.8 - abs(x), 0.6 - abs(y)), 0.7 - abs(z + 0.1 * x)))
+    bore = soft(0.25 - np.hypot(x - 0.3, y + 0.1))
+    cross = soft(0.15 - np.hypot(y - 0.2, z))
+    core = soft(0.2 - np.sqrt((x + 0.4) ** 2 + y**2 + (z - 0.2) ** 2))
+    solid = block * (1.0 - bore) * (1.0 - cross)
+    return np.rint(120.0 * solid * (1.0 - core) + 230.0 * core * block).astype(np.uint8)
+
+
+def _signal(size: int = 56) -> Volume:
+    axis = np.linspace(-1.0, 1.0, size)
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    field = marschner_lobb(np.stack((x, y, z), axis=-1))
+    return Volume(field.astype(np.float32), np.eye(4))
+
+
+OPACITY_IS_VALUE = TransferFunction("opacity is the value", None, ((0.0, 0.0), (1.0, 1.0)), RAINBOW, 1.0, None)
+
+
+def calibration_volumes() -> Iterator[tuple[str, Volume, TransferFunction, bool]]:
+    """Name, volume, transfer function, shaded or not."""
+    yield "smooth", _opacities(smooth_shell(80)), OPACITY_IS_VALUE, False
+    yield "thin", _opacities(thin_shell(72)), OPACITY_IS_VALUE, False
+    yield "binary", _opacities(binary_shell(64)), OPACITY_IS_VALUE, False
+    yield "blobs", _opacities(blobs((80, 72, 64), 3)), OPACITY_IS_VALUE, False
+    grainy = Volume(_noise(72, 1, 2.2), np.diag((1.0, 1.0, 1.4, 1.0)))
+    yield "noise, bands", grainy, bands((150.0, 200.0), 8.0, 0.7), False
+    cloud = Volume(_noise(96, 2, 2.8), np.eye(4))
+    yield "cloud", cloud, ramp(110.0, 250.0, 0.08), False
+    yield "cloud, lit", cloud, ramp(150.0, 190.0, 0.6, shade=Shade()), True
+    part = Volume(_machine_part(), np.eye(4))
+    yield "part", part, ramp(60.0, 110.0, 0.9, shade=Shade()), True
+    yield "part, core", part, bands((120.0, 230.0), 40.0, 0.5), False
+    signal = _signal()
+    yield "signal", signal, bands((0.5,), 0.06, 0.9, shade=Shade()), True
+    head = Volume(head_phantom(2.0 * SPACING_MM), np.diag((*(2.0 * SPACING_MM,) * 3, 1.0)), unit="mm", value_unit="HU")
+    yield "head", head, preset("ct-bone"), True
+    yield "head, skin", head, preset("ct-soft-tissue"), False
+
+
+CALIBRATION_VIEWS = (
+    View(35.0, 25.0, 128),
+    View(35.0, 25.0, 128, True),
+    View(10.0, 5.0, 256),
+    View(-60.0, 75.0, 192, True, fit=1.0, fov=60.0),
+)
+
+
+def calibration_scenes() -> Iterator[tuple[str, Scene]]:
+    """Every calibration volume from every calibration view."""
+    for name, volume, function, shaded in calibration_volumes():
+        for number, view in enumerate(CALIBRATION_VIEWS):
+            yield f"{name}, view {number}", view.of(volume, function, shaded)

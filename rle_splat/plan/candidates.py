@@ -1,0 +1,59 @@
+"""The plans to choose from, and what to call them.
+
+A plan is a ``Quality`` whose knobs of accuracy are set; what the user chose beside them, such as the classification,
+the record or the threads, stays as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+from ..scene import Quality, RleSplatError, midpoints_of
+
+DEPTH_RULES = (
+    "slice", "simpson", "gauss2", *(f"midpoint-{m}" for m in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)),
+)  # fmt: skip
+SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+WARP_FILTERS = ("bilinear", "keys", "cubic")
+SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
+PLANNED = "planned"  # the name of a quality that was chosen for a tolerance
+# Knobs under which the truth is another picture, whatever the plan, and why.
+PROMISED = {
+    "model": ("extinction", "the truth adds up extinction"),
+    "kernel": ("tent", "the truth interpolates linearly"),
+    "minification": ("off", "the truth shows what lies on a pixel's ray"),
+    "length_correction": (True, "the truth knows how long rays are"),
+}
+
+
+def candidates(base: Quality) -> list[Quality]:
+    """Every plan of the grid, its other knobs as in ``base``."""
+    return [
+        replace(base, name=PLANNED, depth_rule=rule, sheet_density=density, warp_filter=warp_filter)
+        for rule, density, warp_filter in product(DEPTH_RULES, SHEET_DENSITIES, WARP_FILTERS)
+    ]
+
+
+def name_of(plan: Quality) -> str:
+    """A plan's name for people, such as ``pre slice 1.0 cubic``: classification, depth rule, density, filter."""
+    density = f"{plan.sheet_density:.2f}".rstrip("0")
+    density += "0" if density.endswith(".") else ""
+    finer = f" x{plan.refinement}" if plan.classification == "refined" else ""
+    return f"{plan.classification}{finer} {plan.depth_rule} {density} {plan.warp_filter}"
+
+
+def sheets_per_voxel(depth_rule: str) -> int:
+    """How many sheets the depth of a voxel takes under a rule."""
+    return midpoints_of(depth_rule) or SHEETS_PER_VOXEL[depth_rule]
+
+
+def check_plannable(quality: Quality) -> None:
+    """RleSplatError for knobs under which nothing can be promised."""
+    for name, (only, why) in PROMISED.items():
+        value = getattr(quality, name)
+        if value != only:
+            raise RleSplatError(
+                f"A tolerance cannot be kept with {name.replace('_', ' ')} {value!r}, because {why}; use {only!r}, or "
+                "leave the tolerance out."
+            )

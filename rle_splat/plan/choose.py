@@ -1,0 +1,100 @@
+"""The cheapest plan that keeps a tolerance, and the next one when a measurement says that it did not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..memory import available_bytes
+from ..memory_estimate import SHEET_PIXEL, SPARE, WARPED
+from ..scene import Quality
+from .candidates import candidates
+from .features import LEVELS, Features
+from .model import ErrorBudget, Model
+
+SAFETY = 0.9  # of the tolerance is what a plan may be expected to err
+TERMINATION_SHARE = 0.1  # of the tolerance goes to ending rays early
+LARGEST_TERMINATION = 1 / 256
+LEAST_TERMINATION = 1e-7
+# A scene that errs more than its model says is taken to err somewhat more still: the largest error of a better plan
+# falls a little slower than the typical one.
+CAUTION = 1.15
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A plan, what it is expected to err and to take (splat and warp), and whether it is expected to keep the
+    tolerance: if not, it is the most accurate there is."""
+
+    plan: Quality
+    errors: ErrorBudget
+    splat_ms: float
+    warp_ms: float
+    keeps: bool
+
+    @property
+    def milliseconds(self) -> float:
+        return self.splat_ms + self.warp_ms
+
+
+@dataclass(frozen=True)
+class Speed:
+    """How many times longer splat and warp take here than where the model was calibrated."""
+
+    splat: float = 1.0
+    warp: float = 1.0
+
+    @classmethod
+    def of(cls, model: Model, features: Features, frames) -> Speed:
+        """From ``frames``: pairs of a plan and the ``stages_ms`` of its report.
+
+        Where frames disagree their middle counts: what else a machine does meets them unevenly.
+        """
+        ratios = []
+        for plan, stages in frames:
+            splat, warp = model.milliseconds(features, plan)
+            ratios.append((stages["splat"] / max(splat, 1e-6), stages["warp"] / max(warp, 1e-6)))
+        return cls(*(float(middle) for middle in np.median(np.maximum(ratios, 1e-3), axis=0)))
+
+
+def termination_for(tolerance: float, largest_color: float) -> float:
+    """The transmittance to end rays at: its share of the tolerance is the most that this can change a channel."""
+    wanted = TERMINATION_SHARE * tolerance / (LEVELS * max(largest_color, 1.0))
+    return float(np.clip(wanted, LEAST_TERMINATION, LARGEST_TERMINATION))
+
+
+def choose(features: Features, base: Quality, tolerance: float, model: Model, speed: Speed = Speed(),
+           correction: float = 1.0) -> Choice:  # fmt: skip
+    """The plan that is expected to be quickest of those expected to err at most SAFETY times the tolerance, in levels;
+    without any, the most accurate one, and ``keeps`` is False.
+
+    ``base``: what the plan does not decide.  ``correction``: as ``Model.errors`` has it.
+    """
+    base = replace(base, termination=termination_for(tolerance, features.largest_color))
+    best, most_accurate = None, None
+    densest = _densest_that_fits(features)
+    for plan in candidates(base):
+        if plan.sheet_density > densest:
+            continue
+        errors = model.errors(features, plan, correction)
+        splat, warp = model.milliseconds(features, plan)
+        keeps = errors.total <= SAFETY * tolerance
+        choice = Choice(plan, errors, splat * speed.splat, warp * speed.warp, keeps)
+        if keeps and (best is None or choice.milliseconds < best.milliseconds):
+            best = choice
+        if most_accurate is None or errors.total < most_accurate.errors.total:
+            most_accurate = choice
+    return best or most_accurate
+
+
+def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> float:
+    """The correction after a plan that was expected to err ``errors`` was found to err ``measured`` levels."""
+    beyond = max(measured - errors.bounds, 0.0) / max(errors.modelled, 1e-9)
+    return correction * max(CAUTION * beyond, 1.0)
+
+
+def _densest_that_fits(features: Features) -> float:
+    """The largest sheet density that there is memory for; never below one."""
+    a_unit = max(features.sheet_pixels * (SHEET_PIXEL + WARPED), 1.0)
+    return max(float(np.sqrt(SPARE * available_bytes() / a_unit)), 1.0)
