@@ -26,7 +26,7 @@ from .scenes import REAL, scenes, shells
 
 VIEW = (35.0, 25.0)  # azimuth and elevation, degrees: no principal axis in particular
 TURN = 0.5  # degrees that a camera or a light moves with every edit
-WIDENING = 0.006  # of the values' range, with every edit: a step or more of 8 bits
+WIDENING = 1.14  # 255ths of the values' range with every edit, stored values of 8 bits at least: more of them each time
 BRIGHTENING = 1.05
 MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
 SUN_STRENGTH = 3.0  # W/m^2
@@ -74,7 +74,7 @@ def thinned(scene: Scene, number: int) -> Scene:
 def widened(scene: Scene, number: int) -> Scene:
     """Every range of shown values begins a little lower, though not below the point before it."""
     tf = scene.transfer_function
-    step = WIDENING * number * (tf.span[1] - tf.span[0])
+    step = WIDENING * number * max((tf.span[1] - tf.span[0]) / 255.0, 1.0)
     opacity = list(tf.opacity)
     for n in range(len(opacity) - 1):
         value, alpha = opacity[n]
