@@ -14,6 +14,11 @@ BENCHMARKS = {
 
 def main(arguments) -> int:
     name = arguments[0] if arguments else "stages"
+    if name in ("-h", "--help"):
+        print("usage: dev.py bench [NAME] [options], and dev.py bench NAME --help for its options; NAME is one of\n")
+        for other, run in BENCHMARKS.items():
+            print(f"  {other:<10}{sys.modules[run.__module__].__doc__.splitlines()[0]}")
+        return 0
     if name not in BENCHMARKS:
         print(f"There is no benchmark {name!r}; choose {', '.join(BENCHMARKS)}.", file=sys.stderr)
         return 2

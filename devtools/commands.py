@@ -83,8 +83,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dev.py", description="Set up, show, test and package RLE Splat.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def add(name, function, text, open_ended=False):
-        command = commands.add_parser(name, help=text, description=text)
+    def add(name, function, text, open_ended=False, add_help=True):
+        command = commands.add_parser(name, help=text, description=text, add_help=add_help)
         command.set_defaults(function=function, open_ended=open_ended)
         return command
 
@@ -93,8 +93,11 @@ def _parser() -> argparse.ArgumentParser:
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
     test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")
-    add("bench", _bench, "measure; arguments go to the benchmarks", open_ended=True)
-    add("accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True)
+    add("bench", _bench, "measure; arguments go to the benchmarks", open_ended=True, add_help=False)
+    add(
+        "accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True,
+        add_help=False,
+    )
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
