@@ -7,10 +7,12 @@ treated as read-only.  Matrices are 4x4 float64, column vectors, applied as ``ma
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
+from reprlib import repr as short
 
 import numpy as np
 
@@ -27,16 +29,36 @@ class Cancelled(Exception):
     """The user stopped a long job; nothing half-made is left behind."""
 
 
+# Entries of matrices: cubes of what is larger, as determinants are made of, would leave the range of float64.
+LARGEST_ENTRY = 1e100
+
+
+def as_float(value) -> float:
+    """A number as float64; infinite when it is too large for one, NaN when it is no number at all."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _is_finite_number(value) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(as_float(value))
+
+
 def as_matrix(value, name: str) -> np.ndarray:
     """A finite 4x4 float64 affine matrix from nested lists or an array, or a RleSplatError that names it."""
     try:
         matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.empty(0)
     if matrix.shape != (4, 4):
         raise RleSplatError(f"{name} must be a 4x4 matrix of numbers, given as four rows of four.")
     if not np.isfinite(matrix).all():
         raise RleSplatError(f"{name} holds a value that is not finite; give sixteen ordinary numbers.")
+    if np.abs(matrix).max() > LARGEST_ENTRY:
+        raise RleSplatError(f"{name} holds a value beyond {LARGEST_ENTRY:g}; give sixteen ordinary numbers.")
     if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0)):
         raise RleSplatError(f"{name} must be affine: its last row has to be 0 0 0 1.")
     matrix.setflags(write=False)
@@ -67,17 +89,16 @@ def read_json(path, what: str):
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as problem:
         raise RleSplatError(f"Cannot read {what} {path}: {problem.strerror or problem}; check the path.") from None
+    except RecursionError:
+        raise RleSplatError(f"{what} {path} is not valid JSON: it is nested without end; mend it there.") from None
     except ValueError as problem:
         raise RleSplatError(f"{what} {path} is not valid JSON: {problem}; mend it there.") from None
 
 
 def _positive(value, name: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise RleSplatError(f"{name} must be a number, not {value!r}.") from None
-    if not (np.isfinite(number) and number > 0.0):
-        raise RleSplatError(f"{name} must be a finite number above zero, not {value!r}.")
+    number = as_float(value)
+    if not (math.isfinite(number) and number > 0.0):
+        raise RleSplatError(f"{name} must be a finite number above zero, not {short(value)}.")
     return number
 
 
@@ -112,7 +133,7 @@ class Camera:
             raise RleSplatError("The camera's matrix_world is singular; give it a scale other than zero on every axis.")
         if self.type not in CAMERA_TYPES:
             raise RleSplatError(
-                f"A camera of type {self.type!r} cannot be splatted; use a perspective or an orthographic camera."
+                f"A camera of type {short(self.type)} cannot be splatted; use a perspective or an orthographic camera."
             )
         if self.sensor_fit not in SENSOR_FITS:
             raise RleSplatError(f"The camera's sensor_fit must be one of {', '.join(SENSOR_FITS)}.")
@@ -120,7 +141,7 @@ class Camera:
             put(name, _positive(getattr(self, name), f"The camera's {name}"))
         for name in ("shift_x", "shift_y"):
             value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and np.isfinite(value)):
+            if not _is_finite_number(value):
                 raise RleSplatError(f"The camera's {name} must be a finite number.")
             put(name, float(value))
         if self.clip_end <= self.clip_start:
@@ -158,17 +179,14 @@ class Light:
     def __post_init__(self):
         object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A light's matrix_world"))
         if self.type not in LIGHT_TYPES:
-            raise RleSplatError(f"A light's type must be one of {', '.join(LIGHT_TYPES)}, not {self.type!r}.")
-        try:
-            color = tuple(float(c) for c in self.color)
-        except (TypeError, ValueError):
-            color = ()
+            raise RleSplatError(f"A light's type must be one of {', '.join(LIGHT_TYPES)}, not {short(self.type)}.")
+        color = tuple(as_float(c) for c in self.color) if np.iterable(self.color) else ()
         if len(color) != 3 or not np.isfinite(color).all() or min(color) < 0.0:
             raise RleSplatError("A light's color must be three finite numbers, none below zero.")
         object.__setattr__(self, "color", color)
         for name in ("energy", "radius", "angle", "size", "size_y", "spot_size", "spot_blend"):
             value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and np.isfinite(value) and value >= 0.0):
+            if not (_is_finite_number(value) and value >= 0.0):
                 raise RleSplatError(f"A light's {name} must be a finite number, not below zero.")
             object.__setattr__(self, name, float(value))
 
