@@ -15,7 +15,10 @@ LEAST_BYTES = 1 << 30  # kept on any machine
 SHARE = 0.25  # of a larger machine's memory
 # Stages whose results replace one another as a light, a camera or a transfer function is dragged about: how many are
 # worth their memory.  (What leaves makes room for what comes: memory never used before is dear.)
-MOST_RESULTS = {"visible": 6, "looks": 6, "normals": 6, "runs": 6, "records": 6, "pyramid": 2}
+MOST_RESULTS = {
+    "visible": 6, "relevant": 6, "looks": 6, "normals": 6, "light": 6, "runs": 6, "records": 6, "scalars": 6,
+    "lights": 6, "pyramid": 2,
+}  # fmt: skip
 
 
 class Kept:
