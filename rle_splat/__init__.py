@@ -31,6 +31,8 @@ _HOME = {
     "save_encoded": ("encode.store", "save"),
     "render": ("render", "render"),
     "render_steps": ("render", "render_steps"),
+    "render_within": ("tolerance", "render_within"),
+    "tolerance_steps": ("tolerance", "tolerance_steps"),
     "turntable": ("view.turntable", "turntable"),
 }
 

@@ -8,7 +8,6 @@ pictures of the scene disagree most.  The truth is T1 for the classification pre
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from .accuracy.truths import truth
 from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
 from .kept import Kept
-from .plan.candidates import check_plannable, name_of
+from .plan.candidates import check_plannable, check_tolerance, name_of
 from .plan.choose import Choice, Speed, choose, corrected
 from .plan.features import Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model
@@ -119,20 +118,6 @@ def tolerance_steps(
             break
     yield Progress(1.0, "Done")
     return _finished(scene, tolerance, quality, features, rounds)
-
-
-def check_tolerance(tolerance) -> float:
-    """The tolerance as a number of levels; RleSplatError when it is none."""
-    try:
-        levels = float(tolerance)
-    except (TypeError, ValueError):
-        levels = math.nan
-    if not (math.isfinite(levels) and levels > 0.0):
-        raise RleSplatError(
-            f"A tolerance is a number of levels (1/255) above zero, such as 1, not {tolerance!r}; "
-            "no picture is free of error."
-        )
-    return levels
 
 
 def check_measurable(scene: Scene, quality: Quality) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
+from ..plan.candidates import check_tolerance
 from ..read.formats import suffixes
 from ..read.layout import BYTE_ORDERS
 from ..scene import (
@@ -37,6 +38,7 @@ KNOBS = {
     "--model": ("model", str, "|".join(MODELS)),
 }
 DEFAULT_QUALITY = "standard"
+GOES_WITH_TOLERANCE = ("classification", "refinement")  # knobs that a tolerance leaves to the user
 DEFAULT_SIZE = (512, 512)  # pixels, width and height
 CUSTOM_QUALITY = "custom"  # the name of a quality put together from knobs, as reports show it
 
@@ -154,6 +156,21 @@ def add_quality_options(parser) -> None:
     add_machine_options(parser)
 
 
+def add_tolerance_options(parser) -> None:
+    """A wish in place of a quality."""
+    from ..accuracy.measure import PROBES
+
+    group = parser.add_argument_group(
+        "tolerance", "in place of a quality: the plan is chosen, measured, and made finer where it does not keep it"
+    )
+    group.add_argument(
+        "--tolerance", type=float, metavar="LEVELS", help="largest error of any channel, in 1/255 of full scale"
+    )
+    group.add_argument(
+        "--probes", type=int, metavar="N", help=f"pixels held against the truth ({PROBES}); 0 for a prediction alone"
+    )
+
+
 def add_model_option(parser) -> None:
     """The one knob of quality that tables are made for."""
     parser.add_argument("--model", metavar="|".join(MODELS), help=f"{KNOB_TEXTS['model']} (default {MODELS[0]})")
@@ -175,6 +192,10 @@ def quality_from(args) -> Quality:
     machine = {"threads": args.threads, "backend": args.backend, "record": record_from(args)}
     if args.quality is not None and args.paper:
         raise RleSplatError("--quality and --paper contradict each other; give one of them.")
+    if getattr(args, "tolerance", None) is not None:
+        _check_tolerance(args, knobs)
+    elif getattr(args, "probes", None) is not None and hasattr(args, "tolerance"):
+        raise RleSplatError("--probes is how many pixels a tolerance is measured at; give --tolerance too.")
     if knobs and (args.quality is not None or args.paper):
         whole = "--paper" if args.paper else "--quality"
         option = next(option for option, (name, _, _) in KNOBS.items() if name in knobs)
@@ -186,6 +207,17 @@ def quality_from(args) -> Quality:
     if knobs:
         return replace(Quality.preset(DEFAULT_QUALITY), name=CUSTOM_QUALITY, **knobs, **machine)
     return Quality.preset(args.quality or DEFAULT_QUALITY, **machine)
+
+
+def _check_tolerance(args, knobs) -> None:
+    """Refuse a tolerance that is none, and what it decides by itself."""
+    check_tolerance(args.tolerance)
+    if args.probes is not None and args.probes < 0:
+        raise RleSplatError("--probes takes a whole number of pixels, not below zero.")
+    given = [option for option, (name, _, _) in KNOBS.items() if name in knobs and name not in GOES_WITH_TOLERANCE]
+    given += ["--quality"] * (args.quality is not None) + ["--paper"] * args.paper
+    if given:
+        raise RleSplatError(f"--tolerance chooses the plan, and {given[0]} sets it; give one of the two.")
 
 
 def encoding_quality(args) -> Quality:

@@ -17,6 +17,7 @@ from .options import (
     add_quality_options,
     add_report_options,
     add_scene_options,
+    add_tolerance_options,
     add_volume_argument,
     quality_from,
     scene_inputs,
@@ -39,6 +40,7 @@ def add_arguments(parser) -> None:
     add_image_options(parser)
     add_report_options(parser)
     add_scene_options(parser)
+    add_tolerance_options(parser)
     add_quality_options(parser)
 
 
@@ -68,10 +70,8 @@ def run(args) -> None:
         prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
         prepared = replace(prepared, scene=replace(prepared.scene, crop=crop))
         line.show(0.1, "loading the renderer")
-        from ..render import render_steps
-
         with line.compiling():
-            rendering = line.follow(render_steps(prepared.scene, prepared.quality), start=0.1)
+            rendering = line.follow(_steps(args, prepared), start=0.1)
         line.show(1.0, "writing")
         with whole_files(outputs) as parts:
             began = perf_counter()
@@ -82,6 +82,18 @@ def run(args) -> None:
             if args.json:
                 write_report(parts[-1], report)
     _say(report)
+
+
+def _steps(args, prepared: Prepared):
+    """The work: by a plan that keeps the tolerance, where there is one, else by the quality that was asked for."""
+    if args.tolerance is None:
+        from ..render import render_steps
+
+        return render_steps(prepared.scene, prepared.quality)
+    from ..tolerance import tolerance_steps
+
+    count = {} if args.probes is None else {"probes": args.probes}
+    return tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **count)
 
 
 def _check_background(background) -> None:
@@ -164,5 +176,7 @@ def _say(report: dict) -> None:
         print(remark)
     function, image = report["transfer_function"], report["image"]
     print(f"Transfer function {function['name']}: {function['reason']}")
+    if report["error"]["tolerance"] is not None:
+        print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
     seconds = report["stages_ms"]["total"] / 1e3
     print(f"Wrote {', '.join(report['outputs'])} ({image['width']} x {image['height']}) in {seconds:.2f} s.")

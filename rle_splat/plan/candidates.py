@@ -6,6 +6,7 @@ the record or the threads, stays as it is.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import product
 
@@ -57,3 +58,17 @@ def check_plannable(quality: Quality) -> None:
                 f"A tolerance cannot be kept with {name.replace('_', ' ')} {value!r}, because {why}; use {only!r}, or "
                 "leave the tolerance out."
             )
+
+
+def check_tolerance(tolerance) -> float:
+    """The tolerance as a number of levels; RleSplatError when it is none."""
+    try:
+        levels = float(tolerance)
+    except (TypeError, ValueError):
+        levels = math.nan
+    if not (math.isfinite(levels) and levels > 0.0):
+        raise RleSplatError(
+            f"A tolerance is a number of levels (1/255) above zero, such as 1, not {tolerance!r}: no picture is free "
+            "of error."
+        )
+    return levels

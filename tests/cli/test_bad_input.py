@@ -212,11 +212,14 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
     [
         (("--quality", "perfect"), "standard"), (("--classification", "late"), "pre"),
         (("--depth-rule", "guess"), "simpson"), (("--kernel", "bspline9"), "tent"),
-        (("--minification", "blur"), "widen"), (("--classification", "post"), "pre"),
+        (("--minification", "blur"), "widen"),
         (("--warp-filter", "sharp"), "bilinear"), (("--model", "light"), "extinction"), (("--backend", "gpu"), "numpy"),
         (("--sheet-density", "-1"), "density"), (("--termination", "0.9"), "termination"),
         (("--quality", "fine", "--paper"), "--paper"), (("--quality", "fine", "--model", "opacity"), "--model"),
-        (("--paper", "--depth-rule", "slice"), "--depth-rule"), (("--tolerance", "1"), "--tolerance"),
+        (("--paper", "--depth-rule", "slice"), "--depth-rule"), (("--tolerance", "0"), "above zero"),
+        (("--tolerance", "1", "--quality", "fine"), "--quality"), (("--tolerance", "1", "--paper"), "--paper"),
+        (("--tolerance", "1", "--depth-rule", "slice"), "--depth-rule"), (("--probes", "9"), "--tolerance"),
+        (("--tolerance", "nan"), "above zero"), (("--tolerance", "1", "--probes", "-1"), "--probes"),
         (("--record", "5"), "16, 8, 6, 4"), (("--record", "small"), "--record"),
     ],
 )  # fmt: skip
