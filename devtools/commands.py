@@ -18,6 +18,10 @@ def _demo(known, rest) -> int:
 def _test(known, rest) -> int:
     from .testing import test, test_catalogue
 
+    if known.fuzz is not None:
+        from .fuzzing import fuzz
+
+        return fuzz(known.fuzz, rest)
     if known.catalogue:
         return test_catalogue()
     return test(rest, quick=known.quick)
@@ -93,6 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
     test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")
+    test.add_argument("--fuzz", type=float, metavar="SECONDS", help="property-based tests with new seeds, that long")
     add("bench", _bench, "measure; arguments go to the benchmarks", open_ended=True, add_help=False)
     add(
         "accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True,

@@ -33,6 +33,11 @@ class Cancelled(Exception):
 LARGEST_ENTRY = 1e100
 
 
+# Lengths of a camera, in whatever unit, and shares of the picture: far beyond any that is meant.
+LEAST_LENGTH, LARGEST_LENGTH = 1e-50, 1e50
+LARGEST_SHARE = 1e6
+
+
 def as_float(value) -> float:
     """A number as float64; infinite when it is too large for one, NaN when it is no number at all."""
     try:
@@ -95,10 +100,12 @@ def read_json(path, what: str):
         raise RleSplatError(f"{what} {path} is not valid JSON: {problem}; mend it there.") from None
 
 
-def _positive(value, name: str) -> float:
+def _positive(value, name: str, least: float = LEAST_LENGTH, largest: float = LARGEST_LENGTH) -> float:
     number = as_float(value)
     if not (math.isfinite(number) and number > 0.0):
         raise RleSplatError(f"{name} must be a finite number above zero, not {short(value)}.")
+    if not least <= number <= largest:
+        raise RleSplatError(f"{name} must be from {least:g} to {largest:g}, not {short(value)}.")
     return number
 
 
@@ -141,15 +148,16 @@ class Camera:
             put(name, _positive(getattr(self, name), f"The camera's {name}"))
         for name in ("shift_x", "shift_y"):
             value = getattr(self, name)
-            if not _is_finite_number(value):
-                raise RleSplatError(f"The camera's {name} must be a finite number.")
+            if not (_is_finite_number(value) and abs(value) <= LARGEST_SHARE):
+                raise RleSplatError(f"The camera's {name} must be a finite number within {LARGEST_SHARE:g} of zero.")
             put(name, float(value))
         if self.clip_end <= self.clip_start:
             raise RleSplatError("The camera's clip_end must be larger than its clip_start.")
         aspect = tuple(self.pixel_aspect) if np.iterable(self.pixel_aspect) else ()
         if len(aspect) != 2:
             raise RleSplatError("The camera's pixel_aspect must be two numbers.")
-        put("pixel_aspect", tuple(_positive(a, "The camera's pixel_aspect") for a in aspect))
+        limits = 1.0 / LARGEST_SHARE, LARGEST_SHARE
+        put("pixel_aspect", tuple(_positive(a, "The camera's pixel_aspect", *limits) for a in aspect))
 
     @classmethod
     def from_json(cls, path) -> Camera:

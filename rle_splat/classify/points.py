@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..jit import kernel
+from ..volume.volume import LARGEST_VALUE
 
-# Stands for +inf, and its opposite for -inf: the end values hold there.  A quarter, so that differences are finite.
-LARGEST = np.finfo(np.float64).max / 4.0
+LARGEST = LARGEST_VALUE  # stands for +inf, and its opposite for -inf: the end values hold there
 SMALLEST_GAP = 1e-300  # points closer than this are a step: one over the gap has to be a number
 
 

@@ -15,23 +15,24 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
+from reprlib import repr as short
 
 import numpy as np
 
-from ..scene import RleSplatError, from_mapping, read_json
+from ..scene import RleSplatError, as_float, from_mapping, read_json
 from .limits import BRIGHTEST, MOST_REFLECTED
+from .points import LARGEST
 
 
 def _number(value, what: str) -> float:
     """A finite float from a JSON number, or a RleSplatError that says what it should have been."""
-    if isinstance(value, (bool, str)) or value is None:
-        raise RleSplatError(f"{what} must be a number, not {value!r}.")
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise RleSplatError(f"{what} must be a number, not {value!r}.") from None
+    number = math.nan if isinstance(value, (bool, str)) else as_float(value)
+    if math.isnan(number) and not isinstance(value, float):
+        raise RleSplatError(f"{what} must be a number, not {short(value)}.")
     if not math.isfinite(number):
         raise RleSplatError(f"{what} must be finite, not {number}.")
+    if abs(number) > LARGEST:
+        raise RleSplatError(f"{what} must lie within {LARGEST:g} of zero, not be {number:g}.")
     return number
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import json
 import math
 import os
+import struct
+import tokenize
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +29,12 @@ FORMAT = "rle-splat"
 VERSION = 2
 HEADER = "header"
 DECODING = "decoding"  # what the codes of short records are multiplied by
+# What zipfile, numpy's reader of array headers (a Python literal) and the checks below raise at damaged files.
+DAMAGE = (
+    zipfile.BadZipFile, struct.error, tokenize.TokenError, SyntaxError, EOFError, LookupError, ValueError, TypeError,
+    AttributeError, OverflowError, RuntimeError,
+)  # fmt: skip
+LONGEST_REASON = 150  # characters
 CHUNK_BYTES = 1 << 24  # read at once, so that no table is ever held twice
 
 
@@ -109,10 +117,11 @@ def load(path) -> StoredVolume:
             return _read(archive, os.fstat(file.fileno()).st_size)
     except RleSplatError as problem:
         raise RleSplatError(f"Cannot read {path}: {problem}") from None
-    except (zipfile.BadZipFile, EOFError, KeyError, ValueError, RuntimeError) as problem:
-        raise RleSplatError(
-            f"Cannot read {path}: it is not a whole .rle file ({problem}); encode the volume again."
-        ) from None
+    except DAMAGE as problem:
+        told = str(problem).splitlines()[:1]
+        reason = f" ({told[0][:LONGEST_REASON]})" if told else ""
+        sentence = f"Cannot read {path}: it is not a whole .rle file{reason}; encode the volume again."
+        raise RleSplatError(sentence) from None
     except OSError as problem:
         raise RleSplatError(f"Cannot read {path}: {problem.strerror or problem}.") from None
 

@@ -77,10 +77,13 @@ def guess_raw(
     path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
 ) -> RawGuess:
     """Guess the layout of the raw file at ``path``; what is given is taken as known and not guessed."""
+    given = dict(shape=shape, dtype=dtype, byte_order=byte_order, header_bytes=header_bytes)
+    # Made for its checks alone.
+    RawLayout(**{"shape": (1, 1, 1), "dtype": "uint8", **{what: v for what, v in given.items() if v is not None}})
     size, sample = _size_and_sample(path, limit)
     name = _name_clues(Path(path).name)
     reasons = []
-    known = {"shape": shape, "dtype": dtype, "byte_order": byte_order, "header_bytes": header_bytes}
+    known = dict(given)
     for what, value in known.items():
         if value is None and name.get(what) is not None:
             known[what] = name[what]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scene import RleSplatError
+from ..scene import RleSplatError, as_float
 from ..volume.volume import STORED_TYPES
 
 BYTE_ORDERS = ("little", "big")
@@ -92,8 +92,8 @@ def checked_type(dtype) -> str:
 def checked_spacing(spacing) -> tuple:
     """(sx, sy, sz) as floats above zero, or a RleSplatError."""
     try:
-        lengths = tuple(float(s) for s in spacing)
-    except (TypeError, ValueError):
+        lengths = tuple(as_float(s) for s in spacing)
+    except TypeError:
         lengths = ()
     if len(lengths) != 3:
         raise RleSplatError(f"The spacing must be three numbers, SX SY SZ, not {spacing!r}.")
@@ -104,10 +104,7 @@ def checked_spacing(spacing) -> tuple:
 
 def checked_scale(slope, intercept) -> tuple:
     """(slope, intercept) as finite floats, the slope not zero, or a RleSplatError."""
-    try:
-        slope, intercept = float(slope), float(intercept)
-    except (TypeError, ValueError):
-        raise RleSplatError("The slope and the intercept must be numbers.") from None
+    slope, intercept = as_float(slope), as_float(intercept)
     if not (math.isfinite(slope) and slope != 0.0 and math.isfinite(intercept)):
         raise RleSplatError("The slope must be finite and not zero, and the intercept finite.")
     return slope, intercept

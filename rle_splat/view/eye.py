@@ -60,10 +60,16 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
         )
     projection = world_to_pixel(camera, width, height) @ index_to_world
     depth = depth_row(camera) @ index_to_world
-    # Right null vector by signed 3x3 minors: no inverse, and no division by a small w.
+    # Right null vector by signed 3x3 minors: no inverse, and no division by a small w.  Only their ratios count, so a
+    # power of two, which changes no bits, keeps their products in the range of float64.
+    scaled = np.ldexp(projection, -int(np.frexp(np.abs(projection).max())[1]))
     minors = np.array([
-        (-1.0) ** i * np.linalg.det(np.delete(projection, i, axis=1)) for i in range(4)
+        (-1.0) ** i * np.linalg.det(np.delete(scaled, i, axis=1)) for i in range(4)
     ])
+    if not (np.isfinite(minors).all() and (minors[:3] if camera.type == "ORTHO" else minors[3:]).any()):
+        raise RleSplatError(
+            "Camera and volume are too unlike in size, or too far apart, to be reckoned together; bring them closer."
+        )
     if camera.type == "ORTHO":
         eye = np.append(minors[:3] / np.abs(minors[:3]).max(), 0.0)
         if depth[:3] @ eye[:3] > 0.0:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..scene import RleSplatError
 from .counts import counts_values, stored_values
-from .volume import Volume
+from .volume import LARGEST_VALUE, Volume
 
 DIGIT_BITS = 16  # one pass of the radix selection fixes this many bits; 2^16 counters fit in the cache
 
@@ -55,8 +55,10 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
         raise RleSplatError("The limits of a histogram must be two finite numbers, the lower one first.")
     edges = _integer_edges(volume, bins, low, high) if volume.voxels.dtype.kind in "iu" else None
     if edges is None:
-        if low == high:  # a constant volume: one value in the middle of a bin of width one
-            low, high = low - 0.5, high + 0.5
+        # A constant volume: one value in the middle of a bin of width one.  No bin is narrower than float64 resolves.
+        width = max(1.0 if low == high else 0.0, 2.0 * bins * np.spacing(max(abs(low), abs(high))))
+        if high - low < width:
+            low, high = 0.5 * (low + high) - 0.5 * width, 0.5 * (low + high) + 0.5 * width
         edges = np.linspace(low, high, bins + 1)
     if counts_values(volume.voxels.dtype):
         return _from_counts(volume, edges)
@@ -117,7 +119,9 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
         slots = {int(p): s for s, p in enumerate(np.unique(prefixes))}
         _, counts = _digit_counts(volume, slots, digit)
         prefixes, ranks = _descend(prefixes, ranks, counts, slots)
-    return volume.physical(_from_keys(prefixes, volume.voxels.dtype))
+    with np.errstate(over="ignore"):
+        values = volume.physical(_from_keys(prefixes, volume.voxels.dtype))
+    return np.clip(values, -LARGEST_VALUE, LARGEST_VALUE)
 
 
 def _digits(dtype: np.dtype) -> int:

@@ -11,6 +11,8 @@ import numpy as np
 from ..scene import RleSplatError, as_matrix
 from .counts import count_values, counts_values, stored_values
 
+# Physical values beyond stand for infinity, and are taken as this; a quarter, so that differences are finite.
+LARGEST_VALUE = float(np.finfo(np.float64).max) / 4.0
 STORED_TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
 
 
@@ -80,7 +82,7 @@ class Volume:
 
     def _range(self, low, high) -> tuple[float, float]:
         ends = sorted((float(low) * self.slope + self.intercept, float(high) * self.slope + self.intercept))
-        return ends[0], ends[1]
+        return max(ends[0], -LARGEST_VALUE), min(ends[1], LARGEST_VALUE)
 
     @cached_property
     def value_counts(self) -> np.ndarray:
