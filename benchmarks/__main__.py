@@ -4,11 +4,12 @@ import sys
 
 from rle_splat.scene import RleSplatError
 
-from . import editing, engine, paper, records, scaling, stages, systems, turn
+from . import accuracy, editing, engine, paper, records, scaling, stages, systems, turn
 
 BENCHMARKS = {
     "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
+    "accuracy": accuracy.main,
 }  # fmt: skip
 
 

@@ -49,3 +49,35 @@ def scenes(names=None):
         if (DATA / file).exists() and (not names or name in names):
             volume = read_volume(DATA / file, **options)
             yield name, volume, fit_preset(preset, volume)[0]
+
+
+def smoke(shape_xyz=(144, 144, 224), seed: int = 8) -> Volume:
+    """A plume that rises, bends and frays, float32 densities from 0 to 1: no scan's noise, no edges but its own."""
+    nx, ny, nz = shape_xyz
+    z, y, x = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in (nz, ny, nx))
+    height = 0.5 * (z + 1.0)[:, None, None]
+    random = np.random.default_rng(seed)
+    fine = _billows((nz, ny, nx), random, cells=(10, 6, 6), octaves=4)
+    bend_x, bend_y = (0.22 * height * np.sin(4.0 * height + phase) for phase in (0.4, 2.1))
+    radius = np.hypot(x[None, None, :] - bend_x, y[None, :, None] - bend_y)
+    width = 0.1 + 0.5 * height**0.8
+    column = 1.0 - radius / width + 1.3 * fine * np.sqrt(height + 0.03)
+    ends = np.clip(12.0 * height, 0.0, 1.0) * np.clip(5.0 * (1.0 - height), 0.0, 1.0)
+    density = np.clip(0.75 * column * ends, 0.0, None) * (1.1 - 0.6 * height)
+    return Volume(np.clip(density, 0.0, 1.0).astype(np.float32), np.eye(4), name="smoke")
+
+
+def _billows(shape_zyx, random, cells, octaves: int) -> np.ndarray:
+    """(nz, ny, nx) float32 noise about zero: lattices of random numbers, each twice as fine and half as strong as the
+    one before, smoothly interpolated."""
+    total = np.zeros(shape_zyx, np.float32)
+    for octave in range(octaves):
+        field = random.uniform(-1.0, 1.0, [n * 2**octave + 2 for n in cells]).astype(np.float32)
+        for axis, count in enumerate(shape_zyx):
+            at = np.linspace(0.0, cells[axis] * 2**octave, count, endpoint=False, dtype=np.float32)
+            whole = at.astype(int)
+            part = at - whole
+            part = (part * part * (3.0 - 2.0 * part)).reshape([-1 if a == axis else 1 for a in range(3)])
+            field = np.take(field, whole, axis) * (1.0 - part) + np.take(field, whole + 1, axis) * part
+        total += field * 0.5**octave
+    return total

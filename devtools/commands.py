@@ -27,28 +27,22 @@ def _test(known, rest) -> int:
     return test(rest, quick=known.quick)
 
 
-def _module(*names: str):
-    """A subcommand that runs a module in the core environment and hands its arguments on."""
+def _bench(*first: str):
+    """A subcommand that runs the benchmarks in their own environment, with VTK and matplotlib; where that cannot be
+    made, without them.  ``first``: arguments before the user's."""
 
     def command(known, rest) -> int:
-        from .environments import CORE, ensure
+        from .environments import BENCH, CORE, ensure
 
-        call = [str(ensure(CORE)), "-m", *names, *rest]
+        try:
+            python = ensure(BENCH)
+        except Failure as problem:
+            say(f"{problem} Going on without VTK and without plots.")
+            python = ensure(CORE)
+        call = [str(python), "-m", "benchmarks", *first, *rest]
         return subprocess.run(call, cwd=ROOT, env=clean_environ()).returncode
 
     return command
-
-
-def _bench(known, rest) -> int:
-    """The benchmarks in their own environment, with VTK and matplotlib; where that cannot be made, without them."""
-    from .environments import BENCH, CORE, ensure
-
-    try:
-        python = ensure(BENCH)
-    except Failure as problem:
-        say(f"{problem} Going on without VTK and without plots.")
-        python = ensure(CORE)
-    return subprocess.run([str(python), "-m", "benchmarks", *rest], cwd=ROOT, env=clean_environ()).returncode
 
 
 def _build(known, rest) -> int:
@@ -98,9 +92,9 @@ def _parser() -> argparse.ArgumentParser:
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
     test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")
     test.add_argument("--fuzz", type=float, metavar="SECONDS", help="property-based tests with new seeds, that long")
-    add("bench", _bench, "measure; arguments go to the benchmarks", open_ended=True, add_help=False)
+    add("bench", _bench(), "measure; arguments go to the benchmarks", open_ended=True, add_help=False)
     add(
-        "accuracy", _module("pytest", "-q", "tests/truths"), "hold the renderer against its truths", open_ended=True,
+        "accuracy", _bench("accuracy"), "measure what accuracy costs in time: docs/accuracy.md", open_ended=True,
         add_help=False,
     )
     build = add("build", _build, "make the extension zips in dist/")

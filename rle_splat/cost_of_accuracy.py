@@ -17,24 +17,36 @@ from .accuracy.lighting import shading_of
 from .accuracy.measure import PROBES, TOLERANCE
 from .accuracy.metrics import ERRORS, LEVEL, SSIM_WINDOW, difference, ssim
 from .accuracy.probes import choose_probes, probe_errors
-from .accuracy.truths import truth
+from .accuracy.truths import truth_steps
 from .encode.store import StoredVolume
 from .kept import Kept
+from .plan.candidates import check_plannable
+from .plan.choose import Choice, Speed, choose
+from .plan.features import features_of, pilots
+from .plan.model import Model
 from .render import render_steps
-from .scene import Quality, RleSplatError, Scene
-from .steps import Progress
+from .scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
+from .steps import Progress, portion
 
 REPEATS = 5  # frames that the median is of
 CROP_SIDE = 96  # pixels
-RAYS_AT_ONCE = 128  # of a truth: a tenth of a second or so between two looks at the user's Esc
-# Shares of the whole work after which each part of it ends.
-FIRST_FRAMES, TRUTHS_KNOWN = 0.35, 0.75
+TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels; the plans that would be chosen for these are measured too
+LONGEST = 1500.0  # milliseconds a frame that such a plan may be expected to take, to be worth measuring
+PILOTS_SHARE = 0.05
+FRAMES_SHARE = 0.6  # of the whole work, as progress shows it; the rest is the truths
 # What a plan's error is of, for people.
 TRUTH_TEXTS = {
     "T1": "the exact integral of the interpolated classified medium, which is what classifying voxels first promises",
     "T2": "the exact integral of the classified interpolated scalar, which is what a ray caster shows",
 }
 MACHINE = ("threads", "backend", "name")  # what two plans that are the same may differ in
+OF_BASE = ("classification", "refinement", "record", "threads", "backend")  # what sensible plans have from their base
+REFINED = "refined"  # too long to encode to be measured where nobody asked for it
+# Depth rules and sheet densities of plans between the qualities; what a classification does not have is left out.
+BETWEEN = (
+    ("slice", 1.0), ("simpson", 1.0), ("gauss2", 1.5), ("preintegrated", 1.0), ("preintegrated", 1.5),
+    ("midpoint-4", 2.0), ("preintegrated-2", 2.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +65,43 @@ class Sweep:
 
 
 def sensible_plans(base: Quality) -> list[Quality]:
-    """Plans worth their time on some scene, each with a name of its own, from cheap to dear; the machine and the
-    record are those of ``base``."""
+    """Plans worth their time on some scene, each with a name of its own, those with the same tables one after the
+    other: the paper's own, the qualities of the other way to classify, and, as ``base`` classifies, some plans between
+    the qualities and these.  The machine and the record are those of ``base``."""
     machine = dict(threads=base.threads, backend=base.backend, record=base.record)
-    more = {
-        "slice": dict(depth_rule="slice", sheet_density=1.0, termination=1 / 1024),
-        "denser": dict(depth_rule="simpson", sheet_density=2.0, termination=1 / 2048),
-        "gauss2": dict(depth_rule="gauss2", sheet_density=2.0, termination=1 / 4096),
-    }
-    plans = [Quality.paper(**machine), Quality.preset("draft", **machine), Quality.preset("standard", **machine)]
-    plans += [Quality(name=name, **knobs, **machine) for name, knobs in more.items()]
-    return [*plans, Quality.preset("fine", **machine), Quality.preset("strict", **machine)]
+    plain = replace(Quality(**machine), classification=base.classification, refinement=base.refinement)
+    plans = [Quality.paper(**machine)]
+    for classification in CLASSIFICATIONS:
+        if classification not in (REFINED, base.classification):
+            plans += _qualities(replace(plain, classification=classification))
+    mine = _qualities(plain)
+    for rule, density in BETWEEN:
+        fields = dict(depth_rule=rule, sheet_density=density, termination=1 / 4096)
+        plan = possible(plain, name=_named(plain, f"{rule} {density:.1f}"), **fields)
+        if plan is not None and not any(same_plan(plan, other) for other in mine):
+            plans.append(plan)
+    return plans + mine
+
+
+def possible(base: Quality, **fields) -> Quality | None:
+    """The plan with these fields changed, None where they do not go together."""
+    try:
+        return replace(base, **fields)
+    except RleSplatError:
+        return None
+
+
+def _qualities(base: Quality) -> list[Quality]:
+    return [
+        replace(Quality.preset(name, **{field: getattr(base, field) for field in OF_BASE}), name=_named(base, name))
+        for name in QUALITY_PRESETS
+    ]
+
+
+def _named(base: Quality, name: str) -> str:
+    """``name`` alone for what a quality means by itself, else with its classification before it."""
+    usual = base.classification == Quality.preset("standard").classification
+    return name if usual else f"{base.classification} {name}"
 
 
 def same_plan(one: Quality, other: Quality) -> bool:
@@ -75,6 +113,23 @@ def same_plan(one: Quality, other: Quality) -> bool:
 def knobs_of(plan: Quality) -> dict:
     """A plan as JSON: every field but those of MACHINE."""
     return {name: value for name, value in asdict(plan).items() if name not in MACHINE}
+
+
+def planned_steps(scene: Scene, base: Quality, tolerances, kept: Kept, end: float):
+    """Generator of Progress up to ``end``: name -> Choice, the plans that each tolerance, in levels, would choose."""
+    model = Model.of(base.classification)
+    drawn, frames = {}, []
+    for number, (name, plan) in enumerate(pilots(base).items()):
+        drawn[name] = yield from _rendered(scene, plan, kept, end * number / 3, end * (number + 1) / 3)
+        frames.append((plan, drawn[name].report["stages_ms"]))
+    features = features_of(scene, base, drawn)
+    speed = Speed.of(model, features, frames[1:])  # the first one also filled the caches
+    chosen = {}
+    for tolerance in tolerances:
+        choice = choose(features, base, tolerance, model, speed)
+        name = f"for {tolerance:g} level{'' if tolerance == 1 else 's'}"
+        chosen[name] = replace(choice, plan=replace(choice.plan, name=name))
+    return chosen
 
 
 def with_plan(plans, chosen: Quality) -> tuple[list[Quality], str]:
@@ -103,10 +158,12 @@ def front(plans, key: str = "rmse") -> list[str]:
 
 def sweep_steps(
     scene: Scene, plans, chosen: Quality, *, probes: int = PROBES, repeats: int = REPEATS, error: str = "rmse",
-    crop_side: int = CROP_SIDE, flip: Callable | None = None, kept: Kept | None = None, seed: int = 0,
+    tolerances=(), crop_side: int = CROP_SIDE, flip: Callable | None = None, kept: Kept | None = None, seed: int = 0,
 ):  # fmt: skip
     """Generator: yields Progress, returns a Sweep of the plans, with ``chosen`` among them.
 
+    ``tolerances``: levels; the plans that would be chosen for them beside ``chosen``'s other knobs are measured too,
+    and their entries say what was ``predicted``.
     ``flip``: a function of (picture, truth), for a metric that is not ours; or None.  ``error``: of ERRORS, by which
     the fronts are told.  The report's ``plans`` hold for each its knobs, ``frame_ms`` (the median), its ``truth``
     and ``error``: at the probe pixels ``rmse``, ``p999``, ``bias`` and ``psnr`` are of the random ones, ``largest`` of
@@ -117,29 +174,38 @@ def sweep_steps(
     scene = _measurable(scene)
     if probes < 1 or repeats < 1:
         raise RleSplatError("Measuring takes one probe and one repeat at least.")
-    plans, chosen_name = with_plan(plans, chosen)
     kept = Kept() if kept is None else kept
+    choices, remarks = {}, []
+    if tolerances:
+        remarks = [f"No plans for tolerances: {why}" for why in _no_promise(chosen)]
+    if tolerances and not remarks:
+        choices = yield from planned_steps(scene, chosen, tolerances, kept, PILOTS_SHARE)
+        plans, remarks = _with_choices(plans, choices)
+    plans, chosen_name = with_plan(plans, chosen)
     # The last plan is rendered first: where its picture is steep, all are looked at.
-    finest = yield from _rendered(scene, plans[-1], kept, 0.0, FIRST_FRAMES / (len(plans) + 1))
+    began_at = PILOTS_SHARE if tolerances else 0.0
+    share = (FRAMES_SHARE - began_at) / (len(plans) + 1)
+    finest = yield from _rendered(scene, plans[-1], kept, began_at, began_at + share)
     where = choose_probes(finest.rgba, probes, seed)
     window = steepest_window(finest.rgba, crop_side)
-    looks, renderings = {}, {}
+    looks, reports, stages, chosen_rendering = {}, {}, {}, None
     for number, plan in enumerate(plans, start=1):
-        span = (n / (len(plans) + 1) * FIRST_FRAMES for n in (number, number + 1))
-        rendering = yield from _rendered(scene, plan, kept, *span)
+        begin = began_at + share * number
+        rendering = yield from _rendered(scene, plan, kept, begin, begin + 0.5 * share)
         looks[plan.name] = (where.of(rendering.rgba), rendering.rgba[window.rows, window.columns].copy())
-        renderings[plan.name] = replace(rendering, rgba=None, depth=None) if plan.name != chosen_name else rendering
-    promised = {plan.name: renderings[plan.name].report["error"]["truth"] for plan in plans}
+        reports[plan.name] = rendering.report
+        if plan.name == chosen_name:
+            chosen_rendering = rendering
+        # One plan after the other, not in turns: a store keeps the tables of a few plans at most.
+        stages[plan.name] = []
+        for turn in range(repeats):
+            done = begin + share * (0.5 + 0.5 * turn / repeats)
+            rendering = yield from _rendered(scene, plan, kept, done, done)
+            stages[plan.name].append(rendering.report["stages_ms"])
+    promised = {name: report["error"]["truth"] for name, report in reports.items()}
     began = time.perf_counter()
     true = yield from _truths(scene, sorted({*promised.values(), "T2"}), where.centres, window)
     truth_ms = 1e3 * (time.perf_counter() - began)
-    stages = {plan.name: [] for plan in plans}
-    for turn in range(repeats):  # in turns, so that what else the machine does meets all of them alike
-        for number, plan in enumerate(plans):
-            done = (turn * len(plans) + number) / (repeats * len(plans))
-            ends = (TRUTHS_KNOWN + (1.0 - TRUTHS_KNOWN) * done,) * 2
-            rendering = yield from _rendered(scene, plan, kept, *ends)
-            stages[plan.name].append(rendering.report["stages_ms"])
     entries = []
     for plan in plans:
         truth_name = promised[plan.name]
@@ -149,6 +215,7 @@ def sweep_steps(
         entry["error"] = _errors(looks[plan.name], true[truth_name], where.random, flip)
         beside = truth_name != "T2"
         entry["as_ray_caster"] = _errors(looks[plan.name], true["T2"], where.random, None) if beside else None
+        entry["predicted"] = _prediction(choices.get(plan.name))
         entries.append(entry)
     fronts = {
         name: front([entry for entry in entries if entry["truth"] == name], error)
@@ -156,18 +223,47 @@ def sweep_steps(
     }
     for entry in entries:
         entry["on_front"] = entry["name"] in fronts[entry["truth"]]
-    any_report = renderings[chosen_name].report
+    any_report = reports[chosen_name]
     report = {
         "image": any_report["image"], "volume": any_report["volume"], "threads": any_report["threads"],
         "repeats": repeats, "truth_ms": truth_ms, "front_by": error, "chosen": chosen_name,
         "probes": {"random": where.random, "steep": len(where.columns) - where.random},
         "crop": [window.columns.start, window.rows.start, window.columns.stop, window.rows.stop],
         "truths": {name: TRUTH_TEXTS[name] for name in fronts}, "fronts": fronts, "plans": entries,
-        "remarks": any_report["remarks"],
+        "remarks": [*any_report["remarks"], *remarks],
     }  # fmt: skip
     yield Progress(1.0, "Done")
     crops = {name: look[1] for name, look in looks.items()}
-    return Sweep(report, {name: values[1] for name, values in true.items()}, crops, renderings[chosen_name])
+    return Sweep(report, {name: values[1] for name, values in true.items()}, crops, chosen_rendering)
+
+
+def _no_promise(quality: Quality) -> list[str]:
+    """Why no tolerance can be promised beside a quality's knobs: a sentence, or nothing."""
+    try:
+        check_plannable(quality)
+        Model.of(quality.classification)
+    except RleSplatError as problem:
+        return [str(problem)]
+    return []
+
+
+def _with_choices(plans, choices: dict[str, Choice]) -> tuple[list[Quality], list[str]]:
+    """The plans with those that were chosen for tolerances before them, and a sentence on each that is too long."""
+    found, remarks = [], []
+    for name, choice in choices.items():
+        if choice.milliseconds > LONGEST:
+            remarks.append(
+                f"The plan {name} is expected to take {choice.milliseconds / 1e3:.1f} s a frame and was not measured."
+            )
+        elif not any(same_plan(choice.plan, other) for other in found):
+            found.append(choice.plan)
+    return [*found, *plans], remarks
+
+
+def _prediction(choice: Choice | None) -> dict | None:
+    if choice is None:
+        return None
+    return {"largest": choice.errors.total, "frame_ms": choice.milliseconds, "keeps": choice.keeps}
 
 
 def error_map_steps(scene: Scene, quality: Quality, *, step: int = 1, kept: Kept | None = None):
@@ -296,7 +392,7 @@ def _truths(scene, names, probes, window):
     columns, rows = (np.concatenate(both) for both in zip(probes, window.centres))
     found = {}
     for number, name in enumerate(names):
-        spans = (FIRST_FRAMES + (TRUTHS_KNOWN - FIRST_FRAMES) * n / len(names) for n in (number, number + 1))
+        spans = (FRAMES_SHARE + (1.0 - FRAMES_SHARE) * n / len(names) for n in (number, number + 1))
         values = yield from _integrated(scene, name, columns, rows, *spans)
         count = len(probes[0])
         found[name] = values[:count], values[count:].reshape(*window.shape, 4)
@@ -305,13 +401,8 @@ def _truths(scene, names, probes, window):
 
 def _integrated(scene, name: str, columns, rows, start: float, end: float):
     """Generator of Progress: (N, 4) float64, a truth at pixels."""
-    shading = shading_of(scene, name)
-    found = np.empty((len(columns), 4))
-    for first in range(0, len(columns), RAYS_AT_ONCE):
-        part = slice(first, first + RAYS_AT_ONCE)
-        yield Progress(start + (end - start) * first / len(columns), f"Integrating the truth {name}")
-        found[part], _ = truth(scene, name, pixels=(columns[part], rows[part]), tolerance=TOLERANCE, **shading)
-    return found
+    steps = truth_steps(scene, name, columns, rows, TOLERANCE, **shading_of(scene, name))
+    return (yield from portion(steps, start, end, f"Integrating the truth {name}"))
 
 
 def _errors(look, true, random: int, flip) -> dict:

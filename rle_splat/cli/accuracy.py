@@ -20,6 +20,7 @@ from .options import (
     add_size_option,
     add_volume_argument,
     quality_from,
+    quality_remarks,
     scene_inputs,
     volume_options,
 )
@@ -64,7 +65,7 @@ def run(args) -> None:
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    from ..cost_of_accuracy import sensible_plans, sweep_steps, table_lines
+    from ..cost_of_accuracy import TOLERANCES, sensible_plans, sweep_steps, table_lines
     from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:
@@ -75,7 +76,7 @@ def run(args) -> None:
         scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
         steps = sweep_steps(
             scene, sensible_plans(quality), quality, probes=args.probes, repeats=args.repeats, error=args.front,
-            flip=mean_flip,
+            tolerances=TOLERANCES, flip=mean_flip,
         )  # fmt: skip
         with line.compiling():
             sweep = line.follow(steps, start=0.05)

@@ -13,11 +13,12 @@ PLOT_NEEDS = "a plot needs matplotlib; get it with pip install matplotlib, and r
 DOTS_PER_INCH = 110
 COLOURS = {"T1": "#c2570c", "T2": "#1b62a5"}  # told apart by any eye, and dark enough on white
 FAINT = "#8a8a8a"
-MOST_CROPS = 6  # along the front
+MOST_CROPS = 5  # along the front, and the chosen plan's
 FAINTEST_ERROR = 0.05  # levels, at the dark end of the errors' colours
 # Where a label may stand from its point: shares of its own width and height, and of as much again, further out.
 DIRECTIONS = ((1, 0.15), (1, 1), (1, -1), (-1, 0.15), (-1, 1), (-1, -1), (0, 1), (0, -1))
 DISTANCES = (7, 15, 26, 40)  # points
+FAR = 15  # from here on a thin line leads from a label to its point
 
 
 def can_plot() -> bool:
@@ -29,7 +30,7 @@ def sweep_plot(sweep, path, suffix: str, title: str) -> None:
     """Draw a Sweep into a file of that suffix: every plan, the front of each truth, and crops along one of them."""
     report = sweep.report
     names = crops_of(sweep)
-    figure = _figure((11.5, 10.2))
+    figure = new_figure((11.5, 10.2))
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.45, 1.0))
     axes = upper.subplots()
     draw_plans(axes, report["plans"], report["front_by"], report["fronts"])
@@ -38,7 +39,8 @@ def sweep_plot(sweep, path, suffix: str, title: str) -> None:
     save(figure, path, suffix)
 
 
-def _figure(size):
+def new_figure(size):
+    """An empty figure that belongs to no window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -55,8 +57,10 @@ def save(figure, path, suffix: str) -> None:
     figure.savefig(path, dpi=DOTS_PER_INCH, format=suffix.lstrip(".") or "png")
 
 
-def draw_plans(axes, plans, key: str, fronts: dict) -> None:
-    """Time against error, both logarithmic: each plan a point with its name, each truth's front a line."""
+def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = True) -> None:
+    """Time against error, both logarithmic: each plan a point with its name, each truth's front a line.
+
+    ``named``: only these plans by name, where there is no room for all."""
     axes.free_labels = []
     for truth_name, front_names in fronts.items():
         colour = COLOURS[truth_name]
@@ -68,26 +72,28 @@ def draw_plans(axes, plans, key: str, fronts: dict) -> None:
             axes.plot(x, y, "o", ms=7, color=colour, mfc=colour if entry["on_front"] else "white")
             if entry["chosen"]:
                 axes.plot(x, y, "o", ms=15, mfc="none", mec="black", mew=1.4)
-            axes.free_labels.append((entry["name"], x, y, "black" if entry["on_front"] else FAINT))
+            if named is None or entry["name"] in named:
+                axes.free_labels.append((entry["name"], x, y, "black" if entry["on_front"] else FAINT))
     axes.plot([], [], "o", ms=7, color=FAINT, mfc="white", ls="none", label="beaten in both by another plan")
     if any(entry["chosen"] for entry in plans):
         axes.plot([], [], "o", ms=12, mfc="none", mec="black", mew=1.4, ls="none", label="the chosen plan")
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame", ylabel=f"{ERRORS[key]}, levels")
-    plain_numbers(axes)
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_numbers(axis)
     axes.margins(x=0.14, y=0.14)
     axes.grid(True, which="major", alpha=0.35)
     axes.grid(True, which="minor", alpha=0.12)
-    axes.legend(loc="upper right", fontsize=9)
+    if legend:
+        axes.legend(loc="upper right", fontsize=9)
 
 
-def plain_numbers(axes) -> None:
-    """Ticks of logarithmic axes as 0.2 or 50, not as powers of ten."""
+def plain_numbers(axis) -> None:
+    """Ticks of a logarithmic axis as 0.2 or 50, not as powers of ten."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=15))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=15))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _places(plans, key: str):
@@ -120,9 +126,14 @@ def _place_labels(figure, axes) -> None:
                 cost = sum(_overlap(place, other) for other in taken)
                 cost += 10.0 * (box.width * box.height - _overlap(place, frame.extents))
                 if best is None or cost < best[0] - 1.0:
-                    best = (cost, place)
-        place = best[1]
-        label.set_position(((place[0] - at[0]) / scale, (place[1] - at[1]) / scale))
+                    best = (cost, place, distance)
+        _, place, distance = best
+        offset = (place[0] - at[0]) / scale, (place[1] - at[1]) / scale
+        label.remove()
+        leader = None if distance < FAR else dict(arrowstyle="-", color=FAINT, lw=0.7, shrinkA=1.0, shrinkB=4.0)
+        axes.annotate(
+            text, (x, y), offset, textcoords="offset points", fontsize=9, color=colour, arrowprops=leader
+        )
         taken.append(place)
     axes.free_labels = []
 
@@ -165,12 +176,10 @@ def draw_crops(figure, sweep, names) -> None:
         seen = np.maximum(errors[name], FAINTEST_ERROR)
         shades = below.imshow(seen, norm=norm, cmap="magma", interpolation="nearest")
         below.set_xlabel(f"RMSE {entry['error']['crop']['rmse']:.2g}\nmax {errors[name].max():.2g}", fontsize=9)
-    bar = figure.colorbar(shades, ax=axes[1, 0], location="right", fraction=0.3, label="error, levels")
+    bar = figure.colorbar(shades, cax=axes[1, 0].inset_axes((0.75, 0.0, 0.12, 1.0)), label="error, levels")
     bar.ax.yaxis.set_ticks_position("left")
     bar.ax.yaxis.set_label_position("left")
-    from matplotlib.ticker import StrMethodFormatter
-
-    bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    plain_numbers(bar.ax.yaxis)
 
 
 def _picture(axes, rgba, text: str, **font) -> None:

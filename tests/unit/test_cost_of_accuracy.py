@@ -24,6 +24,8 @@ from rle_splat.steps import Progress, drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
+NUMPY = Quality(backend="numpy")  # no kernels to compile
+
 
 @pytest.fixture(scope="module")
 def scene():
@@ -68,7 +70,7 @@ def test_the_crop_is_where_the_picture_is_steepest():
 
 @pytest.mark.parametrize("step", (1, 4, 100))
 def test_an_error_map_is_picture_less_truth(scene, step):
-    quality = Quality.preset("draft")
+    quality = Quality.preset("draft", backend="numpy")
     steps = error_map_steps(scene, quality, step=step)
     errors, report = drain(steps)
     true = truth(scene, report["error"]["truth"])[0].reshape(24, 30, 4)
@@ -80,17 +82,32 @@ def test_an_error_map_is_picture_less_truth(scene, step):
 
 
 def test_measuring_tells_how_far_it_is_and_stops_when_told(scene):
-    steps = sweep_steps(scene, sensible_plans(Quality())[:2], Quality(), probes=40, repeats=1)
+    steps = sweep_steps(scene, sensible_plans(NUMPY)[:2], NUMPY, probes=40, repeats=1)
     told = [next(steps) for _ in range(5)]
     assert all(isinstance(step, Progress) for step in told)
     steps.close()
-    done = list(sweep_steps(scene, sensible_plans(Quality())[:2], Quality(), probes=40, repeats=1))
+    done = list(sweep_steps(scene, sensible_plans(NUMPY)[:2], NUMPY, probes=40, repeats=1))
     fractions = [step.fraction for step in done]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0 and min(fractions) >= 0.0
 
 
 def test_meshes_are_refused(scene):
     hidden = replace(scene, triangles=np.zeros((1, 3, 3)))
-    for steps in (sweep_steps(hidden, sensible_plans(Quality()), Quality()), error_map_steps(hidden, Quality())):
+    for steps in (sweep_steps(hidden, sensible_plans(NUMPY), NUMPY), error_map_steps(hidden, NUMPY)):
         with pytest.raises(RleSplatError, match="meshes"):
             drain(steps)
+
+
+def test_plans_for_tolerances_say_what_was_predicted(scene):
+    """What the tolerance would choose is measured like any plan; a stricter wish has a smaller prediction."""
+    base = Quality(classification="pre", backend="numpy")
+    report = drain(sweep_steps(scene, [base], base, probes=300, repeats=1, tolerances=(8.0, 1.0))).report
+    wished = {entry["name"]: entry for entry in report["plans"] if entry["predicted"]}
+    assert set(wished) == {"for 8 levels", "for 1 level"}
+    loose, tight = wished["for 8 levels"], wished["for 1 level"]
+    assert tight["predicted"]["largest"] < loose["predicted"]["largest"] <= 8.0
+    assert tight["error"]["largest"] < loose["error"]["largest"] <= 8.0
+    assert tight["error"]["largest"] <= 1.0 and tight["predicted"]["keeps"]
+    none = drain(sweep_steps(scene, [base], replace(base, model="opacity"), probes=40, repeats=1, tolerances=(2.0,)))
+    assert not any(entry["predicted"] for entry in none.report["plans"])
+    assert any("tolerance" in remark for remark in none.report["remarks"])

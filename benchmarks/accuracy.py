@@ -1,0 +1,397 @@
+"""What accuracy costs in time: every figure and table of docs/accuracy.md, by one command.
+
+A CT, an MR and a cloud of smoke, orthographic and in perspective, each as ``rle-splat accuracy`` measures it; and on
+the orthographic views every knob by itself.  Numbers stand in the page between marks and in docs/accuracy.json, the
+pictures in docs/images; the words round them are nobody's but the page's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import geometric_mean
+
+from rle_splat.accuracy.metrics import ERRORS
+from rle_splat.classify.presets import fit_preset
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, save, sweep_plot
+from rle_splat.cli.flip import mean_flip
+from rle_splat.cost_of_accuracy import CROP_SIDE, TOLERANCES, front, possible, same_plan, sensible_plans, sweep_steps
+from rle_splat.read.formats import read_volume
+from rle_splat.scene import BACKENDS, CLASSIFICATIONS, QUALITY_PRESETS, Quality, Scene
+from rle_splat.steps import drain
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+from .data_sets import PAPER
+from .frames import Neighbours, circumstances, describe
+from .scenes import DATA, REAL, smoke
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+SIZE, PROBES, REPEATS = 512, 1000, 5
+STANDARD = Quality.preset("standard")
+PROJECTIONS = {"orthographic": False, "perspective": True}
+DEPTH_RULES = ("slice", "simpson", "gauss2", "preintegrated", "midpoint-4", "preintegrated-2", "midpoint-8")
+# Every knob by itself, all others as in standard: title -> (value as shown, fields), the mildest first.
+KNOBS = {
+    "depth rule": [(rule, dict(depth_rule=rule)) for rule in DEPTH_RULES],
+    "sheet density": [(f"{density:g}", dict(sheet_density=density)) for density in (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)],
+    "warp filter": [(name, dict(warp_filter=name)) for name in ("bilinear", "keys", "cubic")],
+    "termination": [(f"1/{n}", dict(termination=1.0 / n)) for n in (64, 256, 1024, 8192)],
+    "classification": [("pre", dict(classification="pre"))]
+    + [(f"refined x{n}", dict(classification="refined", refinement=n)) for n in (2, 3)]
+    + [(c, dict(classification=c)) for c in CLASSIFICATIONS if c == "post"],
+    "record (pre)": [(f"{size} bytes", dict(classification="pre", record=size)) for size in (4, 6, 8, 16)],
+}  # fmt: skip
+# Of the truth that a knob's errors are against, where it is not the one that each plan promises.
+AGAINST = {"classification": "T2", "record (pre)": "T1"}
+NAMED = (*QUALITY_PRESETS, "pre standard", "paper")  # the plans that small plots have room to name
+SERIES = ("#1b62a5", "#c2570c", "#3b7d3a", "#7b4ea3")
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is looked at: ``view`` is azimuth and elevation; ``note`` is said where it is not the scan itself."""
+
+    name: str
+    volume: Volume
+    function: TransferFunction
+    view: tuple[float, float]
+    note: str = ""
+
+    def scene(self, size: int, perspective: bool) -> Scene:
+        camera, matrix = turntable(self.volume, *self.view, 1.1, perspective, width=size, height=size)
+        return Scene(self.volume, self.function, camera, size, size, matrix)
+
+
+def scan(name: str, view, preset: str = "") -> Subject:
+    """A real scan under a preset, else the stand-in of bench paper."""
+    file, options, usual = REAL[name]
+    if (DATA / file).exists():
+        volume = read_volume(DATA / file, **options)
+        function, _ = fit_preset(preset or usual, volume)
+        return Subject(name, volume, function, view)
+    title, volume, function = next(data for data in PAPER if data.name == name).load()
+    return Subject(title, volume, function, view, "The scan is not here: a synthetic stand-in of like size.")
+
+
+def narrow(subject: Subject) -> Subject:
+    """The same volume with all opacity in a band of values a fiftieth of its range wide: what classifying before
+    interpolating is worst at."""
+    low, high = (float(value) for value in subject.volume.value_range)
+    points, colors = subject.function.opacity, subject.function.color
+    # Where the opacity first reaches a half: the surface that the function shows.
+    centre = next((value for value, alpha in points if alpha >= 0.5 * max(a for _, a in points)), 0.5 * (low + high))
+    half = 0.01 * (high - low)
+    function = replace(
+        subject.function, name=f"{subject.function.name}, narrow",
+        opacity=((centre - half, 0.0), (centre, 0.8), (centre + half, 0.0)), color=colors,
+    )  # fmt: skip
+    return replace(subject, name=f"{subject.name}, narrow", function=function)
+
+
+def subjects() -> list[Subject]:
+    plume = smoke()
+    return [
+        scan("CT head", (215.0, 170.0)), scan("MRI head", (200.0, 60.0)),
+        Subject("smoke", plume, fit_preset("smoke", plume)[0], (30.0, 15.0)),
+    ]  # fmt: skip
+
+
+def variants(base: Quality) -> dict[str, Quality]:
+    """The knobs' plans by their names, ``knob: value``; what does not go together is left out.
+
+    Another classification is taken with what standard means there."""
+    plans = {}
+    for knob, values in KNOBS.items():
+        for value, fields in values:
+            usual = Quality.preset("standard", classification=fields.get("classification", base.classification))
+            plain = replace(usual, threads=base.threads, backend=base.backend)
+            plans[f"{knob}: {value}"] = possible(plain, name=f"{knob}: {value}", **fields)
+    return {name: plan for name, plan in plans.items() if plan is not None}
+
+
+def measure(subject: Subject, perspective: bool, options, with_knobs: bool):
+    """(Sweep, knob's name -> plan's name in it) of one subject and projection."""
+    base = replace(STANDARD, threads=options.threads, backend=options.backend)
+    plans, names = sensible_plans(base), {}
+    for name, plan in variants(base).items() if with_knobs else ():
+        twin = next((other for other in plans if same_plan(plan, other)), None)
+        if twin is None:
+            plans.append(plan)
+        names[name] = plan.name if twin is None else twin.name
+    # Measured last, so looked at first: the crop and the steep probes are of the best picture.
+    plans.sort(key=lambda plan: (plan.classification, plan.refinement, plan.record, plan.name == "strict"))
+    scene = subject.scene(options.size, perspective)
+    steps = sweep_steps(
+        scene, plans, base, probes=options.probes, repeats=options.repeats, tolerances=TOLERANCES, flip=mean_flip,
+        crop_side=min(CROP_SIDE, options.size // 2),
+    )  # fmt: skip
+    return drain(steps), names
+
+
+# --- tables -------------------------------------------------------------------------------------------------------
+
+
+def is_variant(entry: dict) -> bool:
+    return entry["name"].split(":")[0] in KNOBS
+
+
+def ladder(report: dict) -> list[dict]:
+    """The plans of a report that are no single knob's, each truth's front told anew among them."""
+    mine = [dict(entry) for entry in report["plans"] if not is_variant(entry)]
+    for truth in {entry["truth"] for entry in mine}:
+        alike = [entry for entry in mine if entry["truth"] == truth]
+        names = front(alike)
+        for entry in alike:
+            entry["on_front"] = entry["name"] in names
+    return mine
+
+
+def markdown(header, rows) -> str:
+    lines = [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
+    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])
+
+
+def figure_text(value: float) -> str:
+    """Two digits that count, without exponents."""
+    return f"{value:.0f}" if value >= 10 else f"{float(f'{value:.2g}'):g}"
+
+
+def plans_table(views: dict) -> str:
+    """Every plan on every view: milliseconds, RMSE, largest error."""
+    first = next(iter(views.values()))
+    rows = []
+    for entry in sorted(ladder(first), key=lambda e: (e["truth"] != "T2", e["frame_ms"])):
+        cells = []
+        for report in views.values():
+            mine = next(e for e in ladder(report) if e["name"] == entry["name"])
+            error = mine["error"]
+            text = f"{mine['frame_ms']:.0f} ms, {figure_text(error['rmse'])} / {figure_text(error['largest'])}"
+            cells.append(f"**{text}**" if mine["on_front"] else text)
+        rows.append([entry["name"], entry["truth"], *cells])
+    return markdown(["plan", "truth", *views], rows)
+
+
+def tolerance_table(views: dict) -> str:
+    """The quickest measured plan whose largest error stays below each tolerance."""
+    truth = _main_truth(views)
+    rows = []
+    for tolerance in TOLERANCES:
+        cells = []
+        for report in views.values():
+            mine = [e for e in ladder(report) if e["truth"] == truth]
+            keeps = [e for e in mine if e["error"]["largest"] <= tolerance]
+            best = min(keeps, key=lambda e: e["frame_ms"], default=None)
+            floor = min(e["error"]["largest"] for e in mine)
+            cells.append(f"{best['frame_ms']:.0f} ms, {best['name']}" if best else f"not reached; {figure_text(floor)}")
+        rows.append([f"{tolerance:g}", *cells])
+    return markdown([f"levels at most, against {truth}", *views], rows)
+
+
+def _main_truth(views: dict) -> str:
+    return next(entry["truth"] for entry in next(iter(views.values()))["plans"] if entry["chosen"])
+
+
+def knob_points(report: dict, names: dict, knob: str) -> list[tuple[str, float, float]]:
+    """(value, RMSE, ms) of a knob's plans in a report."""
+    by_name = {entry["name"]: entry for entry in report["plans"]}
+    found = []
+    for value, _ in KNOBS[knob]:
+        name = names.get(f"{knob}: {value}")
+        if name is None:
+            continue
+        entry = by_name[name]
+        beside = AGAINST.get(knob) == "T2" and entry["truth"] != "T2"
+        error = entry["as_ray_caster"] if beside else entry["error"]
+        found.append((value, error["rmse"], entry["frame_ms"]))
+    return found
+
+
+def knobs_table(measured: dict, names: dict) -> str:
+    """What turning one knob does, as factors of standard, the geometric mean over the subjects."""
+    rows = []
+    for knob in KNOBS:
+        points = {title: knob_points(report, names[title], knob) for title, report in measured.items()}
+        if len(next(iter(points.values()))) < 2:
+            continue
+        reference = {title: _reference(mine, knob) for title, mine in points.items()}
+        cells = []
+        for n, (value, _, _) in enumerate(next(iter(points.values()))):
+            error, ms = (
+                geometric_mean(max(mine[n][i], 1e-9) / max(reference[title][i], 1e-9) for title, mine in points.items())
+                for i in (1, 2)
+            )
+            same = all(mine[n] == reference[title] for title, mine in points.items())
+            cells.append(f"**{value}**" if same else f"{value}: {_factor(error)}, {_factor(ms)}")
+        rows.append([knob, AGAINST.get(knob, "its own"), "; ".join(cells)])
+    return markdown(["knob", "truth", "value: error, time, as factors of the value in bold"], rows)
+
+
+def _reference(points, knob: str):
+    """The point of standard, or of the last value where standard is not among a knob's."""
+    fields = dict(KNOBS[knob])
+    for point in points:
+        if all(getattr(STANDARD, name) == value for name, value in fields[point[0]].items()):
+            return point
+    return points[-1]
+
+
+def _factor(ratio: float) -> str:
+    return f"×{figure_text(ratio)}"
+
+
+def losses_table(measured: dict, names: dict) -> str:
+    """What each way to classify loses against T2, all else as in standard, and the paper's own pipeline."""
+    ways = {f"`{value}`": f"classification: {value}" for value, _ in KNOBS["classification"]}
+    rows = []
+    for way, variant in {"the paper to the letter": "paper", **ways}.items():
+        cells = []
+        for title, report in measured.items():
+            name = names[title].get(variant, variant)
+            entry = next(entry for entry in report["plans"] if entry["name"] == name)
+            error = entry["as_ray_caster"] or entry["error"]
+            cells.append(f"{figure_text(error['rmse'])} / {figure_text(error['largest'])}, {entry['frame_ms']:.0f} ms")
+        rows.append([way, *cells])
+    return markdown(["against T2: RMSE / largest", *measured], rows)
+
+
+# --- pictures -----------------------------------------------------------------------------------------------------
+
+
+def fronts_plot(views: dict, path: Path) -> None:
+    """One small plot a view: every plan, the presets by name."""
+    columns = (len(views) + 1) // 2
+    figure = new_figure((4.4 * columns, 8.0))
+    grid = figure.subplots(2, columns, sharey=True, sharex=True)
+    for axes, (title, report) in zip(grid.T.ravel(), views.items()):
+        plans = ladder(report)
+        truths = sorted({entry["truth"] for entry in plans})
+        fronts = {name: front([e for e in plans if e["truth"] == name]) for name in truths}
+        draw_plans(axes, plans, "rmse", fronts, named=NAMED, legend=False)
+        axes.set_title(title, fontsize=11)
+        axes.label_outer()
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=10)
+    save(figure, path, ".png")
+
+
+def knobs_plot(measured: dict, names: dict, path: Path) -> None:
+    """A column a knob: error above, time below, a line a subject."""
+    knobs = [knob for knob in KNOBS if len(knob_points(*_first(measured, names), knob)) > 1]
+    figure = new_figure((2.6 * len(knobs), 6.4))
+    grid = figure.subplots(2, len(knobs), sharex="col", sharey="row")
+    for (above, below), knob in zip(grid.T, knobs):
+        for (title, report), colour in zip(measured.items(), SERIES):
+            values, errors, times = zip(*knob_points(report, names[title], knob))
+            above.plot(values, errors, "o-", ms=4, color=colour, label=title)
+            below.plot(values, times, "o-", ms=4, color=colour)
+        above.set_title(f"{knob}\nagainst {AGAINST[knob]}" if knob in AGAINST else knob, fontsize=10)
+        below.tick_params(axis="x", rotation=60, labelsize=9)
+        for axes in (above, below):
+            axes.set_yscale("log")
+            axes.grid(True, which="major", alpha=0.35)
+    for axes, text in zip(grid[:, 0], (f"{ERRORS['rmse']}, levels", "milliseconds a frame")):
+        axes.set_ylabel(text)
+        plain_numbers(axes.yaxis)
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(measured), fontsize=9)
+    save(figure, path, ".png")
+
+
+def _first(measured: dict, names: dict):
+    title = next(iter(measured))
+    return measured[title], names[title]
+
+
+# --- the page -----------------------------------------------------------------------------------------------------
+
+
+def fill(page: str, blocks: dict[str, str]) -> str:
+    """The page with what stands between its marks, ``<!-- begin NAME -->`` and ``<!-- end NAME -->``, replaced."""
+    for name, text in blocks.items():
+        pattern = re.compile(f"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
+        page, count = pattern.subn(lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page)
+        if count != 1:
+            raise ValueError(f"the page has {count} places called {name}")
+    return page
+
+
+def plain_report(measured: dict) -> dict:
+    """What docs/accuracy.json holds of each view: less the words."""
+    return {
+        title: {key: value for key, value in report.items() if key not in ("truths", "remarks")}
+        for title, report in measured.items()
+    }
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py accuracy", description=__doc__)
+    parser.add_argument("--size", type=int, default=SIZE, help="pixels a side")
+    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="frames timed")
+    parser.add_argument("--threads", type=int, default=0, help="0: one per core")
+    parser.add_argument("--backend", default="auto", choices=BACKENDS)
+    parser.add_argument("--output", type=Path, default=DOCS, help="the folder of the page; docs/ when left out")
+    options = parser.parse_args(arguments)
+    where, neighbours = circumstances(options.threads), Neighbours()
+    print(describe(where), flush=True)
+    views, knobs, names, shown = {}, {}, {}, None
+    things = subjects()
+    for subject in things:
+        for projection, perspective in PROJECTIONS.items():
+            title = f"{subject.name}, {projection}"
+            sweep, used = measure(subject, perspective, options, with_knobs=not perspective)
+            views[title] = sweep.report
+            if not perspective:
+                knobs[subject.name], names[subject.name] = sweep.report, used
+                shown = shown or (sweep, subject)
+            print(f"{title}: {len(sweep.report['plans'])} plans", flush=True)
+    hard = narrow(things[0])
+    sweep, used = measure(hard, False, options, with_knobs=True)
+    knobs[hard.name], names[hard.name] = sweep.report, used
+    said = neighbours.describe()
+    print(said)
+    write_page(options, views, knobs, names, [describe(where), said, *{s.note for s in things if s.note}])
+    images = options.output / "images"
+    images.mkdir(parents=True, exist_ok=True)
+    record = {"circumstances": {**where, "others_busy_cores": neighbours.cores()},
+              "views": plain_report({**views, hard.name: knobs[hard.name]})}  # fmt: skip
+    (options.output / "accuracy.json").write_text(compact(record), encoding="utf-8")
+    if can_plot():
+        fronts_plot(views, images / "accuracy-fronts.png")
+        knobs_plot(knobs, names, images / "accuracy-knobs.png")
+        sweep, subject = shown
+        own = ladder(sweep.report)
+        fronts = {t: front([e for e in own if e["truth"] == t]) for t in sorted({e["truth"] for e in own})}
+        sweep = replace(sweep, report={**sweep.report, "plans": own, "fronts": fronts})
+        sweep_plot(sweep, images / "accuracy-sweep.png", ".png", f"{subject.name}, {subject.function.name}")
+    else:
+        print("matplotlib is not here, so the figures were left as they were.", file=sys.stderr)
+    return 0
+
+
+def write_page(options, views, knobs, names, circumstances_said) -> None:
+    """Fill the page's tables in place."""
+    page = options.output / "accuracy.md"
+    text = (page if page.exists() else DOCS / "accuracy.md").read_text(encoding="utf-8")
+    first = next(iter(views.values()))
+    probes = first["probes"]
+    how = (
+        f"{options.size} x {options.size} pixels, {first['threads']} threads; the median of {options.repeats} frames; "
+        f"{probes['random']} random probe pixels, {probes['steep']} steep ones and a crop of each view."
+    )
+    blocks = {
+        "plans": plans_table(views), "tolerances": tolerance_table(views), "knobs": knobs_table(knobs, names),
+        "losses": losses_table(knobs, names), "circumstances": " ".join([how, *circumstances_said]),
+    }  # fmt: skip
+    page.write_text(fill(text, blocks), encoding="utf-8")
+
+
+def compact(record: dict) -> str:
+    """JSON with one plan a line: readable, and a change shows where it is."""
+    text = json.dumps(record, indent=1, default=str)
+    squeeze = re.compile(r'\{\s*"name".*?\n   \}', re.DOTALL)
+    return squeeze.sub(lambda found: re.sub(r"\s*\n\s*", " ", found[0]), text) + "\n"

@@ -1,0 +1,108 @@
+"""Proves that docs/accuracy.md is filled from measurements: every place in it has its table, the tables say what was
+measured, knobs are turned one at a time, and the smoke is the same on every machine."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks import accuracy as page
+from benchmarks.scenes import smoke
+from rle_splat.classify.presets import fit_preset
+from rle_splat.cost_of_accuracy import sweep_steps
+from rle_splat.scene import Quality
+from rle_splat.steps import drain
+
+OPTIONS = SimpleNamespace(size=32, probes=60, repeats=1, threads=1, backend="numpy")  # no kernels to compile
+
+
+@pytest.fixture(scope="module")
+def subject():
+    plume = smoke((20, 18, 28))
+    return page.Subject("smoke", plume, fit_preset("smoke", plume)[0], (30.0, 15.0))
+
+
+@pytest.fixture(scope="module")
+def measured(subject):
+    return page.measure(subject, False, OPTIONS, with_knobs=True)
+
+
+def test_the_smoke_is_smoke_and_always_the_same():
+    plume = smoke((20, 18, 28))
+    assert plume.voxels.shape == (28, 18, 20) and plume.voxels.dtype == np.float32
+    assert (plume.voxels == smoke((20, 18, 28)).voxels).all()
+    assert plume.voxels.min() == 0.0 and 0.3 < plume.voxels.max() <= 1.0
+    assert 0.05 < (plume.voxels > 0.0).mean() < 0.6
+    assert not plume.voxels[0].any() and not plume.voxels[-1].any()
+
+
+def test_each_variant_turns_one_knob():
+    for name, plan in page.variants(page.STANDARD).items():
+        changed = [field for field in vars(plan) if getattr(plan, field) != getattr(page.STANDARD, field)]
+        knob = name.split(":")[0]
+        assert set(changed) - {"name", "classification"} <= {knob.split(" (")[0].replace(" ", "_"), "refinement"}, name
+
+
+def test_every_place_of_the_page_is_filled(subject, measured, tmp_path):
+    report, names = measured[0].report, {"smoke": measured[1]}
+    options = SimpleNamespace(output=tmp_path, **vars(OPTIONS))
+    page.write_page(options, {"smoke, orthographic": report}, {"smoke": report}, names, ["On a machine."])
+    text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    parts = text.split("<!-- begin ")[1:]
+    assert len(parts) == 5 and all(len(part.split("<!-- end ")[0]) > 60 for part in parts)
+    assert "On a machine." in text
+    standard = next(entry for entry in report["plans"] if entry["chosen"])
+    wanted = f"{page.figure_text(standard['error']['rmse'])} / {page.figure_text(standard['error']['largest'])}"
+    assert f"{standard['frame_ms']:.0f} ms, {wanted}" in text
+    assert page.fill(text, {}) == text
+    with pytest.raises(ValueError, match="nowhere"):
+        page.fill(text, {"nowhere": "x"})
+
+
+def test_the_tolerance_table_names_the_quickest_that_keeps_it(measured):
+    report = measured[0].report
+    truth = page._main_truth({"view": report})
+    rows = page.tolerance_table({"view": report}).splitlines()[2:]
+    for tolerance, row in zip(page.TOLERANCES, rows):
+        keeps = [
+            entry for entry in report["plans"]
+            if entry["truth"] == truth and entry["error"]["largest"] <= tolerance and not page.is_variant(entry)
+        ]  # fmt: skip
+        said = row.split("|")[2].strip()
+        if keeps:
+            best = min(keeps, key=lambda entry: entry["frame_ms"])
+            assert said == f"{best['frame_ms']:.0f} ms, {best['name']}"
+        else:
+            assert said.startswith("not reached")
+
+
+def test_knobs_are_told_as_factors_of_standard(measured):
+    report, names = measured[0].report, measured[1]
+    for knob in page.KNOBS:
+        points = page.knob_points(report, names, knob)
+        built = [name for name in page.variants(page.STANDARD) if name.startswith(f"{knob}: ")]
+        assert len(points) == len(built) > 2 and all(error > 0.0 and ms > 0.0 for _, error, ms in points)
+    density = {value: error for value, error, _ in page.knob_points(report, names, "sheet density")}
+    assert density["2"] < density["0.5"]
+    row = next(line for line in page.knobs_table({"s": report}, {"s": names}).splitlines() if "sheet density" in line)
+    by_name = {entry["name"]: entry for entry in report["plans"]}
+    half, whole = (by_name[names[f"sheet density: {d}"]]["error"]["rmse"] for d in ("0.5", "1"))
+    assert f"0.5: ×{page.figure_text(half / whole)}" in row and "**1**" in row
+
+
+def test_a_narrow_transfer_function_is_what_pre_is_worst_at(subject):
+    hard = page.narrow(subject)
+    low, high = subject.volume.value_range
+    band = [value for value, alpha in hard.function.opacity]
+    assert 0.0 < band[-1] - band[0] < 0.03 * (high - low)
+    plans = [Quality(name="only", classification="pre", backend="numpy")]
+    soft, narrow = (
+        drain(sweep_steps(s.scene(32, False), plans, plans[0], probes=60, repeats=1)).plan("only")["as_ray_caster"]
+        for s in (subject, hard)
+    )
+    assert narrow["rmse"] > 2.0 * soft["rmse"]
+
+
+def test_numbers_are_short():
+    for value, text in ((123.4, "123"), (10.4, "10"), (9.96, "10"), (0.123, "0.12"), (0.0456, "0.046")):
+        assert page.figure_text(value) == text
