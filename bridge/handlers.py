@@ -15,6 +15,7 @@ from bpy.app.handlers import persistent
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.steps import drain
 from . import compositor, following, images, pictures, render_scene, volumes
+from .settings import tolerance_of
 
 # Scenes whose volume is splatted for the frame being rendered; None while nothing is rendered (exporters change
 # frames with a render's depsgraph too).  Further view layers, and the subframes that motion blur visits after the
@@ -107,11 +108,12 @@ def _update(scene, depsgraph, volume_object, image, *, with_meshes: bool, in_reg
         plain, quality = render_scene.read_scene(
             volume_object, depsgraph, with_meshes=with_meshes, in_region=in_region
         )
+        wish = dict(tolerance=tolerance_of(depsgraph.scene_eval))
         if later:
-            steps = render_scene.steps(plain, quality, refuse_empty_view=False, previews=True)
+            steps = render_scene.steps(plain, quality, **wish, refuse_empty_view=False, previews=True)
             following.begin(_refinement(steps, scene.name, image.name))
             return
-        _finish(settings, image, drain(render_scene.steps(plain, quality, refuse_empty_view=False)))
+        _finish(settings, image, drain(render_scene.steps(plain, quality, **wish, refuse_empty_view=False)))
     except Exception as problem:  # a traceback from every frame of a render would help no one: one sentence, once
         _blank(settings, image, problem)
 

@@ -6,6 +6,7 @@ import json
 
 import bpy
 
+from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
 from . import images
 
 LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
@@ -47,10 +48,21 @@ def keep(volume_object, rgba, depth, *, kind: str = "color"):
     return image, depth_image
 
 
+def _error_lines(report: dict) -> list[str]:
+    """What is known of a picture's error, and against which truth."""
+    error = report.get("error", {})
+    if error.get("truth") not in TRUTH_TEXTS:
+        return []
+    against = f"against {error['truth']}, {TRUTH_TEXTS[error['truth']]}"
+    if error["tolerance"] is None:
+        return [f"Not measured; its errors are {against}"]
+    return [f"Error in levels: {error['sentence']}, {against}", error.get("statement", ""), report["plan"]["name"]]
+
+
 def note_report(settings, report: dict) -> None:
     """Keep what a picture took in the scene's settings, for people and for machines."""
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float))]
-    settings.last_report = "\n".join((*report.get("remarks", ()), *lines))
+    settings.last_report = "\n".join((*report.get("remarks", ()), *_error_lines(report), *lines))
     settings.last_report_json = json.dumps(report, default=str)

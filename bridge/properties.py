@@ -119,6 +119,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
     quality: LiveEnum(
         name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default="standard")
+    max_error: LiveFloat(
+        name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
+        description="Largest error of any channel, in levels of 1/255: the quickest plan that keeps it is chosen, and "
+        "the picture is measured against the truth. Of Quality only the classification counts then. Zero for none")
     classification: LiveEnum(
         name="Classification", description=_knob("classification"),
         items=_items(tables.CLASSIFICATIONS), default=tables.Quality.classification)

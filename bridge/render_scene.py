@@ -12,6 +12,7 @@ from ..rle_splat.kept import Kept
 from ..rle_splat.named_systems.progressive import progressive_steps
 from ..rle_splat.render import render_steps
 from ..rle_splat.scene import RleSplatError, Scene
+from ..rle_splat.tolerance import tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .lights import read_lights
@@ -71,10 +72,16 @@ def is_rendered(volume_object, depsgraph) -> bool:
     return False
 
 
-def steps(plain: Scene, quality, *, refuse_empty_view: bool = True, previews: bool = False):
+def steps(
+    plain: Scene, quality, *, tolerance: float | None = None, refuse_empty_view: bool = True, previews: bool = False
+):
     """The work as a generator of Progress that returns a Rendering.
 
-    ``previews``: it also yields a Preview now and then, when the picture takes long; see ``progressive.py``.
+    ``tolerance``: the largest error, levels, by a plan in place of the quality's; see ``tolerance.py``.
+    ``previews``: it also yields a Preview now and then, when the picture takes long; see ``progressive.py``.  A picture
+    to a tolerance has none.
     """
+    if tolerance is not None:
+        return tolerance_steps(plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view)
     make = progressive_steps if previews else render_steps
     return make(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)

@@ -26,6 +26,11 @@ def quality_of(scene) -> Quality:
     return Quality.preset(settings.quality, **common)
 
 
+def tolerance_of(scene) -> float | None:
+    """The largest error that is allowed, in levels; None where the quality decides."""
+    return typed(scene.rle_splat.max_error) or None
+
+
 def scene_scale_of(scene, unit: str = "mm") -> float:
     """World units for each unit of a volume: the scene's factor for a millimetre times the unit's millimetres.
 

@@ -6,6 +6,7 @@ from bpy.props import BoolProperty
 from ..bridge import pictures, render_scene, volumes
 from ..bridge.canvas import Canvas
 from ..bridge.jobs import StepwiseOperator
+from ..bridge.settings import tolerance_of
 from .refusal import has_volume
 
 
@@ -30,7 +31,8 @@ class RLE_SPLAT_OT_render_image(StepwiseOperator, bpy.types.Operator):
             volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas = Canvas(self._name, "color")
-        return render_scene.steps(plain, quality, previews=self.wants_previews)
+        tolerance = tolerance_of(context.scene)
+        return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
 
     def show_preview(self, context, preview):
         self._canvas.show(preview.rendering.rgba)

@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, EnumProperty
 from ..bridge import backdrop, following, pictures, render_scene, volumes
 from ..bridge.canvas import Canvas
 from ..bridge.jobs import StepwiseOperator
+from ..bridge.settings import tolerance_of
 from .render_image import has_volume_and_camera, report_picture
 
 
@@ -40,7 +41,8 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
             with_meshes=self._place == "FRONT" and settings.meshes_occlude,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas, self._earlier = Canvas(self._name, "backdrop"), backdrop.state(context.scene.camera.data)
-        return render_scene.steps(plain, quality, previews=self.wants_previews)
+        tolerance = tolerance_of(context.scene)
+        return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
 
     def show_preview(self, context, preview):
         camera = render_scene.still_there(self._camera_name)
