@@ -124,7 +124,7 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
         assert wanted in log, wanted
 
 
-def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
+def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
     settings = bpy.context.scene.rle_splat
     assert ("prop", "depth_rule") not in draw_all(monkeypatch)
     settings.quality = "custom"
@@ -132,6 +132,11 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
     for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
                  "termination", "model"):
         assert ("prop", name) in log
+    assert ("prop", "refinement") not in log  # only where there is a finer grid
+    settings.classification, settings.refinement = "refined", "3"
+    assert ("prop", "refinement") in draw_all(monkeypatch)
+    quality = bridge("settings").quality_of(bpy.context.scene)
+    assert (quality.classification, quality.refinement) == ("refined", 3)
 
 
 def test_messages_and_reports_are_shown(volume_object, monkeypatch):
