@@ -87,6 +87,17 @@ def write_json(tmp_path):
     return write
 
 
+@pytest.fixture
+def function_file(write_json):
+    """A transfer function whose colour changes with the value, shaded."""
+    content = {
+        "name": "test", "unit": None, "opacity": [[20, 0.0], [200, 0.6]],
+        "color": [[0, 1.0, 0.2, 0.1], [255, 0.1, 0.4, 1.0]],
+        "shade": {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 10},
+    }
+    return write_json(content, "function.json")
+
+
 @pytest.fixture(scope="session")
 def data() -> Path:
     """The folder of real scans; tests that need it are skipped where it is absent."""

@@ -19,16 +19,6 @@ VIEW = ("--azimuth", "35", "--elevation", "-20")
 
 
 @pytest.fixture
-def function_file(write_json):
-    content = {
-        "name": "test", "unit": None, "opacity": [[20, 0.0], [200, 0.6]],
-        "color": [[0, 1.0, 0.2, 0.1], [255, 0.1, 0.4, 1.0]],
-        "shade": {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 10},
-    }
-    return write_json(content, "function.json")
-
-
-@pytest.fixture
 def words(raw, raw_options, function_file):
     look = ("--transfer-function", function_file, *SIZE, *VIEW)
     return ("accuracy", raw, *raw_options, *look, "--repeats", "1", "--backend", "numpy")  # no kernels to compile

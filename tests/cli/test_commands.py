@@ -15,17 +15,6 @@ SIZE = ("--size", "40", "30")
 
 
 @pytest.fixture
-def function_file(write_json):
-    """A transfer function whose colour changes with the value, shaded."""
-    content = {
-        "name": "test", "unit": None, "opacity": [[20, 0.0], [200, 0.6]],
-        "color": [[0, 1.0, 0.2, 0.1], [255, 0.1, 0.4, 1.0]],
-        "shade": {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 10},
-    }
-    return write_json(content, "function.json")
-
-
-@pytest.fixture
 def picture(call, tmp_path, raw, raw_options, function_file):
     """Render the ball with these options to .npy; returns the pixels and the report."""
     def run(*extra, volume=raw, options=tuple(raw_options), function=True):
