@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.phantoms import FIELDS
-from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.effects.mesh_depth import mesh_depth
 from rle_splat.jit import numba
@@ -180,25 +179,6 @@ def test_the_report_names_crop_and_frame():
     assert report["image"] == {
         "width": 10, "height": 20, "full_width": WIDTH, "full_height": HEIGHT, "crop": [3, 4, 13, 24]
     }
-
-
-def test_parts_of_a_frame_of_16384_pixels():
-    """Crops of a frame that is far too large to hold: equal where they overlap, and as the truth has it."""
-    side = 16384
-    camera, placed = turntable(VOLUME, 37.0, 24.0, 0.9, True, 50.0, side, side)
-    scene = Scene(VOLUME, replace(LOOK, shade=None), camera, side, side, volume_matrix=placed, headlight=False)
-    one, two = (
-        render(replace(scene, crop=crop), Quality(depth_rule="midpoint-8"))
-        for crop in ((8000, 8100, 8064, 8164), (8032, 8132, 8096, 8196))
-    )
-    assert one.rgba.shape == (64, 64, 4) and one.rgba[..., 3].min() > 0.3
-    np.testing.assert_array_equal(bits(one.rgba[32:, 32:]), bits(two.rgba[:32, :32]))
-    np.testing.assert_array_equal(bits(one.depth[32:, 32:]), bits(two.depth[:32, :32]))
-    assert one.report["memory_estimate_bytes"]["picture"] < 4e6
-    columns, rows = np.array((8000, 8063, 8031)), np.array((8100, 8100, 8140))
-    true = truth(scene, pixels=(columns + 0.5, rows + 0.5))[0]
-    found = one.rgba[rows - 8100, columns - 8000]
-    np.testing.assert_allclose(found, true, atol=1 / 255)
 
 
 def test_windows_move_offsets_by_whole_pixels_exactly():
