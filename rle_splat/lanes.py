@@ -13,62 +13,41 @@ if numba is not None:
     from numba.core import types
     from numba.extending import intrinsic
 
+    from .vectors import INTEGER, load, place, spread, store
+
     _LANES = ir.VectorType(ir.FloatType(), 4)
-    _CODES = ir.VectorType(ir.IntType(32), 4)
-
-    def _pointer_to(context, builder, array_type, array, index):
-        return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
-
-    def _pointer(context, builder, array_type, array, index):
-        return builder.bitcast(_pointer_to(context, builder, array_type, array, index), _LANES.as_pointer())
-
-    def _load(builder, pointer):
-        value = builder.load(pointer)
-        value.align = 4
-        return value
-
-    def _store(builder, value, pointer):
-        builder.store(value, pointer).align = 4
-
-    def _spread(builder, scalar):
-        lanes = ir.Constant(_LANES, ir.Undefined)
-        for lane in range(4):
-            lanes = builder.insert_element(lanes, scalar, ir.Constant(ir.IntType(32), lane))
-        return lanes
+    _CODES = ir.VectorType(INTEGER, 4)
 
     def _integers(values):
         return ir.Constant(_CODES, list(values))
 
     def _from_code(builder, bits, kind):
         """A 16-bit float (or four), as an integer of 32 bits, to float32: shifted and brought to its exponent."""
-        shift, unbias = (ir.Constant(ir.IntType(32), 12), ir.Constant(ir.FloatType(), 2.0**96))
+        shift, unbias = (ir.Constant(INTEGER, 12), ir.Constant(ir.FloatType(), 2.0**96))
         if kind is _LANES:
-            shift, unbias = _integers([12] * 4), _spread(builder, unbias)
+            shift, unbias = _integers([12] * 4), spread(builder, unbias, 4)
         return builder.fmul(builder.bitcast(builder.shl(bits, shift), kind), unbias)
 
     def _decode_8(builder, code, scale, lanes, at, weight):
         """weight * (density * RGB, density) from four 16-bit floats in one number."""
         words = builder.bitcast(code(at), ir.VectorType(ir.IntType(16), 4))
         values = _from_code(builder, builder.zext(words, _CODES), _LANES)
-        return builder.fmul(values, builder.fmul(_spread(builder, weight), lanes))
+        return builder.fmul(values, builder.fmul(spread(builder, weight, 4), lanes))
 
     def _color_and_density(builder, bits, starts, steps, lanes, density):
         """density * (RGB, 1) from linear codes of the colour; ``lanes``: the size of their steps."""
-        codes = ir.Constant(_CODES, ir.Undefined)
-        for lane in range(4):
-            codes = builder.insert_element(codes, bits, ir.Constant(ir.IntType(32), lane))
-        codes = builder.and_(builder.lshr(codes, _integers((*starts, 0))), _integers((*steps, 0)))
+        codes = builder.and_(builder.lshr(spread(builder, bits, 4), _integers((*starts, 0))), _integers((*steps, 0)))
         color = builder.fmul(builder.sitofp(codes, _LANES), lanes)
-        color = builder.insert_element(color, ir.Constant(ir.FloatType(), 1.0), ir.Constant(ir.IntType(32), 3))
-        return builder.fmul(color, _spread(builder, density))
+        color = builder.insert_element(color, ir.Constant(ir.FloatType(), 1.0), ir.Constant(INTEGER, 3))
+        return builder.fmul(color, spread(builder, density, 4))
 
     def _decode_6(builder, code, scale, lanes, at, weight):
         """weight * (density * RGB, density) from a 16-bit float and 11, 11 and 10 bits of colour."""
         first = builder.mul(at, ir.Constant(at.type, 3))
         density, low, high = (
-            builder.zext(code(builder.add(first, ir.Constant(at.type, word))), ir.IntType(32)) for word in range(3)
+            builder.zext(code(builder.add(first, ir.Constant(at.type, word))), INTEGER) for word in range(3)
         )
-        bits = builder.or_(low, builder.shl(high, ir.Constant(ir.IntType(32), 16)))
+        bits = builder.or_(low, builder.shl(high, ir.Constant(INTEGER, 16)))
         value = builder.fmul(_from_code(builder, density, ir.FloatType()), scale(ir.Constant(at.type, 3)))
         value = builder.fmul(value, weight)
         return _color_and_density(builder, bits, (0, 11, 22), (2047, 2047, 1023), lanes, value)
@@ -76,7 +55,7 @@ if numba is not None:
     def _decode_4(builder, code, scale, lanes, at, weight):
         """weight * (density * RGB, density) from 7 bits a channel and 11 bits that number a density of ``scales``."""
         bits = code(at)
-        number = builder.zext(builder.lshr(bits, ir.Constant(ir.IntType(32), 21)), at.type)
+        number = builder.zext(builder.lshr(bits, ir.Constant(INTEGER, 21)), at.type)
         value = builder.fmul(scale(builder.add(number, ir.Constant(at.type, 4))), weight)
         return _color_and_density(builder, bits, (0, 7, 14), (127, 127, 127), lanes, value)
 
@@ -87,10 +66,10 @@ if numba is not None:
         def generate(context, builder, signature, arguments):
             source, at, weight, target, to = arguments
             source_type, target_type = signature.args[0], signature.args[3]
-            place = _pointer(context, builder, target_type, target, to)
-            value = _load(builder, _pointer(context, builder, source_type, source, at))
-            product = builder.fmul(_spread(builder, weight), value, flags=["contract"])
-            _store(builder, builder.fadd(_load(builder, place), product, flags=["contract"]), place)
+            pixel = place(context, builder, target_type, target, to)
+            value = load(builder, place(context, builder, source_type, source, at), 4)
+            product = builder.fmul(spread(builder, weight, 4), value, flags=["contract"])
+            store(builder, builder.fadd(load(builder, pixel, 4), product, flags=["contract"]), pixel)
             return context.get_dummy_value()
 
         return types.void(source, types.intp, types.float32, target, types.intp), generate
@@ -112,16 +91,16 @@ if numba is not None:
             codes, at, scales, weight, target, to = arguments
             codes_type, scales_type, target_type = signature.args[0], signature.args[2], signature.args[4]
 
-            def code(place):
-                return builder.load(_pointer_to(context, builder, codes_type, codes, place))
+            def code(index):
+                return builder.load(place(context, builder, codes_type, codes, index))
 
-            def scale(place):
-                return builder.load(_pointer_to(context, builder, scales_type, scales, place))
+            def scale(index):
+                return builder.load(place(context, builder, scales_type, scales, index))
 
-            lanes = _load(builder, _pointer(context, builder, scales_type, scales, ir.Constant(at.type, 0)))
+            lanes = load(builder, place(context, builder, scales_type, scales, ir.Constant(at.type, 0)), 4)
             record = decode(builder, code, scale, lanes, at, weight)
-            place = _pointer(context, builder, target_type, target, to)
-            _store(builder, builder.fadd(_load(builder, place), record, flags=["contract"]), place)
+            pixel = place(context, builder, target_type, target, to)
+            store(builder, builder.fadd(load(builder, pixel, 4), record, flags=["contract"]), pixel)
             return context.get_dummy_value()
 
         return types.void(codes, types.intp, scales, types.float32, target, types.intp), generate

@@ -16,6 +16,32 @@ if numba is not None:
 
     FLOAT, DOUBLE, INTEGER = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
 
+    # The vectors themselves, for code whose arithmetic has other flags than a Vector's.
+
+    def place(context, builder, array_type, array, index):
+        """Pointer to element ``index`` of a flat array; no bounds checks."""
+        return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])
+
+    def load(builder, pointer, count: int, kind=FLOAT):
+        """``count`` lanes from memory of any alignment; ``pointer`` to a single number."""
+        value = builder.load(builder.bitcast(pointer, ir.VectorType(kind, count).as_pointer()))
+        value.align = 4
+        return value
+
+    def store(builder, value, pointer):
+        """The lanes of ``value`` to where ``load`` would find them."""
+        builder.store(value, builder.bitcast(pointer, value.type.as_pointer())).align = 4
+
+    def pick(builder, value, lanes, other=None):
+        """Lanes of a vector, and, counted on from its last, of another one, in the order given."""
+        mask = ir.Constant(ir.VectorType(INTEGER, len(lanes)), list(lanes))
+        return builder.shuffle_vector(value, value if other is None else other, mask)
+
+    def spread(builder, scalar, count: int):
+        """The same number in all lanes."""
+        nothing = ir.Constant(ir.VectorType(scalar.type, count), ir.Undefined)
+        return pick(builder, builder.insert_element(nothing, scalar, ir.Constant(INTEGER, 0)), [0] * count)
+
     class Vector:
         """``count`` lanes of float32, float64 or int32."""
 
@@ -28,22 +54,16 @@ if numba is not None:
 
         @classmethod
         def load(cls, builder, pointer, count: int, kind=FLOAT):
-            """From memory of any alignment; ``pointer`` to a single number."""
-            value = builder.load(builder.bitcast(pointer, ir.VectorType(kind, count).as_pointer()))
-            value.align = 4
-            return cls(builder, value)
+            """See ``vectors.load``."""
+            return cls(builder, load(builder, pointer, count, kind))
 
         @classmethod
         def spread(cls, builder, scalar, count: int):
             """The same number in all lanes."""
-            one = builder.insert_element(
-                ir.Constant(ir.VectorType(scalar.type, count), ir.Undefined), scalar, ir.Constant(INTEGER, 0)
-            )
-            return cls(builder, one).shuffle(one, [0] * count)
+            return cls(builder, spread(builder, scalar, count))
 
         def store(self, pointer):
-            place = self.builder.bitcast(pointer, self.value.type.as_pointer())
-            self.builder.store(self.value, place).align = 4
+            store(self.builder, self.value, pointer)
 
         def like(self, number):
             """``number`` as a vector of this one's kind."""
@@ -53,8 +73,7 @@ if numba is not None:
 
         def shuffle(self, other, lanes):
             """Lanes of this vector (below ``count``) and of another value, in the order given."""
-            mask = ir.Constant(ir.VectorType(INTEGER, len(lanes)), list(lanes))
-            return Vector(self.builder, self.builder.shuffle_vector(self.value, other, mask))
+            return Vector(self.builder, pick(self.builder, self.value, lanes, other))
 
         def _with(self, operation, other, flags=FLAGS):
             return Vector(self.builder, operation(self.value, self.like(other), flags=flags))
@@ -131,7 +150,3 @@ if numba is not None:
             low.shuffle(low2.value, [0, 1, 4, 5]), low.shuffle(low2.value, [2, 3, 6, 7]),
             high.shuffle(high2.value, [0, 1, 4, 5]), high.shuffle(high2.value, [2, 3, 6, 7]),
         )
-
-    def place(context, builder, array_type, array, index):
-        """Pointer to element ``index`` of a flat array; no bounds checks."""
-        return builder.gep(context.make_array(array_type)(context, builder, array).data, [index])

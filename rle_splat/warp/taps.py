@@ -13,30 +13,15 @@ if numba is not None:
     from numba.core import types
     from numba.extending import intrinsic
 
-    _FLOAT, _INDEX = ir.FloatType(), ir.IntType(32)
+    from ..vectors import FLOAT, INTEGER, load, pick, place, spread, store
+
     CONTRACT = ["contract"]
 
-    def _lanes(count):
-        return ir.VectorType(_FLOAT, count)
-
     def _constant(values):
-        return ir.Constant(_lanes(len(values)), [float(value) for value in values])
-
-    def _pointer(context, builder, array_type, array, at, count):
-        pointer = builder.gep(context.make_array(array_type)(context, builder, array).data, [at])
-        return builder.bitcast(pointer, _lanes(count).as_pointer())
+        return ir.Constant(ir.VectorType(FLOAT, len(values)), [float(value) for value in values])
 
     def _load(context, builder, array_type, array, at, count):
-        value = builder.load(_pointer(context, builder, array_type, array, at, count))
-        value.align = 4
-        return value
-
-    def _pick(builder, vector, lanes):
-        return builder.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(_INDEX, len(lanes)), list(lanes)))
-
-    def _spread(builder, scalar, count):
-        first = builder.insert_element(ir.Constant(_lanes(1), ir.Undefined), scalar, ir.Constant(_INDEX, 0))
-        return _pick(builder, first, [0] * count)
+        return load(builder, place(context, builder, array_type, array, at), count)
 
     def _multiply_add(builder, a, b, c):
         return builder.fadd(builder.fmul(a, b, flags=CONTRACT), c, flags=CONTRACT)
@@ -49,12 +34,12 @@ if numba is not None:
         """Store alpha clamped to [0, 1] and colour to [0, most * alpha]; neither is ever -0."""
         nothing = _constant([0.0] * 4)
         sample = builder.select(builder.fcmp_ordered(">", sample, nothing), sample, nothing)
-        one, last = ir.Constant(_FLOAT, 1.0), ir.Constant(_INDEX, 3)
+        one, last = ir.Constant(FLOAT, 1.0), ir.Constant(INTEGER, 3)
         alpha = builder.extract_element(sample, last)
         alpha = builder.select(builder.fcmp_ordered("<", alpha, one), alpha, one)
-        limit = builder.insert_element(_spread(builder, builder.fmul(most, alpha), 4), one, last)
+        limit = builder.insert_element(spread(builder, builder.fmul(most, alpha), 4), one, last)
         sample = builder.select(builder.fcmp_ordered("<", sample, limit), sample, limit)
-        builder.store(sample, _pointer(context, builder, target_type, target, to, 4)).align = 4
+        store(builder, sample, place(context, builder, target_type, target, to))
 
     @intrinsic
     def tap2x2(typing, source, at, pitch, across, down, most, target, to):
@@ -69,9 +54,9 @@ if numba is not None:
             source_type, target_type = signature.args[0], signature.args[6]
             upper = _load(context, builder, source_type, source, at, 8)
             lower = _load(context, builder, source_type, source, builder.add(at, pitch), 8)
-            both = _mix(builder, upper, lower, _spread(builder, down, 8))
-            left, right = _pick(builder, both, range(4)), _pick(builder, both, range(4, 8))
-            sample = _mix(builder, left, right, _spread(builder, across, 4))
+            both = _mix(builder, upper, lower, spread(builder, down, 8))
+            left, right = pick(builder, both, range(4)), pick(builder, both, range(4, 8))
+            sample = _mix(builder, left, right, spread(builder, across, 4))
             sample = _multiply_add(
                 builder, sample, _constant([1.0, 1.0, 1.0, -1.0]), _constant([0.0, 0.0, 0.0, 1.0])
             )
@@ -101,27 +86,27 @@ if numba is not None:
             powers = [row_of_table(power) for power in range(4)]
 
             def weights(fraction, lanes):
-                fraction = _spread(builder, fraction, len(lanes))
-                value = _pick(builder, powers[3], lanes)
+                fraction = spread(builder, fraction, len(lanes))
+                value = pick(builder, powers[3], lanes)
                 for power in (2, 1, 0):
-                    value = _multiply_add(builder, value, fraction, _pick(builder, powers[power], lanes))
+                    value = _multiply_add(builder, value, fraction, pick(builder, powers[power], lanes))
                 return value
 
             rows = weights(down, range(0, 16, 4))
             total = sum_of_weights = None
             for r in range(4):
-                place = builder.add(at, builder.mul(pitch, ir.Constant(at.type, r)))
-                weight = builder.extract_element(rows, ir.Constant(_INDEX, r))
-                value = _load(context, builder, source_type, source, place, 16)
-                term = builder.fmul(_spread(builder, weight, 16), value, flags=CONTRACT)
+                start = builder.add(at, builder.mul(pitch, ir.Constant(at.type, r)))
+                weight = builder.extract_element(rows, ir.Constant(INTEGER, r))
+                value = _load(context, builder, source_type, source, start, 16)
+                term = builder.fmul(spread(builder, weight, 16), value, flags=CONTRACT)
                 total = term if total is None else builder.fadd(total, term, flags=CONTRACT)
                 sum_of_weights = weight if sum_of_weights is None else builder.fadd(sum_of_weights, weight)
             # Transmittances of one add up to the very sum of the weights: alpha is exactly zero there.
-            part = builder.fmul(_spread(builder, sum_of_weights, 16), row_of_table(5), flags=CONTRACT)
+            part = builder.fmul(spread(builder, sum_of_weights, 16), row_of_table(5), flags=CONTRACT)
             total = _multiply_add(builder, total, row_of_table(4), part)
             total = builder.fmul(total, weights(across, range(16)))
-            half = builder.fadd(_pick(builder, total, range(8)), _pick(builder, total, range(8, 16)))
-            sample = builder.fadd(_pick(builder, half, range(4)), _pick(builder, half, range(4, 8)))
+            half = builder.fadd(pick(builder, total, range(8)), pick(builder, total, range(8, 16)))
+            sample = builder.fadd(pick(builder, half, range(4)), pick(builder, half, range(4, 8)))
             _store_clamped(context, builder, sample, most, target_type, target, to)
             return context.get_dummy_value()
 
