@@ -9,7 +9,7 @@ from ..accuracy.measure import PROBES
 from ..accuracy.metrics import ERRORS
 from ..scene import RleSplatError
 from ..volume.checks import check_values
-from .accuracy_plot import PLOT_NEEDS, can_plot, sweep_plot
+from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, sweep_plot
 from .appearance import choose_transfer_function, read_transfer_function
 from .flip import mean_flip
 from .images import writer_for
@@ -35,14 +35,17 @@ ERROR_NAMES = tuple(ERRORS)
 
 def add_arguments(parser) -> None:
     add_volume_argument(parser)
-    parser.add_argument("--plot", metavar="FILE.png", help="draw time against error; needs matplotlib")
+    parser.add_argument(
+        "--plot", metavar="FILE.png", help=f"draw time against error ({', '.join(SUFFIXES)}); needs matplotlib"
+    )
     parser.add_argument(
         "-o", "--output", action="append", default=[], metavar="OUT", help="where the chosen plan's picture goes"
     )
     parser.add_argument(
-        "--front", default=ERROR_NAMES[0], metavar="|".join(ERROR_NAMES), help=f"which error ({ERROR_NAMES[0]})"
+        "--front", default=ERROR_NAMES[0], metavar="|".join(ERROR_NAMES),
+        help=f"the error by which plans beat one another ({ERROR_NAMES[0]})",
     )
-    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels held against it ({PROBES})")
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels held against truth ({PROBES})")
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed ({REPEATS})")
     add_size_option(parser)
     add_report_options(parser)
@@ -59,6 +62,8 @@ def run(args) -> None:
     check_scene_options(args)
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
+    if args.plot is not None and Path(args.plot).suffix.lower() not in SUFFIXES:
+        raise RleSplatError(f"{args.plot} is no plot that can be drawn; end its name in {', '.join(SUFFIXES)}.")
     if args.front not in ERROR_NAMES:
         raise RleSplatError(f"There is no error called {args.front!r}; choose {', '.join(ERROR_NAMES)}.")
     quality = quality_from(args)
@@ -85,11 +90,13 @@ def run(args) -> None:
             "transfer_function": {"name": function.name, "reason": reason},
             "total_ms": 1e3 * (perf_counter() - start),
         }  # fmt: skip
+        report["remarks"] = [*report["remarks"], *quality_remarks(args, quality)]
         with whole_files(outputs) as parts:
             for writer, part in zip(writers, parts):
                 writer(part, sweep.chosen.rgba, sweep.chosen.depth)
             if plots:
-                sweep_plot(sweep, parts[-1], Path(args.plot).suffix, f"{Path(args.volume).name}, {function.name}")
+                title = f"{Path(args.volume).name}, {function.name}"
+                sweep_plot(sweep, parts[-1], Path(args.plot).suffix.lower(), title)
             if args.json:
                 write_report(parts[len(args.output)], report)
     for remark in report["remarks"]:

@@ -10,6 +10,7 @@ import numpy as np
 from ..accuracy.metrics import ERRORS, LEVEL, display_encoded
 
 PLOT_NEEDS = "a plot needs matplotlib; get it with pip install matplotlib, and run the same command again."
+SUFFIXES = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 110
 COLOURS = {"T1": "#c2570c", "T2": "#1b62a5"}  # told apart by any eye, and dark enough on white
 FAINT = "#8a8a8a"
@@ -54,7 +55,7 @@ def save(figure, path, suffix: str) -> None:
     figure.draw_without_rendering()
     for axes in figure.findobj(lambda artist: hasattr(artist, "free_labels")):
         _place_labels(figure, axes)
-    figure.savefig(path, dpi=DOTS_PER_INCH, format=suffix.lstrip(".") or "png")
+    figure.savefig(path, dpi=DOTS_PER_INCH, format=suffix.lstrip("."))
 
 
 def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = True) -> None:

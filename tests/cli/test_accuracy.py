@@ -106,6 +106,7 @@ def test_the_plot(call, words, tmp_path):
         (("--front", "nice"), "rmse"),
         (("--plot", "missing/a.png", "--json", "missing/a.json"), "missing"),
         (("--quality", "standard", "--paper"), "contradict"),
+        (("--plot", "a.xyz"), ".svg"),
     ],
 )
 def test_bad_input(refused, words, extra, said):
