@@ -19,7 +19,7 @@ import numpy as np
 
 from .classify.classification import opacity_distance, unit_length
 from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
-from .classify.shading import Lighting
+from .classify.shading import Lighting, refuse_too_bright
 from .classify.value_table import value_table
 from .classify.visible import VisibleVoxels
 from .encode.encode import run_tables
@@ -95,7 +95,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         return scalar_splat_steps(encoded, table, plane, quality, limits)
 
     shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
-    most_color = table.most_color * shine[0] + shine[1]
+    most_color = refuse_too_bright(table.most_color * shine[0] + shine[1])
     voxels = relevant.voxels
     return Medium(
         voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, len(voxels), voxels.nan_voxels, needs

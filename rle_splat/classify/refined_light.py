@@ -18,7 +18,7 @@ from ..volume.gradient import CHUNK
 from .classification import LOOKS, RED, ClassifiedVolume
 from .placing import Places, find_targets
 from .refined import RefinedVolume
-from .shading import DENSITY, LANES, Lighting, normals, shaded_colors
+from .shading import DENSITY, LANES, Lighting, normals, refuse_too_bright, shaded_colors
 from .visible import VisibleVoxels, row_offsets
 
 LIGHT = 3  # channels of a voxel's light, and of its highlight
@@ -84,7 +84,7 @@ class RefinedLight:
                 _write_records(places.arguments, *seen, steps, of_scan, *light, records, most)
         else:
             self._write_numpy(places, *seen, records, most)
-        return float(most.max())
+        return refuse_too_bright(float(most.max()))
 
     def _write_numpy(self, places, look_of, looks, density_column, records, most):
         """Twin of ``_write_records``, in chunks of voxels."""

@@ -169,7 +169,11 @@ def light_records(
             light = (normals, falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
             _write_records(places.arguments, *seen, *light, records, most)
-    brightest = float(most.max())
+    return refuse_too_bright(float(most.max()))
+
+
+def refuse_too_bright(brightest: float) -> float:
+    """``brightest``, a colour or a light, or a RleSplatError where it is above BRIGHTEST or no number."""
     if not brightest <= BRIGHTEST:
         raise RleSplatError(
             f"Under these lights the volume is brighter than {BRIGHTEST:g}, where white is 1; make the lights "

@@ -15,8 +15,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..classify.lights import NEAREST, RGB
-from ..classify.shading import DR, LANES, SCRATCH, SR, Lighting, add_near, add_rays, clear_light, lit_numpy
+from ..classify.lights import AXIS, KIND, NEAREST, POSITION, RGB, SUN
+from ..classify.shading import (
+    DR,
+    LANES,
+    SCRATCH,
+    SR,
+    Lighting,
+    add_near,
+    add_rays,
+    clear_light,
+    lit_numpy,
+    refuse_too_bright,
+)
 from ..classify.visible import VisibleVoxels
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
@@ -57,10 +68,8 @@ def voxel_light(
     glossy = bool(falling.material[2] > 0.0)
     each = 1 if white else 3
     ambient, diffuse, specular, _ = falling.material
-    strongest = float((strengths / np.maximum(falling.rows[:, NEAREST:], 1e-36)[:, :1]).sum(axis=0).max(initial=0.0))
-    if falling.is_far:
-        strongest = float(strengths.sum(axis=0).max(initial=0.0))
-    bound = max(1.0, ambient + diffuse * strongest, specular * strongest)
+    strongest = float((strengths / _nearest(falling, voxels.shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
+    bound = refuse_too_bright(max(1.0, ambient + diffuse * strongest, specular * strongest))
     scale = 2.0 ** math.ceil(math.log2(bound))
     codes = np.empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
     _, ny, nz = voxels.shape_xyz
@@ -76,6 +85,21 @@ def voxel_light(
     unit = float(UNBIAS) * scale
     largest = (most.max(axis=0).astype(np.uint32) << np.uint32(12)).view(np.float32) * unit
     return VoxelLight(codes, unit, float(largest[0]), float(largest[1]))
+
+
+def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
+    """(n,) a bound of the squared distance at which each light falls on any voxel, 1 for parallel light.
+
+    Codes are relative to the strongest light there can be, so the bound has to be a good one for lights that stand
+    outside: it is that to the sphere around the volume.
+    """
+    matrix, rows = falling.matrix, falling.rows
+    half = 0.5 * (np.array(shape_xyz) - 1.0)
+    corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half
+    radius = np.linalg.norm(corners @ matrix[:3, :3].T, axis=1).max()
+    centre = matrix[:3, :3] @ half + matrix[:3, 3]
+    away = np.maximum(np.linalg.norm(rows[:, POSITION:AXIS] - centre, axis=1) * (1.0 - 1e-9) - radius, 0.0)
+    return np.where(rows[:, KIND] == SUN, 1.0, np.maximum(rows[:, NEAREST], away**2))
 
 
 @kernel

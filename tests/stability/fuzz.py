@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, settings
 from devtools.fuzzing import asked_for
 
 # Times as many examples when a longer search is asked for; its seed is told by --hypothesis-seed.
-LONGER = 20
+LONGER = 5
 
 
 def examples(count: int):
