@@ -79,6 +79,7 @@ try:
     import numba
 
     from .inner_compiler import InnerCompiler
+    from .kernel_cache import cache_of
 
     NUMBA_PROBLEM = ""
     if not os.environ.get("NUMBA_CACHE_DIR"):
@@ -119,7 +120,9 @@ def kernel(
         )
         if inner:
             return numba.njit(no_cpython_wrapper=True, pipeline_class=InnerCompiler, **options)(f)
-        return numba.njit(cache=True, **options)(f)
+        dispatcher = numba.njit(**options)(f)
+        dispatcher._cache = cache_of(f)
+        return dispatcher
 
     return decorate if function is None else decorate(function)
 

@@ -19,6 +19,7 @@ FLOORS = {
     "rle_splat.scene": 0,
     "rle_splat.axes": 1,
     "rle_splat.inner_compiler": 0,
+    "rle_splat.kernel_cache": 0,
     "rle_splat.jit": 1,
     "rle_splat.bits": 2,
     "rle_splat.kept": 2,
@@ -66,6 +67,7 @@ BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu"
 THIRD_PARTY = {
     "rle_splat.jit": {"numba", "numpy"},
     "rle_splat.inner_compiler": {"numba"},
+    "rle_splat.kernel_cache": {"numba"},
     "rle_splat.bits": {"numba", "llvmlite"},
     "rle_splat.lanes": {"numba", "llvmlite", "numpy"},
     "rle_splat.parallel": {"numba", "llvmlite"},
