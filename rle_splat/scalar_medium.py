@@ -76,7 +76,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
     falling = scene_lighting(scene, scene.index_to_world)
     relevant, needs = yield from _relevant_steps(scene, quality, job, clock, blocks, voxels_key, falling, axes, picture)
     with clock.stage("classify"):
-        ends = _value_ends(volume, tf, blocks)
+        ends, infinite = _value_ends(volume, tf, blocks)
         table = job.get(
             "table", (voxels_key, tf.classification_key, length),
             lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
@@ -89,7 +89,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
     centre = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
 
     def encode_steps(axis: int):
-        return _axis_steps(volume, lit, axis, ends, centre, quality, job, clock)
+        return _axis_steps(volume, lit, axis, infinite, centre, quality, job, clock)
 
     def splat(encoded, plane, limits):
         return scalar_splat_steps(encoded, table, plane, quality, limits)
@@ -149,31 +149,37 @@ def _light(scene: Scene, voxels: VisibleVoxels, key, falling: Lighting | None, j
     return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **machine)), light_key
 
 
-def _value_ends(volume, tf, blocks: Blocks) -> tuple[float, float]:
-    """Smallest and largest stored value there is; infinite ones stand for the nearest end of the transfer function."""
-    finite = [ends[np.isfinite(ends)].astype(np.float64) for ends in (blocks.low, blocks.high)]
+def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
+    """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity in doing so:
+    the transfer function's ends, beyond which nothing changes; no numbers where nothing is infinite."""
+    seen = blocks.low <= blocks.high  # others hold no number
+    low, high = blocks.low[seen], blocks.high[seen]
+    finite = [ends[np.isfinite(ends)].astype(np.float64) for ends in (low, high)]
     least, most = float(finite[0].min(initial=np.inf)), float(finite[1].max(initial=-np.inf))
-    if volume.voxels.dtype.kind == "f" and any(np.isinf(ends).any() for ends in (blocks.low, blocks.high)):
+    infinite = ()
+    if volume.voxels.dtype.kind == "f" and (np.isinf(low).any() or np.isinf(high).any()):
         points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
-        least, most = min(least, *points), max(most, *points)
-    return (least, most) if least <= most else (0.0, 0.0)
+        infinite = min(points), max(points)
+        # Blocks that hold infinite values do not tell their finite ones.
+        finite = sorted((value - volume.intercept) / volume.slope for value in volume.value_range)
+        least, most = min(finite[0], infinite[0]), max(finite[1], infinite[1])
+    return (least, most) if least <= most else (0.0, 0.0), infinite
 
 
-def _axis_steps(volume, lit: _Lit, axis: int, ends, centre: float, quality: Quality, job: Job, clock: Clock):
-    """Generator of fractions done: the ScalarVolume of one principal axis."""
+def _axis_steps(volume, lit: _Lit, axis: int, infinite, centre: float, quality: Quality, job: Job, clock: Clock):
+    """Generator of fractions done: the ScalarVolume of one principal axis.  ``infinite``: see ``_value_ends``."""
     machine = dict(backend=quality.backend, threads=quality.threads)
     kind, voxels = volume.voxels.dtype, lit.voxels
     with clock.stage("encode"):
         tables = job.get("runs", (lit.key, axis), lambda: run_tables(voxels, axis, **machine))
     needs = lit.estimate.one_axis()
-    own = () if kind.kind in "iu" else ends
 
     def scalars():
         job.kept.make_room(needs.needed)
         refuse_too_much(needs)
-        return in_scanlines(tables, voxels, scalars_of(voxels, kind, ends, centre), **machine)
+        return in_scanlines(tables, voxels, scalars_of(voxels, kind, infinite, centre), **machine)
 
-    steps = job.steps("scalars", (lit.key, own, centre, axis), scalars)
+    steps = job.steps("scalars", (lit.key, infinite, centre, axis), scalars)
     placed = yield from timed(steps, clock, "encode")
     if lit.light is None:
         return ScalarVolume(tables, placed, centre)

@@ -16,7 +16,7 @@ from ..bits import count_bits, lowest_bit
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, slabs
-from .points import pieces, positive_intervals
+from .points import LARGEST, pieces, positive_intervals
 from .visible import VisibleVoxels, row_offsets
 
 WORD = 64  # voxels of a row that share one word of bits
@@ -101,7 +101,8 @@ def _stored_ends(volume, begin: float, end: float):
         low, high = numbers.first - 1, numbers.last + 1
         while high - low > 1:
             middle = (low + high) // 2
-            if holds(float(volume.physical(numbers.at(middle)))):
+            # What is infinite takes the end values, so it lies inside an interval that reaches to infinity.
+            if holds(float(np.clip(volume.physical(numbers.at(middle)), -LARGEST, LARGEST))):
                 high = middle
             else:
                 low = middle

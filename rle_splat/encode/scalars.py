@@ -75,20 +75,21 @@ class ScalarVolume:
         return sum(self.table_bytes.values())
 
 
-def scalars_of(voxels: VisibleVoxels, kind, ends, centre: float) -> np.ndarray:
+def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarray:
     """(m,) scalars in the voxels' own order: stored values of type ``kind``, less ``centre``.
 
-    ``ends``: what stands for minus and plus infinity.
+    ``infinite``: what stands for minus and plus infinity; no numbers where nothing is infinite.
     """
     stored = voxels.stored.view(kind) if np.dtype(kind).itemsize == voxels.stored.itemsize else voxels.stored
     if np.dtype(kind).name in OWN_TYPES[:-1]:
         return stored
     if stored.dtype == np.float32 and centre == 0.0 and np.isfinite(stored).all():
         return stored
+    values = stored.astype(np.float64)
+    if infinite:
+        values = np.where(np.isinf(values), np.clip(values, *infinite), values)
     with np.errstate(invalid="ignore", over="ignore"):
-        values = np.clip(stored.astype(np.float64), -1e300, 1e300)
-        values = np.where(np.isinf(stored), np.clip(stored.astype(np.float64), *sorted(ends)), values) - centre
-        found = np.clip(values, -1e37, 1e37).astype(np.float32)
+        found = np.clip(values - centre, -1e37, 1e37).astype(np.float32)
     return np.where(np.isnan(values), NOT_A_NUMBER, found)
 
 
