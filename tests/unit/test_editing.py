@@ -16,7 +16,7 @@ from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-QUALITY = Quality.preset("draft")
+QUALITY = Quality.preset("draft", classification="pre")
 SUN = Light("SUN", energy=3.0, matrix_world=np.array([[1, 0, 0, 0], [0, 0.8, -0.6, 0], [0, 0.6, 0.8, 0], [0, 0, 0, 1]]))
 MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
 FUNCTION = TransferFunction(
