@@ -12,7 +12,7 @@ from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS, same_plan
 from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
 from . import images, pictures
 from .decimals import typed
-from .settings import quality_of
+from .settings import quality_of, tolerance_of
 
 ERROR_KIND = "error"  # of pictures.SUFFIXES
 
@@ -61,7 +61,7 @@ def plan_of(row) -> Quality:
 def is_current(scene, row) -> bool:
     """Whether the scene's settings make the row's plan."""
     try:
-        return _same(quality_of(scene), plan_of(row))
+        return tolerance_of(scene) is None and _same(quality_of(scene), plan_of(row))
     except RleSplatError:
         return False
 
@@ -69,11 +69,11 @@ def is_current(scene, row) -> bool:
 def choose(scene, row) -> None:
     """Set the scene's knobs to a row's plan: by the name of a quality where one is the same, else one by one."""
     settings, plan = scene.rle_splat, plan_of(row)
-    settings.record = str(plan.record)  # beside any quality
-    names = [name for name in (*QUALITY_PRESETS, "paper") if _same(_named(name, plan.record), plan)]
-    if names:
-        settings.quality = names[0]
-        return
+    settings.max_error = 0.0  # which would choose a plan by itself
+    settings.record, settings.classification = str(plan.record), plan.classification
+    for settings.quality in (*QUALITY_PRESETS, "paper"):
+        if is_current(scene, row):
+            return
     settings.quality = "custom"
     for name in set(json.loads(row.knobs)) & set(settings.bl_rna.properties.keys()):
         value = getattr(plan, name)
@@ -84,10 +84,6 @@ def _same(one: Quality, other: Quality) -> bool:
     """Whether two plans are the same to Blender, which keeps single precision."""
     both = (replace(q, sheet_density=typed(q.sheet_density), termination=typed(q.termination)) for q in (one, other))
     return same_plan(*both)
-
-
-def _named(name: str, record: int) -> Quality:
-    return Quality.paper(record=record) if name == "paper" else Quality.preset(name, record=record)
 
 
 def keep_error_map(volume_object, settings, errors, report: dict):

@@ -40,12 +40,11 @@ TRUTH_TEXTS = {
     "T2": "the exact integral of the classified interpolated scalar, which is what a ray caster shows",
 }
 MACHINE = ("threads", "backend", "name")  # what two plans that are the same may differ in
-OF_BASE = ("classification", "refinement", "record", "threads", "backend")  # what sensible plans have from their base
 REFINED = "refined"  # too long to encode to be measured where nobody asked for it
 # Depth rules and sheet densities of plans between the qualities; what a classification does not have is left out.
 BETWEEN = (
-    ("slice", 1.0), ("simpson", 1.0), ("gauss2", 1.5), ("preintegrated", 1.0), ("preintegrated", 1.5),
-    ("midpoint-4", 2.0), ("preintegrated-2", 2.0),
+    ("slice", 1.0), ("slice", 1.5), ("simpson", 1.0), ("preintegrated", 1.0), ("preintegrated", 1.5), ("gauss2", 1.5),
+    ("midpoint-2", 1.0), ("midpoint-2", 2.0), ("midpoint-4", 2.0), ("midpoint-4", 3.0),
 )  # fmt: skip
 
 
@@ -67,18 +66,18 @@ class Sweep:
 def sensible_plans(base: Quality) -> list[Quality]:
     """Plans worth their time on some scene, each with a name of its own, those with the same tables one after the
     other: the paper's own, the qualities of the other way to classify, and, as ``base`` classifies, some plans between
-    the qualities and these.  The machine and the record are those of ``base``."""
-    machine = dict(threads=base.threads, backend=base.backend, record=base.record)
-    plain = replace(Quality(**machine), classification=base.classification, refinement=base.refinement)
-    plans = [Quality.paper(**machine)]
+    the qualities and these.  The machine and, where there is a choice, the record are those of ``base``."""
+    machine = dict(threads=base.threads, backend=base.backend)
+    plans = [Quality.paper(record=base.record, **machine)]
     for classification in CLASSIFICATIONS:
         if classification not in (REFINED, base.classification):
-            plans += _qualities(replace(plain, classification=classification))
-    mine = _qualities(plain)
+            plans += _qualities(base, classification)
+    mine = _qualities(base, base.classification)
+    known = {(plan.depth_rule, plan.sheet_density) for plan in mine}
     for rule, density in BETWEEN:
         fields = dict(depth_rule=rule, sheet_density=density, termination=1 / 4096)
-        plan = possible(plain, name=_named(plain, f"{rule} {density:.1f}"), **fields)
-        if plan is not None and not any(same_plan(plan, other) for other in mine):
+        plan = possible(mine[-1], name=_named(base.classification, f"{rule} {density:.1f}"), **fields)
+        if plan is not None and (rule, density) not in known:
             plans.append(plan)
     return plans + mine
 
@@ -91,17 +90,20 @@ def possible(base: Quality, **fields) -> Quality | None:
         return None
 
 
-def _qualities(base: Quality) -> list[Quality]:
+def _qualities(base: Quality, classification: str) -> list[Quality]:
+    """The quality presets of a classification, the last one the most accurate."""
+    fields = dict(threads=base.threads, backend=base.backend, refinement=base.refinement)
+    if classification != "post":  # which keeps the volume's own values
+        fields["record"] = base.record
     return [
-        replace(Quality.preset(name, **{field: getattr(base, field) for field in OF_BASE}), name=_named(base, name))
+        replace(Quality.preset(name, classification=classification, **fields), name=_named(classification, name))
         for name in QUALITY_PRESETS
     ]
 
 
-def _named(base: Quality, name: str) -> str:
+def _named(classification: str, name: str) -> str:
     """``name`` alone for what a quality means by itself, else with its classification before it."""
-    usual = base.classification == Quality.preset("standard").classification
-    return name if usual else f"{base.classification} {name}"
+    return name if classification == Quality.preset("standard").classification else f"{classification} {name}"
 
 
 def same_plan(one: Quality, other: Quality) -> bool:
