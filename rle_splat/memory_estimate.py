@@ -105,13 +105,13 @@ _PARTS = ("visible", "normals", "runs", "records", "work", "picture")
 
 
 def estimate(volume, tf, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None):
-    """The MemoryEstimate of tables of ``volume`` under ``tf``, quickly: counted for 8- and 16-bit volumes, else, and
-    for the number of runs, from a few planes.  Of a picture's own pixels it says nothing.
+    """The MemoryEstimate of tables of classified voxels of ``volume`` under ``tf``, quickly: counted for 8- and 16-bit
+    volumes, else, and for the number of runs, from a few planes.  Of a picture's own pixels it says nothing.
 
     ``axes``: how many principal axes are held, mostly one.  ``shaded``: whether something shines; left out, as the
     transfer function has it.
     """
-    quality = quality or Quality.preset("standard")
+    quality = quality or Quality(classification="pre")
     planes = volume.voxels[:: max(len(volume.voxels) // SAMPLED_PLANES, 1)]
     count = pieces = lines = 0
     for plane in planes:
@@ -190,8 +190,8 @@ def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture
     counts, pieces = counted
     lines, count, dtype = int(np.count_nonzero(counts)), int(counts.sum()), volume.voxels.dtype
     needs = _reckon(
-        volume.shape_xyz, dtype, count, int(pieces.sum()), lines, Quality(record=RECORDS[-1]), axes, lit, picture,
-        volume.voxels.nbytes,
+        volume.shape_xyz, dtype, count, int(pieces.sum()), lines, Quality(classification="pre", record=RECORDS[-1]),
+        axes, lit, picture, volume.voxels.nbytes,
     )  # fmt: skip
     looks = 0 if counts_values(dtype) else LOOK * count  # the value table stands for them
     visible = needs.visible - looks + volume.voxels.size // 8 + LIGHT * lit * count

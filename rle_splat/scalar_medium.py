@@ -80,7 +80,6 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         table = job.get(
             "table", (voxels_key, tf.classification_key, length),
             lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
-            lambda made: made.entries.nbytes,
         )
     key = (voxels_key, relevant.reach.key)
     with clock.stage("shade"):

@@ -25,19 +25,28 @@ ROUNDING = 1e-6  # of the largest value: what float32 sums of it may be off by
 class ValueTable:
     """``entries``: (n + 1, 4) float32, scene-linear, extinction in 1 / world length; the last one is transparent.
 
-    ``origin``, ``rate``: stored value where the first entry begins, entries per stored value.  ``low``, ``high``:
-    stored values beyond which nothing is shown.  ``most_color``: largest channel of any visible colour.
+    ``sums``: (n + 1, 4) float32, of all entries before each, for the mean over a range of values.
+    ``origin``, ``rate``: stored value where the first entry begins, entries per stored value.  ``least``: below all
+    there is.  ``low``, ``high``: stored values beyond which nothing is shown.  ``most_color``: largest channel of any
+    visible colour.
     """
 
     entries: np.ndarray
+    sums: np.ndarray
     origin: float
     rate: float
+    least: float
     low: float
     high: float
     most_color: float
 
     def __post_init__(self):
         self.entries.setflags(write=False)
+        self.sums.setflags(write=False)
+
+    @property
+    def nbytes(self) -> int:
+        return self.entries.nbytes + self.sums.nbytes
 
 
 def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> ValueTable:
@@ -51,7 +60,8 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     first, last = max(float(shown.min(initial=np.inf)), least), min(float(shown.max(initial=-np.inf)), most)
     slack = ROUNDING * max(abs(least), abs(most))
     if not first <= last:  # nothing that there is is shown
-        return ValueTable(np.zeros((2, 4), np.float32), least, 0.0, math.inf, -math.inf, 0.0)
+        nothing = np.zeros((2, 4), np.float32)
+        return ValueTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, 0.0)
     wanted = entries or _entries_for(tf, abs(volume.slope) * (last - first))
     if volume.voxels.dtype.kind in "iu":
         # Whole numbers lie inside entries, never where two meet, or rounding would choose between the two.
@@ -68,8 +78,11 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     made[:count, 3] = optical_depth(alpha) / distance
     made[:count, :3] = made[:count, 3:] * color
     most_color = float(color[alpha > 0.0].max(initial=0.0))
-    low, high = float(shown.min()) - slack, float(shown.max()) + slack
-    return ValueTable(made, first - 0.5 / rate, rate, low, high, most_color)
+    low, high = max(float(shown.min()), least) - slack, float(shown.max()) + slack
+    sums = np.zeros((count + 1, 4))
+    np.cumsum(made[:count], axis=0, dtype=np.float64, out=sums[1:])
+    sums, below = sums.astype(np.float32), least - slack - 1e-6
+    return ValueTable(made, sums, first - 0.5 / rate, rate, below, low, high, most_color)
 
 
 def _entries_for(tf, width: float) -> int:

@@ -34,7 +34,7 @@ class SheetList(NamedTuple):
     ``first_slice``: the first slice whose footprint reaches it, ``slice_weights`` (n, taps) float32 the weights of
     that one and the next; ``thickness`` in voxels of depth; slab ``begin`` and ``end`` along the viewing direction,
     voxels; ``scale`` and ``offset`` (n, 2): sheet pixel = scale * voxel + offset, along the scanline [0] and across
-    scanlines [1].
+    scanlines [1].  ``far`` and ``kind``: see ``view.depth_rules.Sheets``.
     """
 
     first_slice: np.ndarray
@@ -44,6 +44,8 @@ class SheetList(NamedTuple):
     end: np.ndarray
     scale: np.ndarray
     offset: np.ndarray
+    far: np.ndarray
+    kind: np.ndarray
 
 
 class Rays(NamedTuple):
@@ -136,6 +138,6 @@ def box_of(plane: BasePlane, shape_xyz, block: int) -> Box:
         reduce.reduceat(columns[which], starts)
         for which, reduce in ((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))
     ]
-    deepest = float(np.max(plane.sheets.end - plane.sheets.begin, initial=0.0))
+    deepest = float(np.max(plane.sheets.far - plane.sheets.begin, initial=0.0))
     steepest = max(float(np.abs(slope).max(initial=0.0)) for slope in plane.slopes(*plane.points()))
     return Box(columns, rows, np.stack(ends), math.ceil(deepest * steepest) + 1.0)

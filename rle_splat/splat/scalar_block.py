@@ -1,9 +1,18 @@
-"""A block of BLOCK pixels of a sheet of the scalar in vector registers: sampled, classified by a table, composited."""
+"""A block of BLOCK pixels of a sheet of the scalar in vector registers: sampled, classified by a table, composited.
+
+A slab is classified by the value at its sheet, or by the mean of the transfer function over all values between two
+sheets (pre-integration: Engel, Kraus and Ertl 2001; the mean, from sums of the table, leaves out only how the slab
+shades itself).
+"""
 
 from __future__ import annotations
 
 from ..jit import numba
 from .pixel_block import BLOCK
+
+# Entries of the value table between two sheets up to which the middle one stands for their mean.  Differences of its
+# sums are as good as float32 sums of all entries are, so that few of them would lose in rounding what they gain.
+SPAN = 32.0
 
 if numba is not None:
     from llvmlite import ir
@@ -80,30 +89,102 @@ if numba is not None:
         )
         return above * (Vector(builder, down.like(1.0)) - down) + below * down
 
+    def _stored(context, builder, array_type, array, number, value):
+        """Put a block's numbers into a scratch array, as its block ``number``."""
+        value.store(place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK)))
+
+    def _entry(value, origin, rate, most):
+        """The table entry (int32 lanes) of stored values, the first or the last for what lies outside."""
+        return ((value - origin) * rate).most(0.0).least(most).truncated()
+
     @intrinsic
-    def look_up(typing, sheet, upper, lower, down, low, high, origin, rate, last, entries):
+    def look_up(typing, sheet, upper, lower, down, low, high, origin, rate, last, entries, shares):
         """The table entries of one block of samples of the scalar; how many samples lie in [``low``, ``high``].
 
         ``sheet``: blocks of the scanlines at ``upper`` and ``lower``, ``down`` the fraction towards the latter.
         ``origin``, ``rate`` and ``last``: stored value where the first entry begins, entries per stored value, number
-        of the transparent entry, which samples outside get.  Out: ``entries`` (BLOCK,) int32.
+        of the transparent entry, which samples outside get.  Out: ``entries`` (BLOCK,) int32; ``shares`` as
+        ``look_between`` has them, for a slab of one sheet.
         """
 
         def generate(context, builder, signature, arguments):
-            sheet, upper, lower, down, low, high, origin, rate, last, entries = arguments
+            sheet, upper, lower, down, low, high, origin, rate, last, entries, shares = arguments
             down = Vector.spread(builder, down, BLOCK)
             value = _mixed(context, builder, signature.args[0], sheet, upper, lower, down, 0)
-            low, high = (Vector.spread(builder, end, BLOCK) for end in (low, high))
+            low, high, origin, rate = (Vector.spread(builder, n, BLOCK) for n in (low, high, origin, rate))
             inside = builder.and_(value.at_least(low), high.at_least(value))
             final = Vector.spread(builder, last, BLOCK)
             most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
-            scaled = (value - Vector.spread(builder, origin, BLOCK)) * Vector.spread(builder, rate, BLOCK)
-            index = scaled.most(0.0).least(most).truncated().where(inside, final)
-            index.store(place(context, builder, signature.args[9], entries, ir.Constant(upper.type, 0)))
+            entry = _entry(value, origin, rate, most).where(inside, final)
+            _stored(context, builder, signature.args[9], entries, 0, entry)
+            one = Vector(builder, value.like(1.0))
+            for number in range(2):
+                _stored(context, builder, signature.args[10], shares, number, one)
             return count_lanes(builder, inside, BLOCK)
 
         numbers = (types.float32,) * 5
-        return types.int64(sheet, types.intp, types.intp, *numbers, types.int32, entries), generate
+        return types.int64(sheet, types.intp, types.intp, *numbers, types.int32, entries, shares), generate
+
+    @intrinsic
+    def look_between(
+        typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, origin,
+        rate, last, entries, spans, shares,
+    ):
+        """The table entries of one block of slabs between two sheets, the scalar linear in between.
+
+        As ``look_up``; ``before``: the sheet before, likewise.  ``least``: what is below is no sample.  A slab of which
+        one end is none counts half, and has the value of the other.
+        Out: ``entries`` (BLOCK,) of the middle; ``spans`` (2, BLOCK) int32, entries from which and up to which the mean
+        is to be taken; ``shares`` (3, BLOCK) float32: of the slab that counts; of this sheet's light in it; and one
+        over the entries between, where they are more than SPAN, else 0.
+        Returns how many slabs show anything, plus 256 times of how many of those the mean is to be taken.
+        """
+
+        def generate(context, builder, signature, arguments):
+            sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:8]
+            least, low, high, origin, rate, last, entries, spans, shares = arguments[8:]
+            sheet_type, before_type, entries_type, spans_type, shares_type = (
+                signature.args[n] for n in (0, 4, 14, 15, 16)
+            )
+            down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
+            here = _mixed(context, builder, sheet_type, sheet, upper, lower, down, 0)
+            there = _mixed(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
+            least, low, high, origin, rate = (
+                Vector.spread(builder, n, BLOCK) for n in (least, low, high, origin, rate)
+            )
+            is_here, is_there = here.at_least(least), there.at_least(least)
+            one = Vector(builder, here.like(1.0))
+            half = Vector(builder, here.like(0.5))
+            zero = Vector(builder, here.like(0.0))
+            both, some = builder.and_(is_here, is_there), builder.or_(is_here, is_there)
+            counts = one.where(both, half)
+            light = half.where(both, one.where(is_here, zero))
+            first, second = there.where(is_there, here), here.where(is_here, there)
+            smallest, largest = first.least(second), first.most(second)
+            shown = builder.and_(builder.and_(largest.at_least(low), high.at_least(smallest)), some)
+            final = Vector.spread(builder, last, BLOCK)
+            most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
+            middle = (smallest + largest) * 0.5
+            inside = builder.and_(builder.and_(middle.at_least(low), high.at_least(middle)), some)
+            entry = _entry(middle, origin, rate, most).where(inside, final)
+            width = (largest - smallest) * rate
+            wide = builder.and_(width.at_least(SPAN), shown)
+            whole = final.as_float()
+            ends = [(((end - origin) * rate) + 0.5).most(0.0).least(whole).truncated() for end in (smallest, largest)]
+            _stored(context, builder, entries_type, entries, 0, entry)
+            for number, end in enumerate(ends):
+                _stored(context, builder, spans_type, spans, number, end)
+            over = (one / width.most(1.0)).where(wide, 0.0)
+            for number, share in enumerate((counts, light, over)):
+                _stored(context, builder, shares_type, shares, number, share)
+            taken = count_lanes(builder, wide, BLOCK)
+            return builder.add(count_lanes(builder, shown, BLOCK), builder.shl(taken, ir.Constant(taken.type, 8)))
+
+        numbers, places = (types.float32,), (types.intp, types.intp)
+        returned = types.int64(
+            sheet, *places, *numbers, before, *places, *numbers, *(numbers * 5), types.int32, entries, spans, shares
+        )
+        return returned, generate
 
     def _joined(parts):
         """Four vectors of four lanes, one after the other."""
@@ -111,60 +192,111 @@ if numba is not None:
         first, second = a.shuffle(b.value, range(8)), c.shuffle(d.value, range(8))
         return first.shuffle(second.value, range(16))
 
+    def _rows(context, builder, table_type, table, indices_type, indices, number):
+        """Four planes: the rows of a table of four columns whose numbers are block ``number`` of ``indices``."""
+        groups = []
+        for group in range(0, BLOCK, 4):
+            looks = []
+            for i in range(group, group + 4):
+                at = ir.Constant(ir.IntType(64), number * BLOCK + i)
+                row = builder.load(place(context, builder, indices_type, indices, at))
+                start = builder.shl(builder.sext(row, at.type), ir.Constant(at.type, 2))
+                looks.append(Vector.load(builder, place(context, builder, table_type, table, start), 4))
+            groups.append(transpose4(looks))
+        return [_joined(parts) for parts in zip(*groups, strict=True)]
+
+    @intrinsic
+    def classify_values(typing, table, entries, looks):
+        """``looks`` (4, BLOCK): extinction * RGB, extinction of the table's ``entries`` (BLOCK,)."""
+
+        def generate(context, builder, signature, arguments):
+            table, entries, looks = arguments
+            for number, plane in enumerate(_rows(context, builder, *_both(signature, 0, table, 1, entries), 0)):
+                _stored(context, builder, signature.args[2], looks, number, plane)
+            return context.get_dummy_value()
+
+        return types.void(table, entries, looks), generate
+
+    @intrinsic
+    def classify_spans(typing, sums, spans, shares, looks):
+        """Puts the mean over a span of entries into ``looks`` where there is one; see ``look_between``."""
+
+        def generate(context, builder, signature, arguments):
+            sums, spans, shares, looks = arguments
+            from_, to = (
+                _rows(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
+            )
+            third = ir.Constant(ir.IntType(64), 2 * BLOCK)
+            over = Vector.load(builder, place(context, builder, signature.args[2], shares, third), BLOCK)
+            wide = over.at_least(1e-30)
+            for number, (first, second) in enumerate(zip(from_, to, strict=True)):
+                at = place(context, builder, signature.args[3], looks, ir.Constant(ir.IntType(64), number * BLOCK))
+                so_far = Vector.load(builder, at, BLOCK)
+                ((second - first) * over).most(0.0).where(wide, so_far).store(at)
+            return context.get_dummy_value()
+
+        return types.void(sums, spans, shares, looks), generate
+
+    def _both(signature, first, first_value, second, second_value):
+        return signature.args[first], first_value, signature.args[second], second_value
+
     @intrinsic
     def composite_classified(
-        typing, table, entries, sheet, upper, lower, down, matt, gloss, depth, deep, thickness, least, state, row,
-        before,
+        typing, looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss,
+        depth, deep, thickness, least, state, row, transmitted,
     ):
-        """One block of samples, classified, lit and composited over the row as a homogeneous slab.
+        """One block of slabs, classified, lit and composited over the row.
 
-        ``table``: flat float32, (extinction * RGB, extinction) for each entry; ``entries``: of ``look_up``.  ``matt``
-        and ``gloss``: tuples of the planes of ``sheet`` that the colour is multiplied by, and that are added to it:
-        none, one or three each.  The others, and what is returned: see ``pixel_block.composite_extinction``.
+        ``looks``: of ``classify_values``; ``shares``, ``sheet``, ``before`` and their places: of ``look_between``.
+        ``matt`` and ``gloss``: tuples of the planes of the sheets that the colour is multiplied by, and that are added
+        to it: none, one or three each.  The others, and what is returned: see ``pixel_block.composite_extinction``.
         """
         counts = (len(matt.types), len(gloss.types))
         if any(count not in (0, 1, 3) for count in counts):
             return None
 
         def generate(context, builder, signature, arguments):
-            table, entries, sheet, upper, lower, down, matt, gloss, depth, deep, thickness, least = arguments[:12]
-            state, row, before = arguments[12:]
-            table_type, entries_type, sheet_type = signature.args[:3]
-            depth_type, state_type, before_type = (signature.args[n] for n in (8, 12, 14))
-            groups = []
-            for group in range(0, BLOCK, 4):
-                looks = []
-                for i in range(group, group + 4):
-                    entry = builder.load(place(context, builder, entries_type, entries, ir.Constant(row.type, i)))
-                    at = builder.shl(builder.sext(entry, row.type), ir.Constant(row.type, 2))
-                    looks.append(Vector.load(builder, place(context, builder, table_type, table, at), 4))
-                groups.append(transpose4(looks))
-            *colors, samples = (_joined(parts) for parts in zip(*groups, strict=True))
-            down = Vector.spread(builder, down, BLOCK)
+            looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:10]
+            matt, gloss, depth, deep, thickness, least, state, row, transmitted = arguments[10:]
+            looks_type, shares_type, sheet_type, before_type = (signature.args[n] for n in (0, 1, 2, 6))
+            depth_type, state_type, transmitted_type = (signature.args[n] for n in (12, 16, 18))
 
-            def light(planes, count, channel):
-                """The plane of light for a colour's channel, mixed, whatever plane that is."""
-                plane = builder.extract_value(planes, channel if count == 3 else 0)
+            def block(array_type, array, number):
+                at = place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK))
+                return Vector.load(builder, at, BLOCK)
+
+            *colors, samples = (block(looks_type, looks, number) for number in range(4))
+            counted, here = block(shares_type, shares, 0), block(shares_type, shares, 1)
+            there = Vector(builder, here.like(1.0)) - here
+            down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
+
+            def light(planes, channel):
+                """A plane of light, mixed in each sheet and of both, whatever plane that is."""
+                plane = builder.extract_value(planes, channel)
                 offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
-                places = (builder.add(at, offset) for at in (upper, lower))
-                return _mixed(context, builder, sheet_type, sheet, *places, down, 0)
+                now = (builder.add(at, offset) for at in (upper, lower))
+                then = (builder.add(at, offset) for at in (upper_before, lower_before))
+                now = _mixed(context, builder, sheet_type, sheet, *now, down, 0)
+                then = _mixed(context, builder, before_type, before, *then, down_before, 0)
+                return now * here + then * there
 
             if counts[0]:
-                shine = [light(matt, counts[0], channel) for channel in range(counts[0])]
+                shine = [light(matt, channel) for channel in range(counts[0])]
                 colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
             if counts[1]:
-                shine = [light(gloss, counts[1], channel) for channel in range(counts[1])]
+                shine = [light(gloss, channel) for channel in range(counts[1])]
                 colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
             length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-            length = length * Vector.spread(builder, thickness, BLOCK)
+            length = length * Vector.spread(builder, thickness, BLOCK) * counted
             return composited(
-                context, builder, slab, colors, samples, length, least, state_type, state, row, before_type, before
+                context, builder, slab, colors, samples, length, least, state_type, state, row, transmitted_type,
+                transmitted,
             )
 
-        places, numbers = (types.intp, types.intp), (types.float32, types.float32)
+        places, number = (types.intp, types.intp), types.float32
         returned = types.int64(
-            table, entries, sheet, *places, types.float32, matt, gloss, depth, types.intp, *numbers, state, types.intp,
-            before,
+            looks, shares, sheet, *places, number, before, *places, number, matt, gloss, depth, types.intp, number,
+            number, state, types.intp, transmitted,
         )
         return returned, generate
 
@@ -174,8 +306,18 @@ else:  # never called: callers take the numpy twin
 
     def resample_plane(line, base, cells, fractions, first, sheet, at): ...
 
-    def look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries): ...
+    def look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares): ...
+
+    def look_between(
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, origin, rate,
+        last, entries, spans, shares,
+    ): ...
+
+    def classify_values(table, entries, looks): ...
+
+    def classify_spans(sums, spans, shares, looks): ...
 
     def composite_classified(
-        table, entries, sheet, upper, lower, down, matt, gloss, depth, deep, thickness, least, state, row, before
+        looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss, depth,
+        deep, thickness, least, state, row, transmitted,
     ): ...

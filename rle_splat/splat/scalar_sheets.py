@@ -13,9 +13,18 @@ import numpy as np
 from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
+from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .pixel_block import BLOCK, CLEAR
-from .scalar_block import composite_classified, look_up, place_inside, resample_plane
+from .scalar_block import (
+    classify_spans,
+    classify_values,
+    composite_classified,
+    look_between,
+    look_up,
+    place_inside,
+    resample_plane,
+)
 from .scalar_scanline import NOT_KEPT, put_scanline
 from .scratch import BAND, SPREAD
 from .sheet_row import note_half_depth
@@ -27,13 +36,14 @@ NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
 @inner_loop(forceinline=True)
 def _resample_scanlines(
     pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
-    shift_u, scale_u, shift_v, scale_v, begin, end, box_rows, top_row, rows, line, stride, planes, sheet, marks,
+    shift_u, scale_u, shift_v, scale_v, begin, far, box_rows, top_row, rows, line, stride, planes, sheet, marks,
     row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed,
 ):
     """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
 
-    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``begin``, ``end``: its slab.
-    ``box_rows`` (2, H): where each row's rays enter and leave the box.  The others: see ``sheet_buffer._splat_sheet``.
+    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``begin``, ``far``: between which
+    it is of use.  ``box_rows`` (2, H): where each row's rays enter and leave the box.  The others: see
+    ``sheet_buffer._splat_sheet``.
     Returns whether anything was found, and whether every pixel of the band is already opaque.
     """
     n_scanlines = pointers.shape[1]
@@ -43,13 +53,13 @@ def _resample_scanlines(
     weight, far_weight = slice_weights[number, 0], slice_weights[number, 1]
     if weight == 0.0:
         near, weight, far_weight = first_slice + 1, far_weight, np.float32(0.0)
+    row_slot[:] = NO_ROW
     found = False
     live_count = -1
     slot, tapped = -1, -1  # of the scanline dealt with last, and its number
     for r in range(rows):
         v = top_row + r
-        if begin >= box_rows[1, v] or end <= box_rows[0, v]:
-            row_slot[r] = NO_ROW
+        if begin >= box_rows[1, v] or far <= box_rows[0, v]:
             continue
         y = min(max((v - shift_v) / scale_v, 0.0), n_scanlines - 1.0)
         first_line = max(min(int(y), n_scanlines - 2), 0)
@@ -123,27 +133,44 @@ def _inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end
 
 
 @inner_loop(forceinline=True)
+def _block_at(marks, slot, b, planes, blocks, absent):
+    """Where block ``b`` of a slot's scanline begins; ``absent`` where it holds nothing."""
+    if (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
+        return absent
+    return planes * BLOCK * (slot * blocks + b)
+
+
+@inner_loop(forceinline=True)
 def _composite_sheet(
-    begin, end, thickness, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look, least, sheet,
-    planes, matt, gloss, marks, row_slot, row_line, row_place, state, lengths, alive, bright, blocks, entries,
+    kind, begin, end, thickness, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look,
+    least_light, sheet, planes, matt, gloss, marks, row_slot, row_line, row_place, sheet_before, marks_before,
+    slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries, spans, shares, looks,
     length_inside, before, half,
 ):
     """One sheet over the rows of a band: scanlines mixed, classified, composited; whether a block became opaque.
 
-    ``box_blocks`` (4, blocks): of each block's columns the first and the last entry into the box, and the first and
-    the last exit.  ``look``: the value table as ``splat_scalar_rows`` has it.  The others: see ``sheet_buffer``.
+    ``kind``: see ``view.depth_rules``.  ``box_blocks`` (4, blocks): of each block's columns the first and the last
+    entry into the box, and the first and the last exit.  ``look``: the value table as ``splat_scalar_rows`` has it.
+    ``sheet_before`` and what follows it: the sheet before.  The others: see ``sheet_buffer``.
     """
-    table, origin, rate, low, high, last = look
+    table, sums, origin, rate, least, low, high, last = look
+    absent = sheet.size - planes * BLOCK  # a block without samples
     died = False
     for r in range(rows):
-        slot = row_slot[r]
-        if slot == NO_ROW:
-            continue
         v = top_row + r
-        down = np.float32(row_place[r] - row_line[r])
+        slot, earlier = row_slot[r], slot_before[r] if kind == BETWEEN else NO_ROW
         enter, leave = box_rows[0, v], box_rows[1, v]
+        if end <= enter or begin >= leave:
+            continue
+        down = np.float32(row_place[r] - row_line[r]) if slot != NO_ROW else np.float32(0.0)
+        down_before = np.float32(place_before[r] - line_before[r]) if earlier != NO_ROW else np.float32(0.0)
         for word in range(alive.shape[1]):
-            bits = marks[slot, word] & marks[slot + 1, word] & alive[r, word]
+            bits = NO_BITS
+            if slot != NO_ROW:
+                bits = marks[slot, word] & marks[slot + 1, word]
+            if earlier != NO_ROW:
+                bits |= marks_before[earlier, word] & marks_before[earlier + 1, word]
+            bits &= alive[r, word]
             while bits != NO_BITS:
                 lowest = lowest_bit(bits)
                 b = word * WORD + lowest
@@ -151,10 +178,30 @@ def _composite_sheet(
                 bits ^= bit
                 if end <= box_blocks[0, b] or begin >= box_blocks[3, b]:
                     continue
-                upper = planes * BLOCK * (slot * blocks + b)
-                lower = upper + planes * BLOCK * blocks
-                if look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries) == 0:
-                    continue
+                upper = lower = upper_before = lower_before = absent
+                if slot != NO_ROW:
+                    upper = _block_at(marks, slot, b, planes, blocks, absent)
+                    lower = _block_at(marks, slot + 1, b, planes, blocks, absent)
+                if kind == OWN:
+                    if look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares) == 0:
+                        continue
+                    classify_values(table, entries, looks)
+                else:
+                    if earlier != NO_ROW:
+                        upper_before = _block_at(marks_before, earlier, b, planes, blocks, absent)
+                        lower_before = _block_at(marks_before, earlier + 1, b, planes, blocks, absent)
+                    seen = look_between(
+                        sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before, least, low,
+                        high, origin, rate, last, entries, spans, shares,
+                    )
+                    if seen == 0:
+                        continue
+                    if seen & 255 > seen >> 8:
+                        classify_values(table, entries, looks)
+                    else:
+                        looks[:] = np.float32(0.0)
+                    if seen >> 8 > 0:
+                        classify_spans(sums, spans, shares, looks)
                 at = r * blocks + b
                 first_pixel = b * BLOCK
                 count = min(BLOCK, image_width - first_pixel)
@@ -167,8 +214,8 @@ def _composite_sheet(
                     length, deep = length_inside, 0
                 row = 4 * BLOCK * at
                 pixels = composite_classified(
-                    table, entries, sheet, upper, lower, down, matt, gloss, length, deep, thickness, least, state, row,
-                    before,
+                    looks, shares, sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
+                    matt, gloss, length, deep, thickness, least_light, state, row, before,
                 )
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
@@ -183,7 +230,7 @@ def _composite_sheet(
                 if limits is not None:  # a ray that has reached its end is done as well
                     live_pixels = 0
                     for i in range(count):
-                        live_pixels += state[row + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
+                        live_pixels += state[row + CLEAR + i] >= least_light and limits[1, v, first_pixel + i] > end
                 if live_pixels == 0:
                     alive[r, word] ^= bit
                     died = True
@@ -197,16 +244,20 @@ def _splat_band(
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_scalar_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, scalars, lights, light_unit, width = tables
-    first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
+    first_slice, slice_weights, thickness, begin, end, scale, offset, far, kind = sheets
     along, along_slope, across, across_slope, limits = rays
     box_columns, box_rows, box_blocks, overhang = box
     mine = worker * SPREAD
-    line, sheet_buffer, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
+    line, here, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
     row_slot, row_line, row_place = scratch.row_slot[mine], scratch.row_line[mine], scratch.row_place[mine]
+    there, marks_before = scratch.sheet_before[mine], scratch.marks_before[mine]
+    slot_before, line_before = scratch.slot_before[mine], scratch.line_before[mine]
+    place_before = scratch.place_before[mine]
     reach, live = scratch.reach[mine], scratch.live[mine]
     state, length = scratch.state[mine], scratch.length[mine]
     alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
     cells, fractions, entries = scratch.cells[mine], scratch.weights[mine], scratch.entries[mine]
+    spans, shares, looks = scratch.spans[mine], scratch.shares[mine], scratch.samples[mine]
     length_inside, before = scratch.length_inside[mine], scratch.before[mine]
     n_scanlines = pointers.shape[1]
     image_width = along.size
@@ -215,26 +266,42 @@ def _splat_band(
     stride = line.size // planes
     band_alive = alive[BAND]
     line[:stride] = NOT_KEPT
+    for sheet in (here, there):
+        absent = sheet.size - planes * BLOCK
+        sheet[absent:] = np.float32(0.0)
+        sheet[absent : absent + BLOCK] = NOT_KEPT
     begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    found_before = False
     for sheet in range(first_slice.size):
+        if kind[sheet] != OWN:  # what was here is the sheet before
+            here, there = there, here
+            marks, marks_before = marks_before, marks
+            row_slot, slot_before = slot_before, row_slot
+            row_line, line_before = line_before, row_line
+            row_place, place_before = place_before, row_place
         shift, step = offset[sheet, 1], scale[sheet, 1]
         first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
-        if last_y <= -overhang or first_y >= n_scanlines - 1 + overhang:
-            continue
-        found, opaque = _resample_scanlines(
-            pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet], slice_weights,
-            overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], end[sheet], box_rows, top_row, rows,
-            line, stride, planes, sheet_buffer, marks, row_slot, row_line, row_place, reach, live, band_alive, cells,
-            fractions, placed,
-        )
+        found = opaque = False
+        if last_y > -overhang and first_y < n_scanlines - 1 + overhang:
+            found, opaque = _resample_scanlines(
+                pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet],
+                slice_weights, overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], far[sheet],
+                box_rows, top_row, rows, line, stride, planes, here, marks, row_slot, row_line, row_place, reach, live,
+                band_alive, cells, fractions, placed,
+            )
+        else:
+            row_slot[:] = NO_ROW
         if opaque:
             break  # early termination
-        if not found:
+        before_counts = kind[sheet] == BETWEEN and found_before
+        found_before = found
+        if kind[sheet] == BEGINS or not (found or before_counts):
             continue
         died = _composite_sheet(
-            begin[sheet], end[sheet], np.float32(thickness[sheet]), top_row, rows, image_width, box_columns, box_rows,
-            box_blocks, limits, look, least, sheet_buffer, planes, matt, gloss, marks, row_slot, row_line, row_place,
-            state, length, alive, bright, blocks, entries, length_inside, before, half,
+            kind[sheet], begin[sheet], end[sheet], np.float32(thickness[sheet]), top_row, rows, image_width,
+            box_columns, box_rows, box_blocks, limits, look, least, here, planes, matt, gloss, marks, row_slot,
+            row_line, row_place, there, marks_before, slot_before, line_before, place_before, state, length, alive,
+            bright, blocks, entries, spans, shares, looks, length_inside, before, half,
         )
         if died:
             band_alive[:] = NO_BITS
@@ -268,9 +335,9 @@ def splat_scalar_rows(
 ):
     """Rows [first_row, last_row) of the intermediate image, post-classified.
 
-    ``tables``, ``sheets``, ``rays``, ``box``: see ``arguments``.  ``look``: the value table, flat, and its origin,
-    rate, low, high and last entry.  ``matt``, ``gloss``: see ``scalar_block.composite_classified``.  The others, and
-    what is written: see ``sheet_buffer.splat_rows``.
+    ``tables``, ``sheets``, ``rays``, ``box``: see ``arguments``.  ``look``: the value table, flat, and its sums; its
+    origin and rate; what is below the least is no sample; low, high and the last entry.  ``matt``, ``gloss``: see
+    ``scalar_block.composite_classified``.  The others, and what is written: see ``sheet_buffer.splat_rows``.
     """
     share_out(
         _splat_bands, workers,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .pixel_block import accumulator
+from .scalar_block import SPAN
 from .scalar_scanline import NOT_KEPT
 from .sheet_buffer_numpy import composite_numpy, slab_numpy
 
@@ -61,11 +63,48 @@ def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
     return samples[cell] * (ONE - share) + samples[after] * share
 
 
+def _own_looks(here, look):
+    """(H, W, 4) looks of the samples of one sheet, and the share of the slab that counts: all of it."""
+    table, _, origin, rate, _, low, high, last = look
+    value = here[..., 0]
+    inside = (value >= low) & (value <= high)
+    return table.reshape(-1, 4)[_entry(value, inside, origin, rate, last)], ONE, here[..., 1:]
+
+
+def _entry(value, inside, origin, rate, last):
+    with np.errstate(over="ignore", invalid="ignore"):
+        index = np.clip((value - origin) * rate, 0.0, last - 1).astype(np.int64)
+    return np.where(inside, index, last)
+
+
+def _looks_between(here, there, look):
+    """As ``_own_looks``, for the slab between two sheets; twin of ``scalar_block.look_between`` and what follows."""
+    table, sums, origin, rate, least, low, high, last = look
+    is_here, is_there = here[..., 0] >= least, there[..., 0] >= least
+    both, some = is_here & is_there, is_here | is_there
+    first, second = np.where(is_there, there[..., 0], here[..., 0]), np.where(is_here, here[..., 0], there[..., 0])
+    smallest, largest = np.minimum(first, second), np.maximum(first, second)
+    shown = (largest >= low) & (smallest <= high) & some
+    with np.errstate(over="ignore"):
+        middle = (smallest + largest) * np.float32(0.5)
+    inside = (middle >= low) & (middle <= high) & some
+    looks = table.reshape(-1, 4)[_entry(middle, inside, origin, rate, last)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        width = (largest - smallest) * rate
+        wide = (width >= SPAN) & shown
+        from_, to = (
+            np.clip((end - origin) * rate + np.float32(0.5), 0.0, last).astype(np.int64)[wide]
+            for end in (smallest, largest)
+        )
+    total = sums.reshape(-1, 4)
+    looks[wide] = np.maximum((total[to] - total[from_]) / np.maximum(width[wide], ONE)[:, None], 0.0)
+    light = np.where(both, np.float32(0.5), is_here.astype(np.float32))[..., None]
+    return looks, np.where(both, ONE, np.float32(0.5)), here[..., 1:] * light + there[..., 1:] * (ONE - light)
+
+
 def splat_scalar_sheets_numpy(tables, sheets, rays, box, look, matt, gloss, least, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_scalar_rows`` does."""
     height, width = half.shape
-    table, origin, rate, low, high, last = look
-    table = table.reshape(-1, 4)
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
     leave = np.minimum(box.columns[1], box.rows[1][:, None]).astype(np.float64)
@@ -74,36 +113,37 @@ def splat_scalar_sheets_numpy(tables, sheets, rays, box, look, matt, gloss, leas
     numbers = accumulator(len(sheets.begin))
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
-    slices: dict = {}
     n_slices = tables.pointers.shape[0]
+    absent = np.zeros((height, width, 1 + len(matt) + len(gloss)), np.float32)
+    absent[..., 0] = NOT_KEPT
+    slices: dict = {}
+    here = absent
     for sheet in range(len(sheets.first_slice)):
         yield sheet / len(sheets.first_slice)
+        there = here if sheets.kind[sheet] == BETWEEN else absent
         first = int(sheets.first_slice[sheet])
         slices = {
             k: slices[k] if k in slices else _dense_slice(tables, k) for k in (first, first + 1) if 0 <= k < n_slices
         }
         mixed = _between(slices, first, sheets.slice_weights[sheet])
-        if mixed is None:
+        here = absent
+        if mixed is not None:
+            (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
+            along = _resampled(mixed.transpose(1, 0, 2), width, scale_u, offset_u)
+            here = _resampled(along.transpose(1, 0, 2), height, scale_v, offset_v)
+        if sheets.kind[sheet] == BEGINS or (here is absent and there is absent):
             continue
-        (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
-        along = _resampled(mixed.transpose(1, 0, 2), width, scale_u, offset_u)
-        samples = _resampled(along.transpose(1, 0, 2), height, scale_v, offset_v)
-        value = samples[..., 0]
-        inside = (value >= low) & (value <= high)
-        if not inside.any():
-            continue
-        with np.errstate(over="ignore", invalid="ignore"):
-            index = np.clip((value - origin) * rate, 0.0, last - 1).astype(np.int64)
-        found = table[np.where(inside, index, last)]
-        color, sigma = found[..., :3], found[..., 3]
+        looks, counted, light = (
+            _own_looks(here, look) if sheets.kind[sheet] == OWN else _looks_between(here, there, look)
+        )
+        color, sigma = looks[..., :3], looks[..., 3]
         if matt:
-            color = color * samples[..., list(matt)]
+            color = color * light[..., [plane - 1 for plane in matt]]
         if gloss:
-            color = color + sigma[..., None] * samples[..., list(gloss)]
-        begin, end = sheets.begin[sheet], sheets.end[sheet]
-        inside_slab = np.clip((np.minimum(end, leave) - np.maximum(begin, enter)) / (end - begin), 0.0, 1.0)
-        depth = length * inside_slab.astype(np.float32) * np.float32(sheets.thickness[sheet])
+            color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
+        slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
+        inside = np.clip((slab[1] - slab[0]) / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
+        depth = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet]) * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
-        slab = np.maximum(begin, enter), np.minimum(end, leave)
         composite_numpy(slab_numpy, classified, depth.astype(numbers, copy=False), least, state, slab, half)
     pixels[...] = state

@@ -30,10 +30,13 @@ def scalar_splat_steps(
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    ends = (np.float32(end - encoded.centre) for end in (table.low, table.high, table.origin))
-    low, high, origin = ends
+    least, low, high, origin = (
+        np.float32(np.clip(end - encoded.centre, -1e38, 1e38))
+        for end in (table.least, table.low, table.high, table.origin)
+    )
     look = (
-        table.entries.reshape(-1), origin, np.float32(table.rate), low, high, np.int32(len(table.entries) - 1),
+        table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high,
+        np.int32(len(table.entries) - 1),
     )  # fmt: skip
     matt, gloss = ((), ()) if encoded.lights is None else light_planes(encoded.lights.shape[1])
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
@@ -45,6 +48,6 @@ def scalar_splat_steps(
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
     channels = 1 if encoded.lights is None else 1 + encoded.lights.shape[1]
-    scratch = scratch_for(workers, tables, sheets, rays, None, channels)
+    scratch = scratch_for(workers, tables, sheets, rays, None, channels, before=True)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)

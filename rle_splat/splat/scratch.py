@@ -33,8 +33,10 @@ class Scratch(NamedTuple):
     ``bright`` (BAND, blocks) pixels above one half.
     Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
     ``placed`` for, per block.
-    One block: ``samples``, ``entries`` of the value table, ``length_inside`` the limits, ``before`` the sheet in
-    numbers of ``state``.
+    Sheets of the scalar keep the sheet before, too: ``sheet_before``, ``marks_before``, ``slot_before``,
+    ``line_before`` and ``place_before``.
+    One block: ``samples``; ``entries``, ``spans`` and ``shares`` of ``scalar_block``; ``length_inside`` the limits;
+    ``before`` the sheet in numbers of ``state``.
     """
 
     line: np.ndarray
@@ -54,12 +56,22 @@ class Scratch(NamedTuple):
     placed: np.ndarray
     samples: np.ndarray
     entries: np.ndarray
+    spans: np.ndarray
+    shares: np.ndarray
+    sheet_before: np.ndarray
+    marks_before: np.ndarray
+    slot_before: np.ndarray
+    line_before: np.ndarray
+    place_before: np.ndarray
     length_inside: np.ndarray
     before: np.ndarray
 
 
-def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4) -> Scratch:
-    """Scratch for ``workers`` workers and so many ``channels`` of a voxel; see ``arguments`` for the rest."""
+def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False) -> Scratch:
+    """Scratch for ``workers`` workers and so many ``channels`` of a voxel; see ``arguments`` for the rest.
+
+    ``before``: whether the sheet before is kept as well.
+    """
     image_width = rays.along.size
     blocks = -(-image_width // BLOCK)
     words = -(-blocks // WORD)
@@ -78,7 +90,10 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4) -> 
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
         "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32),
-        "entries": (BLOCK, np.int32), "length_inside": (BLOCK, np.float32),
-        "before": (BLOCK, numbers),
+        "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
+        "sheet_before": (channels * BLOCK * (blocks * slots + 2) * before, np.float32),
+        "marks_before": (slots * before, words, np.uint64), "slot_before": (BAND * before, np.int64),
+        "line_before": (BAND * before, np.int64), "place_before": (BAND * before, np.float64),
+        "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers),
     }
     return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})

@@ -238,7 +238,7 @@ def _splat_band(
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, voxels, decoding, width = tables
-    first_slice, slice_weights, thickness, begin, end, scale, offset = sheets
+    first_slice, slice_weights, thickness, begin, end, scale, offset, _, _ = sheets
     along, along_slope, across, across_slope, limits = rays
     radius, widen = 1.0, False
     if wide is not None:

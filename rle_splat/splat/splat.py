@@ -8,7 +8,7 @@ from ..encode.tables import RunLengthVolume
 from ..jit import compiled, parallel_call, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
-from ..view.depth_rules import Sheets
+from ..view.depth_rules import ALONE, BETWEEN, Sheets
 from ..view.footprints import FOOTPRINTS, TENT
 from .arguments import SheetList, Tables, Wide, rays_of
 from .intermediate_image import IntermediateImage
@@ -84,8 +84,13 @@ def sheet_list(encoded, plane: BasePlane) -> SheetList:
     """The sheets of a base plane that the volume's voxels reach.  ``encoded``: a RunLengthVolume or ScalarVolume."""
     placed = plane.sheets
     shown = _reached(encoded, placed)
+    between = placed.kind == BETWEEN
+    shown[1:] |= shown[:-1] & between[1:]  # the slab behind the last voxels
+    kind = placed.kind.copy()
+    kind[1:][between[1:] & ~shown[:-1]] = ALONE
     columns = (
         placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale, plane.offset,
+        placed.far, kind,
     )  # fmt: skip
     return SheetList(*(column[shown] for column in columns))
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import NAMED_DEPTH_RULES, midpoints_of
+from ..scene import NAMED_DEPTH_RULES, midpoints_of, preintegrated_of
 from .footprints import FOOTPRINTS, Footprint, footprint_weights
 
 _INSET = 0.5 / np.sqrt(3.0)
@@ -39,6 +39,12 @@ FIRST_CELL_NODES = NAMED_NODES["gauss2"]
 NEAREST_SLICE = 1e-3
 
 
+# What a sheet of the scalar stands for: the slab around it by its own samples; nothing, it only begins the next slab;
+# or the slab between the sheet before and itself, the scalar changing linearly from there to here.
+# (ALONE: the sheet before was left out, because nothing reaches it.)
+OWN, BEGINS, BETWEEN, ALONE = 0, 1, 2, 3
+
+
 @dataclass(frozen=True, eq=False)
 class Sheets:
     """The sheets of one base plane, front to back; every array has one entry per sheet.
@@ -48,6 +54,8 @@ class Sheets:
     ones.  ``thickness``: voxels of depth it stands for.
     ``begin`` and ``end``: the slab it stands for, in voxels along the viewing direction of the axis
     (``sign * position``), so that ``begin < end`` and slabs follow each other without gaps.
+    ``far``: up to where its samples are of use, the end of its slab or of the next one.  ``kind``: OWN, BEGINS or
+    BETWEEN.
     """
 
     position: np.ndarray
@@ -56,6 +64,8 @@ class Sheets:
     thickness: np.ndarray
     begin: np.ndarray
     end: np.ndarray
+    far: np.ndarray
+    kind: np.ndarray
 
     def __len__(self) -> int:
         return len(self.position)
@@ -75,8 +85,9 @@ def place_sheets(
     front, back = -float(past), n_slices - 1.0 + past
     first, last = (front, back) if sign > 0 else (-back, -front)  # in viewing order
     eye = -np.inf if eye_position is None else sign * float(eye_position)
-    position, thickness = [], []
+    position, thickness, kinds = [], [], []
     start = first
+    slabs = preintegrated_of(rule)
     if eye >= last:
         cells = np.empty(0)
     elif eye > first:
@@ -88,7 +99,12 @@ def place_sheets(
         cells = np.arange(whole, last)
     else:
         cells = np.arange(first, last)
-    if len(cells):
+    if slabs is not None and len(cells):
+        planes = cells[0] + np.arange(len(cells) * slabs + 1) / slabs
+        kinds = [OWN] * len(position) + [BEGINS] + [BETWEEN] * (len(planes) - 1)
+        position.extend(planes)
+        thickness.extend(np.append(0.0, np.diff(planes)))
+    elif len(cells):
         nodes = np.array(cell_nodes(rule))
         along, weights = (cells[:, None] + nodes[:, 0]).ravel(), np.tile(nodes[:, 1], len(cells))
         if nodes[0, 0] == 0.0:  # the last node of a cell is the first of the next: one sheet
@@ -100,6 +116,8 @@ def place_sheets(
     along, thickness = np.array(position), np.array(thickness)
     begin = start + np.concatenate(([0.0], np.cumsum(thickness)[:-1])) if len(along) else along
     end = begin + thickness
+    kind = np.array(kinds or [OWN] * len(along), np.int64)
+    far = np.where(np.append(kind[1:] == BETWEEN, False), np.append(end[1:], 0.0), end) if len(along) else end
     place = sign * along
     reach = 0.5 if boxed else footprint.radius  # half a voxel keeps what rounding puts behind the last slice
     touches_data = (place > -reach) & (place < n_slices - 1 + reach)
@@ -107,5 +125,5 @@ def place_sheets(
     first_slice, slice_weights = footprint_weights(footprint, place[touches_data])
     return Sheets(
         *(np.ascontiguousarray(column) for column in (place[touches_data], first_slice, slice_weights)),
-        *(np.ascontiguousarray(column[touches_data]) for column in (thickness, begin, end)),
+        *(np.ascontiguousarray(column[touches_data]) for column in (thickness, begin, end, far, kind)),
     )
