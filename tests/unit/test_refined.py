@@ -170,6 +170,20 @@ def test_what_is_shown_is_what_the_whole_grid_shows(dtype, refinement, backend, 
     np.testing.assert_array_equal(voxels.row_pieces, opens.reshape(-1, nx).sum(axis=1))
 
 
+def test_a_block_that_is_left_out_ends_in_what_is_hidden():
+    """Whoever counts connected pieces looks at the voxel before a block, whether it was made or not."""
+    voxels = RefinedVolume(waves(), FUNCTION, 2).voxels
+    relevant = np.ones([-(-n // size) for n, size in zip(voxels.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X))], np.uint8)
+    hidden = (relevant * 7).astype(voxels.dtype)
+    relevant[0, 0, 0] = relevant[-1, -1, -1] = 0
+    made, everything = voxels.planes(0, voxels.shape[0], relevant, hidden), all_planes(voxels)
+    left_out = np.zeros(made.shape, bool)
+    left_out[:BLOCK_Z, :BLOCK_Y, :BLOCK_X] = True
+    left_out[-(voxels.shape[0] % BLOCK_Z) :, -(voxels.shape[1] % BLOCK_Y) :, -(voxels.shape[2] % BLOCK_X) :] = True
+    assert (made[~left_out] == everything[~left_out]).all()
+    assert (made[:BLOCK_Z, :BLOCK_Y, BLOCK_X - 1] == 7).all() and made[-1, -1, -1] == 7
+
+
 # --- its light ------------------------------------------------------------------------------------------------
 
 
