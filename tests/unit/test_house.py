@@ -27,7 +27,7 @@ FLOORS = {
     "rle_splat.memory": 1,
     "rle_splat.parallel": 1.5,  # a mezzanine: above jit, below the kernels of the volume
     "rle_splat.lanes": 2,
-    "rle_splat.vectors": 2,
+    "rle_splat.vectors": 1.8,
     "rle_splat.volume": 2,
     "rle_splat.read": 3,
     "rle_splat.classify": 3,
@@ -44,6 +44,7 @@ FLOORS = {
     "rle_splat.medium": 9,
     "rle_splat.scalar_medium": 9.5,  # above the medium of the paper's pipeline, whose light it shares
     "rle_splat.memory_estimate": 8,
+    "rle_splat.kept_normals": 8,
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
     "rle_splat.cost_of_accuracy": 11,
