@@ -1,0 +1,250 @@
+"""The tables of a scalar volume: three axes that decode to the voxels and scalars there are, and the light of each
+voxel against the truth's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.lighting import VoxelLight
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.encode.scalars import NOT_A_NUMBER, scalars_of
+from rle_splat.kept import Kept
+from rle_splat.scalar_medium import scalar_medium_steps
+from rle_splat.scene import Camera, Light, Quality, Scene
+from rle_splat.steps import Clock, drain
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import STORED_TYPES, Volume
+
+BACKENDS = ("numba", "numpy")
+SHAPE = (9, 10, 12)
+# Where decoded tables lie in (nz, ny, nx): principal x has slices of x, scanlines along y; y and z have them along x.
+VOXEL_OF = {0: lambda k, j, i: (j, i, k), 1: lambda k, j, i: (j, k, i), 2: lambda k, j, i: (k, j, i)}
+# Where the values of a type begin, so that all of its sign and width is used.
+BEGIN = {"int8": -60, "int16": -30000, "uint16": 65000, "int32": -2_000_000_000, "uint32": 4_294_960_000,
+         "float64": 1e9}  # fmt: skip
+LIGHT_STEP = 2.0**-12  # relative error of a code
+
+
+def waves(seed=0):
+    """(9, 10, 12) float64 from 0 to 120."""
+    z, y, x = np.indices(SHAPE)
+    return 60.0 + 40.0 * np.sin(0.9 * x + 0.3 * y + seed) + 20.0 * np.cos(0.8 * z - 0.4 * y)
+
+
+def scene_of(volume, begin=0.0, shade=None, **more):
+    """A scene that shows values 50 to 70 above ``begin``."""
+    tf = TransferFunction(
+        opacity=((begin + 50, 0.0), (begin + 60, 0.5), (begin + 70, 0.0)), color=((begin, 1, 0.5, 0.2),), shade=shade
+    )
+    camera, matrix = turntable(volume, 20.0, 10.0, width=16, height=16)
+    return Scene(volume, tf, camera, 16, 16, matrix, **({"headlight": False} | more))
+
+
+def encoded(scene, axes=(0, 1, 2), **machine):
+    """The ScalarVolume of each axis, and the number of voxels."""
+    steps = scalar_medium_steps(scene, Quality(classification="post", **machine), Kept(0).job(), Clock(), len(axes))
+    medium = drain(steps)
+    return {axis: drain(medium.encode_steps(axis)) for axis in axes}
+
+
+def decoded(table, records):
+    """{(z, y, x): record} by walking slices, scanlines and runs one at a time, as the paper's words have it."""
+    tables, found, at = table.tables, {}, 0
+    for k in range(tables.n_slices):
+        assert tables.data_pointers[k] == at
+        for j in range(tables.n_scanlines):
+            run, x = int(tables.scanline_pointers[k, j]), 0
+            assert tables.scanline_data_pointers[k, j] == at
+            while run >= 0 and x < tables.width:
+                x += int(tables.runs[run])
+                for _ in range(int(tables.runs[run + 1]) if x < tables.width else 0):
+                    found[VOXEL_OF[table.axis](k, j, x)] = records[at]
+                    at, x = at + 1, x + 1
+                run += 2
+    assert at == tables.n_voxels == len(records)
+    return found
+
+
+def shown_corners(values, low, high):
+    """(nz, ny, nx) bool: corners of cells that reach into (low, high); none of a cell with a NaN."""
+    nz, ny, nx = values.shape
+    eight = [values[z : nz - 1 + z, y : ny - 1 + y, x : nx - 1 + x] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    with np.errstate(invalid="ignore"):
+        shown = (np.min(eight, axis=0) < high) & (np.max(eight, axis=0) > low)
+    kept = np.zeros(values.shape, bool)
+    for z in (0, 1):
+        for y in (0, 1):
+            for x in (0, 1):
+                kept[z : nz - 1 + z, y : ny - 1 + y, x : nx - 1 + x] |= shown
+    return kept
+
+
+@pytest.mark.parametrize(
+    ("dtype", "backend"), [*((kind, "numpy") for kind in STORED_TYPES), ("uint8", "numba"), ("float32", "numba")]
+)
+def test_three_axes_decode_to_the_voxels_and_their_values(dtype, backend):
+    begin = BEGIN.get(dtype, 0)
+    values = waves() + (0.25 if np.dtype(dtype).kind == "f" else 0.0)
+    volume = Volume((begin + values).astype(dtype), np.eye(4))
+    tables = encoded(scene_of(volume, begin), backend=backend)
+    stored = volume.voxels.astype(np.float64)
+    kept = shown_corners(stored, begin + 50, begin + 70)
+    assert 0.3 < kept.mean() < 0.95
+    own = np.dtype(dtype).itemsize <= 2 or dtype == "float32"
+    for axis, table in tables.items():
+        assert table.axis == axis and table.lights is None
+        assert table.scalars.dtype == (np.dtype(dtype) if own else np.float32)
+        assert table.record == table.scalars.itemsize and (table.centre == 0.0 or not own)
+        found = decoded(table, table.scalars)
+        assert set(found) == set(zip(*(at.tolist() for at in np.nonzero(kept)), strict=True))
+        for place, scalar in found.items():
+            if own:
+                assert scalar == volume.voxels[place]
+            else:  # float32 of what is left beside the middle of all values: its width, not its size, is what counts
+                assert abs(float(scalar) + table.centre - stored[place]) <= 2.0**-24 * 60.5
+
+
+def test_infinite_values_are_the_functions_ends_and_nan_is_never_kept():
+    """V6 and V7, at either sign of the slope and beside values beyond the function's points."""
+    for dtype in (np.float32, np.float64):
+        for slope in (1.0, -1.0):
+            values = waves().astype(dtype)
+            values[2:4, 2:5, 3:6], values[6, 6, 6:9] = np.inf, -np.inf
+            values[0, 0, 0], values[8, 9, 11], values[5, 2, 2] = 500.0, -300.0, np.nan
+            volume = Volume(slope * values, np.eye(4), slope=slope)
+            scene = scene_of(volume)
+            table = encoded(scene, axes=(2,))[2]
+            found = decoded(table, table.scalars)
+            finite = np.clip(values, 0.0, 70.0)  # all points, those of the colour too
+            checked = 0
+            for place, scalar in found.items():
+                assert not np.isnan(values[place]) and np.isfinite(scalar)
+                if np.isinf(values[place]):
+                    assert float(scalar) + table.centre == pytest.approx(slope * finite[place], abs=1e-4)
+                    checked += 1
+            assert checked > 10
+
+
+@pytest.mark.parametrize("kind", ("float32", "float64"))
+def test_scalars_that_are_no_numbers(kind):
+    """What the sheets' own arithmetic must be safe from: NaN is what is not kept, huge values stay finite."""
+
+    class Voxels:
+        stored = np.array((np.nan, np.inf, -np.inf, 3.0, 1e38, -1e38), kind)
+
+    found = scalars_of(Voxels, np.dtype(kind), (-5.0, 7.0), 1.0)
+    np.testing.assert_array_equal(found, np.float32((NOT_A_NUMBER, 6.0, -6.0, 2.0, 1e37, -1e37)))
+
+
+def test_bit_patterns_of_signed_values():
+    """Voxels of 8 and 16 bits that come as unsigned patterns are the signed numbers they stand for."""
+    for kind in (np.int8, np.int16):
+        values = np.array((-100, -1, 0, 1, 100), kind)
+
+        class Voxels:
+            stored = values.view(f"u{values.itemsize}")
+
+        found = scalars_of(Voxels, kind, (), 0.0)
+        assert found.dtype == kind
+        np.testing.assert_array_equal(found, values)
+
+
+def test_a_range_without_a_voxel():
+    volume = Volume(waves().astype(np.float32), np.eye(4))
+    for table in encoded(scene_of(volume, 1e4)).values():
+        assert len(table.scalars) == 0 and decoded(table, table.scalars) == {}
+
+
+# --- light ----------------------------------------------------------------------------------------------------
+
+
+def placed(position, along=(0.0, 0.0, -1.0)):
+    back = -np.asarray(along, float) / np.linalg.norm(along)
+    side = np.cross((0.3, 1.0, 0.2), back) / np.linalg.norm(np.cross((0.3, 1.0, 0.2), back))
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
+    matrix[:3, 3] = position
+    return matrix
+
+
+MATT, GLOSSY = Shade(0.2, 0.7, 0.0, 5.0), Shade(0.1, 0.6, 0.5, 17.5)
+SUN = Light("SUN", energy=3.0, matrix_world=placed((0, 0, 0), (0.3, -0.5, -1.0)))
+RED_SUN = replace(SUN, color=(1.0, 0.3, 0.1), matrix_world=placed((0, 0, 0), (-1.0, 0.2, 0.4)))
+POINT = Light("POINT", energy=5000.0, matrix_world=placed((20.0, -12.0, 9.0)))
+INSIDE = Light("POINT", (0.4, 0.7, 1.0), 300.0, placed((4.3, 5.2, 3.9)), radius=0.3)
+SPOT = Light("SPOT", energy=4000.0, matrix_world=placed((-9, -9, 20), (14, 14, -16)), spot_size=0.6, spot_blend=0.4)
+AREA = Light("AREA", (1.0, 0.9, 0.8), 900.0, placed((5, 5, 25), (0.1, 0.0, -1.0)), size=4.0)
+LIT = {  # lights, shading, channels of a record
+    "headlight": (dict(headlight=True), MATT, 1),
+    "headlight, glossy": (dict(headlight=True), GLOSSY, 2),
+    "sun": (dict(lights=(SUN,)), MATT, 1),
+    "two suns, one red": (dict(lights=(SUN, RED_SUN)), MATT, 3),
+    "red sun, glossy": (dict(lights=(RED_SUN,), headlight=True), GLOSSY, 6),
+    "point, white": (dict(lights=(POINT,)), GLOSSY, 2),
+    "point inside, blue": (dict(lights=(INSIDE, POINT)), MATT, 3),
+    "all of them": (dict(lights=(SUN, RED_SUN, POINT, INSIDE, SPOT, AREA), headlight=True), GLOSSY, 6),
+}
+
+
+def lit_scene(name, perspective=False, dtype=np.float32):
+    """Values with a flat stretch, where there are no normals, and a sheared, mirrored place in the world."""
+    lights, shade, _ = LIT[name]
+    values = waves()
+    values[5:9, 5:10, :6] = 60.0
+    volume = Volume(values.astype(dtype), np.eye(4))
+    matrix = np.array([[1.0, 0.2, 0.0, 0.5], [0.0, -1.1, 0.3, 10.0], [0.1, 0.0, 0.9, 0.0], [0, 0, 0, 1.0]])
+    scene = replace(scene_of(volume, shade=shade, **lights), volume_matrix=matrix)
+    if perspective:
+        eye = placed((6.0, 5.0, 30.0))
+        scene = replace(scene, camera=Camera(eye))
+    return scene
+
+
+def light_of(scene, **machine):
+    """((z, y, x) of voxels, (m, channels) decoded light, the table) of principal z."""
+    table = encoded(scene, axes=(2,), **machine)[2]
+    light = (table.lights.astype(np.uint32) << np.uint32(12)).view(np.float32) * table.light_unit
+    found = decoded(table, light)
+    return tuple(np.array(list(found)).T), np.array(list(found.values())), table
+
+
+@pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
+@pytest.mark.parametrize("name", LIT)
+def test_light_on_voxels_is_that_of_the_truth(name, perspective):
+    scene = lit_scene(name, perspective)
+    places, light, table = light_of(scene)
+    assert table.lights.dtype == np.uint16 and light.shape[1] == LIT[name][2]
+    assert table.record == 4 + 2 * LIT[name][2]
+    true, highlight = VoxelLight(scene).light(places)
+    each = 1 if light.shape[1] < 3 else 3
+    parts = [(light[:, :each], true)] + ([(light[:, each:], highlight)] if light.shape[1] > each else [])
+    if each == 1:  # the premise: it is white
+        assert (true == true[:, :1]).all() and (highlight == highlight[:, :1]).all()
+    if len(parts) == 1:
+        assert not highlight.any()
+    for ours, theirs in parts:
+        assert theirs.max() > 0.05
+        np.testing.assert_allclose(ours, theirs[:, :each], rtol=LIGHT_STEP * 1.01 + 5e-5, atol=1e-6)
+    flat = (true == 1.0).all(axis=1) & ~highlight.any(axis=1)
+    assert flat.sum() > 10 and (light[flat, :each] == 1.0).all() and not light[flat, each:].any()
+
+
+@pytest.mark.parametrize("name", ("headlight", "red sun, glossy", "all of them"))
+def test_light_from_kernel_and_twin(name):
+    scene = lit_scene(name, perspective=True)
+    (_, one, first), (_, two, second) = (light_of(scene, backend=backend) for backend in BACKENDS)
+    assert first.light_unit == second.light_unit
+    np.testing.assert_allclose(one, two, rtol=2.0 * LIGHT_STEP, atol=1e-6)
+    assert (first.lights == second.lights).mean() > 0.9
+
+
+def test_light_of_all_axes_and_any_number_of_threads():
+    scene = lit_scene("all of them")
+    alone = encoded(scene, threads=1)
+    together = encoded(scene, threads=2)
+    z = decoded(alone[2], alone[2].lights)
+    for axis in (0, 1, 2):
+        np.testing.assert_array_equal(alone[axis].lights, together[axis].lights)
+        found = decoded(alone[axis], alone[axis].lights)
+        assert set(found) == set(z) and all((found[place] == z[place]).all() for place in z)
