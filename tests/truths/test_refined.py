@@ -198,6 +198,16 @@ def test_it_says_against_which_truth(stage):
     assert stage.render(scene, classification="pre").report["error"]["truth"] == "T1"
 
 
+def test_opacities_refer_to_the_scans_spacing(stage):
+    """Without a distance of its own, a transfer function's opacities are of the smallest spacing of the voxels that
+    were scanned, however fine the grid is."""
+    function = replace(tent(3.0), opacity_unit_distance=None)
+    scene = stage.on_turntable(
+        radius_from_centre(SIZE), size=(48, 48), spacing=(0.7, 0.5, 0.9), transfer_function=function,
+    )
+    assert errors(stage, scene, (3,))[0].rmse < 1.0
+
+
 def test_half_depths(stage):
     """Where the transmittance falls below one half; towards the rim, where the shell is seen edge-on, less exactly."""
     scene = stage.on_turntable(radius_from_centre(SIZE), size=(48, 48), transfer_function=tent(3.0))
