@@ -18,6 +18,10 @@ def _demo(known, rest) -> int:
 def _test(known, rest) -> int:
     from .testing import test, test_catalogue
 
+    if known.mutations is not None:
+        from .mutations import mutations
+
+        return mutations(known.mutations)
     if known.fuzz is not None:
         from .fuzzing import fuzz
 
@@ -91,6 +95,10 @@ def _parser() -> argparse.ArgumentParser:
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
     test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")
+    test.add_argument(
+        "--mutations", nargs="?", const="", metavar="NAME",
+        help="put naive forms in place of stable ones, all or those named so, and see that the tests notice",
+    )
     test.add_argument("--fuzz", type=float, metavar="SECONDS", help="property-based tests with new seeds, that long")
     add("bench", _bench(), "measure; arguments go to the benchmarks", open_ended=True, add_help=False)
     add(

@@ -621,8 +621,11 @@ def test_V6_cells_with_a_corner_that_is_no_number_are_transparent(record, width,
     picture = render(scene, Quality(classification=classification, backend=backend))
     assert f"{holes.sum()} voxels are not numbers" in " ".join(picture.report["remarks"])
     assert np.isfinite(picture.rgba).all() and picture.rgba[..., 3].max() > 0.3
-    found = against_oracle(scene, classification, backend)
-    record("V6", f"RMSE from the oracle with NaN at corners, {classification}, levels", found.rmse, 1.0, width)
+    if classification == "post":
+        whole = turned(Volume(np.where(holes, 50.0, values).astype(dtype), np.eye(4)), faint, 32)
+        with_holes, without = (against_oracle(one, classification, backend).rmse for one in (scene, whole))
+        claim = "RMSE from the oracle with NaN among the corners, over that without"
+        record("V6", claim, with_holes / without, 1.5, width)
     lit = drawn(turned(Volume(values, np.eye(4)), replace(faint, shade=Shade()), 32), classification, backend)
     record("V6", "pixels that are not finite, shaded", (~np.isfinite(lit)).sum(), 0, "either", "whole numbers")
 

@@ -1,0 +1,237 @@
+"""``dev.py test --mutations``: each guard shown to be needed.
+
+A mutant is the package with one stable form put back to the naive one, in a copy with a cache of kernels of its own.
+The tests of the case that guards it must go red: a mutant that they let pass has survived, and that is a failure.
+Most mutate the numpy twins, which need no compiling; the kernels' own forms are mutated where they are not the same.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from .environments import CORE, ensure
+from .places import BUILD, ROOT, Failure, clean_environ, say
+
+COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
+SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
+VALUES, ENCODING, ACCUMULATION, GEOMETRY = (
+    f"tests/stability/test_{group}.py" for group in ("values", "encoding", "accumulation", "geometry")
+)
+RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """``changes``: (file under rle_splat, stable form, naive form), each form occurring exactly once.  ``tests``:
+    what must go red, as arguments of pytest."""
+
+    name: str
+    case: str
+    changes: tuple[tuple[str, str, str], ...]
+    tests: tuple[str, ...]
+
+
+MUTANTS = (
+    Mutant(
+        "a subtraction for expm1, in sheets of the twin", "V5",
+        (("splat/sheet_buffer_numpy.py", "absorbed = -np.expm1(-tau)", "absorbed = ONE - np.exp(-tau)"),),
+        (VALUES, "-k", "V5 and numpy and float32"),
+    ),
+    Mutant(
+        "a subtraction for expm1, in the kernel of a sheet", "V5",
+        (("splat/pixel_block.py", "return one - power - power * p,", "return one - (power + power * p),"),),
+        (VALUES, "-k", "V5 and numba and float32"),
+    ),
+    Mutant(
+        "1 - (1 - a)^x for the opacity correction", "V4",
+        ((
+            "splat/sheet_buffer_numpy.py",
+            "raised = -np.expm1(np.minimum(exponent, LONGEST) * np.log1p(-np.minimum(opacity, ALMOST_ONE)))",
+            "raised = ONE - (ONE - np.minimum(opacity, ALMOST_ONE)) ** np.minimum(exponent, LONGEST)",
+        ),),
+        (VALUES, "-k", "V4 and numpy and float32 and opacity"),
+    ),
+    Mutant(
+        "an optical depth by log for log1p", "V3",
+        ((
+            "classify/classification.py", "return -np.log1p(-np.minimum(alpha, ALPHA_CAP))",
+            "return -np.log(1.0 - np.minimum(alpha, ALPHA_CAP))",
+        ),),
+        (VALUES, "-k", "V3 and numpy and float32"),
+    ),
+    Mutant(
+        "an opacity of one without its cap", "V2",
+        ((
+            "classify/classification.py", "return -np.log1p(-np.minimum(alpha, ALPHA_CAP))",
+            "return -np.log1p(-np.asarray(alpha))",
+        ),),
+        (VALUES, "-k", "V2 and numpy and float32 and extinction"),
+    ),
+    Mutant(
+        "opacity accumulated, A += (1 - A) a, for transmittance", "A2",
+        ((
+            "splat/sheet_buffer_numpy.py", "state[..., 3] = np.where(alive, before * clear, before)",
+            "hidden = ONE - before\n"
+            "    state[..., 3] = np.where(alive, ONE - (hidden + (ONE - hidden) * opacity), before)",
+        ),),
+        (ACCUMULATION, "-k", "A2 and numpy and float32"),
+    ),
+    Mutant(
+        "a colour divided by no extinction", "V3",
+        (("splat/sheet_buffer_numpy.py", "np.exp(-tau)), np.maximum(sigma, TINY)", "np.exp(-tau)), sigma"),),
+        (VALUES, "-k", "V3 and numpy and float32"),
+    ),
+    Mutant(
+        "transfer function points left unsorted", "V10",
+        ((
+            "classify/transfer_function.py", "return tuple(sorted(rows, key=lambda row: row[0]))",
+            "return tuple(rows)",
+        ),),
+        (VALUES, "-k", "V10_steps and numpy"),
+    ),
+    Mutant(
+        "a step taken from the left", "V10",
+        (("classify/transfer_function.py", 'np.searchsorted(positions, values, side="right")',
+          'np.searchsorted(positions, values, side="left")'),),
+        (VALUES, "-k", "V10_a_step or (V10_steps and numpy)"),
+    ),
+    Mutant(
+        "a look-up by what is not outside, which NaN never is", "V6",
+        ((
+            "classify/visible.py",
+            "((values[:, None] >= shown.intervals[:, 0]) & (values[:, None] < shown.intervals[:, 1]))",
+            "(~((values[:, None] < shown.intervals[:, 0]) | (values[:, None] >= shown.intervals[:, 1])))",
+        ),),
+        (VALUES, "-k", "V6_not and numpy"),
+    ),
+    Mutant(
+        "infinities not brought to the end values", "V7",
+        ((
+            "classify/classification.py",
+            "values = np.clip(stored.astype(np.float64) * scaling[0] + scaling[1], -LARGEST, LARGEST)",
+            "values = stored.astype(np.float64) * scaling[0] + scaling[1]",
+        ),),
+        (VALUES, "-k", "V7_V9 and numpy"),
+    ),
+    Mutant(
+        "a normal of any gradient, zero too", "V8",
+        (("volume/gradient.py", "np.where(keep, world.T / length, 0.0)", "world.T / length"),),
+        (VALUES, "-k", "V8_a_constant_volume_has and numpy"),
+    ),
+    Mutant(
+        "colours of any brightness", "V14",
+        (("classify/transfer_function.py", "if max(rgb) > BRIGHTEST:", "if False:"),),
+        (VALUES, "-k", "V14_the_brightest and numpy and float32 and 16"),
+    ),
+    Mutant(
+        "colours and opacities not clamped behind a filter with negative lobes", "V14, A9",
+        ((
+            "warp/resample_numpy.py",
+            "rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])",
+            "rgba[mine, :3] = total[:, :3]",
+        ),),
+        (VALUES, "-k", "V14_colours and numpy and cubic"),
+    ),
+    Mutant(
+        "offsets of 32 bits", "S5",
+        (("encode/tables.py", "ends = np.cumsum(counts, dtype=np.int64)", "ends = np.cumsum(counts, dtype=np.int32)"),),
+        (ENCODING, "-k", "S5_offsets"),
+    ),
+    Mutant(
+        "run lengths of 16 bits whatever the width", "S4",
+        ((
+            "encode/tables.py",
+            "return np.uint16 if max(shape_xyz) <= np.iinfo(np.uint16).max else np.uint32",
+            "return np.uint16",
+        ),),
+        (ENCODING, "-k", "S4_long and numpy"),
+    ),
+    Mutant(
+        "runs that are not held against the width", "S7",
+        (("encode/validate.py", "if (np.add.reduceat(runs, starts, dtype=np.int64) != width).any():", "if False:"),),
+        (ENCODING, "-k", "S7_random or S7_damage"),
+    ),
+    Mutant(
+        "the unnormalised Gaussian", "A10",
+        (("view/footprints.py", "(values / np.where(total > 0.0, total, 1.0))", "values"),),
+        (ACCUMULATION, "-k", "A10_a_constant and numpy and gaussian and simpson and float32"),
+    ),
+    Mutant(
+        "the eye of parallel rays without its sign", "C6",
+        (("view/eye.py", "if depth[:3] @ eye[:3] > 0.0:", "if False:"),),
+        (GEOMETRY, "-k", "C6_axes and float32"),
+    ),
+    Mutant(
+        "looks kept without the transfer function in their key", "A15",
+        ((
+            "medium.py", "looks_key = (visible_key, tf.classification_key, length)",
+            "looks_key = (visible_key, length)",
+        ),),
+        (ACCUMULATION, "-k", "A15 and float32"),
+    ),
+)  # fmt: skip
+
+
+def _run(python: Path, folder: Path, tests, environ) -> tuple[int | None, str]:
+    """(pytest's exit code, None when the time ran out; the last line it printed)."""
+    command = [str(python), "-m", "pytest", "-q", "-x", "--tb=no", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(
+            command, cwd=folder, env=environ, timeout=SECONDS, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True, errors="replace",
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return None, f"stopped after {SECONDS} s"
+    return done.returncode, (done.stdout.strip().splitlines() or ["nothing printed"])[-1]
+
+
+def _mutate(folder: Path, mutant: Mutant) -> dict[Path, str]:
+    """Apply a mutant to the copy; what the files held before."""
+    before = {}
+    for name, stable, naive in mutant.changes:
+        path = folder / "rle_splat" / name
+        text = path.read_text(encoding="utf-8")
+        if text.count(stable) != 1:
+            raise Failure(f"The mutant '{mutant.name}' no longer fits rle_splat/{name}; bring it up to date.")
+        before.setdefault(path, text)
+        path.write_text(text.replace(stable, naive), encoding="utf-8")
+    return before
+
+
+def mutations(only: str = "") -> int:
+    """Run every mutant whose name holds ``only``; prints a line for each, and returns 1 if any survives."""
+    python = ensure(CORE)
+    chosen = [mutant for mutant in MUTANTS if only in mutant.name]
+    survivors, started = [], time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="rle-splat-mutants-") as place:
+        folder, cache = Path(place) / "copy", Path(place) / "cache"
+        folder.mkdir()
+        for name in COPIED:
+            source = ROOT / name
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(source, folder / name, ignore=ignored) if source.is_dir() else shutil.copy(source, folder)
+        whole = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"))
+        broken = clean_environ(NUMBA_CACHE_DIR=str(cache), RLE_SPLAT_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
+        for mutant in chosen:
+            begun = time.monotonic()
+            # Without the mutation they must be green, or red would prove nothing.
+            code, told = _run(python, ROOT, mutant.tests, whole)
+            if code == GREEN:
+                before = _mutate(folder, mutant)
+                code, told = _run(python, folder, mutant.tests, broken)
+                for path, text in before.items():
+                    path.write_text(text, encoding="utf-8")
+                verdict = "killed" if code in (RED, None) else "SURVIVED"
+            else:
+                verdict = "NO VERDICT, red already"
+            if verdict != "killed":
+                survivors.append(mutant.name)
+            say(f"{verdict:<9} {mutant.case:<8} {mutant.name}  ({time.monotonic() - begun:.0f} s; {told})")
+            shutil.rmtree(cache, ignore_errors=True)
+    say(f"\n{len(chosen) - len(survivors)} of {len(chosen)} mutants killed in {time.monotonic() - started:.0f} s")
+    return 1 if survivors or not chosen else 0
