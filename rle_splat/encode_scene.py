@@ -17,9 +17,10 @@ from .steps import Clock, drain, portion
 def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
     """The tables of ``scene`` for the principal ``axes`` (0, 1, 2 for x, y, z); can be saved, and rendered as a volume.
 
-    Of ``quality`` only the model, the record and what does the work matter.  ``source``: see ``encode_scene_steps``.
+    Of ``quality`` only the model, the record and what does the work matter: tables always hold classified voxels.
+    ``source``: see ``encode_scene_steps``.
     """
-    return drain(encode_scene_steps(scene, quality or Quality.preset("standard"), axes, source))[0]
+    return drain(encode_scene_steps(scene, quality or Quality(classification="pre"), axes, source))[0]
 
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
@@ -29,6 +30,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     """
     if quality.classification == "refined":
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
+    quality = quality.classified("pre")
     clock, job = Clock(), Kept(0).job()
     look = yield from look_steps(scene, quality, job, clock, len(axes))
     classified = look.classified

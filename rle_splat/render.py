@@ -40,7 +40,7 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Ke
     that lets the next frame redo only what changed.  Raises RleSplatError with one sentence when the scene cannot
     be rendered.
     """
-    steps = render_steps(scene, quality or Quality.preset("standard"), kept)
+    steps = render_steps(scene, quality or Quality(), kept)
     while True:
         try:
             step = next(steps)
@@ -61,7 +61,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     backend = "numba" if compiled(quality.backend) else "numpy"
     quality = replace(quality, backend=backend)
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
-        quality = replace(quality, classification="pre")  # its voxels are classified already: a remark says so
+        quality = quality.classified("pre")  # its voxels are classified already: a remark says so
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 

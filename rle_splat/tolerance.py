@@ -22,7 +22,7 @@ from .kept import Kept
 from .plan.candidates import check_plannable, check_tolerance, name_of
 from .plan.choose import Choice, Speed, choose, corrected
 from .plan.features import Features, doubtful_pixels, features_of, pilots
-from .plan.model import Model
+from .plan.model import Model, default_classification
 from .render import render_steps, truth_of
 from .scene import Quality, Rendering, RleSplatError, Scene
 from .steps import Progress
@@ -70,7 +70,8 @@ def render_within(
     tolerance is ``kept`` and, if not, which ``floor`` there is.  Raises RleSplatError for a tolerance that is none, and
     for scenes and qualities of which none can be promised.
     """
-    steps = tolerance_steps(scene, tolerance, quality or Quality(), kept, probes=probes, seed=seed)
+    quality = quality or Quality(classification=default_classification())
+    steps = tolerance_steps(scene, tolerance, quality, kept, probes=probes, seed=seed)
     while True:
         try:
             step = next(steps)

@@ -48,7 +48,7 @@ def run(args) -> None:
     check_scene_options(args)
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
-    quality = quality_from(args)
+    quality = quality_from(args, "pre")
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)

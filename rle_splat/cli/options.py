@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from dataclasses import asdict
 
 from ..plan.candidates import check_tolerance
 from ..read.formats import suffixes
@@ -11,6 +11,8 @@ from ..read.layout import BYTE_ORDERS
 from ..scene import (
     BACKENDS,
     CLASSIFICATIONS,
+    DEFAULT_CLASSIFICATION,
+    DEFAULT_QUALITY,
     FOOTPRINTS,
     KNOB_TEXTS,
     MINIFICATIONS,
@@ -22,6 +24,7 @@ from ..scene import (
     WARP_FILTERS,
     Quality,
     RleSplatError,
+    not_in_post,
 )
 from ..volume.volume import STORED_TYPES
 
@@ -37,8 +40,7 @@ KNOBS = {
     "--termination": ("termination", float, "T"),
     "--model": ("model", str, "|".join(MODELS)),
 }
-DEFAULT_QUALITY = "standard"
-GOES_WITH_TOLERANCE = ("classification", "refinement")  # knobs that a tolerance leaves to the user
+BESIDE = ("classification", "refinement")  # knobs that a quality and a tolerance leave to the user
 DEFAULT_SIZE = (512, 512)  # pixels, width and height
 CUSTOM_QUALITY = "custom"  # the name of a quality put together from knobs, as reports show it
 
@@ -148,9 +150,13 @@ def add_image_options(parser) -> None:
 
 
 def add_quality_options(parser) -> None:
-    group = parser.add_argument_group("quality", "one of --quality, --paper, or the knobs")
+    group = parser.add_argument_group(
+        "quality",
+        f"one of --quality, --paper, or the knobs; --classification goes with --quality and with the knobs, and is "
+        f"{DEFAULT_CLASSIFICATION} where it is left out and no knob is of pre alone",
+    )
     group.add_argument("--quality", metavar="NAME", help=f"{'|'.join(QUALITY_PRESETS)} (default {DEFAULT_QUALITY})")
-    group.add_argument("--paper", action="store_true", help="the paper's literal pipeline")
+    group.add_argument("--paper", action="store_true", help="the paper's literal pipeline, classification pre")
     for option, (name, kind, values) in KNOBS.items():
         group.add_argument(option, dest=name, type=kind, metavar=values, help=KNOB_TEXTS[name])
     add_machine_options(parser)
@@ -186,8 +192,12 @@ def add_machine_options(parser) -> None:
     group.add_argument("--backend", default="auto", metavar="|".join(BACKENDS), help=KNOB_TEXTS["backend"])
 
 
-def quality_from(args) -> Quality:
-    """The Quality asked for; a RleSplatError when the options contradict each other."""
+def quality_from(args, usual: str | None = None) -> Quality:
+    """The Quality asked for; a RleSplatError when the options contradict each other.
+
+    ``usual``: the classification that is meant where none is given; left out, the default, or pre where a knob has a
+    value that post does not have.
+    """
     knobs = {name: getattr(args, name) for name, _, _ in KNOBS.values() if getattr(args, name) is not None}
     machine = {"threads": args.threads, "backend": args.backend, "record": record_from(args)}
     if args.quality is not None and args.paper:
@@ -196,17 +206,38 @@ def quality_from(args) -> Quality:
         _check_tolerance(args, knobs)
     elif getattr(args, "probes", None) is not None and hasattr(args, "tolerance"):
         raise RleSplatError("--probes is how many pixels a tolerance is measured at; give --tolerance too.")
-    if knobs and (args.quality is not None or args.paper):
-        whole = "--paper" if args.paper else "--quality"
-        option = next(option for option, (name, _, _) in KNOBS.items() if name in knobs)
-        raise RleSplatError(f"{whole} already sets what {option} sets; give one of the two.")
+    whole = "--paper" if args.paper else "--quality" if args.quality is not None else None
+    for option, (name, _, _) in KNOBS.items():
+        if whole and name in knobs and (args.paper or name not in BESIDE):
+            raise RleSplatError(f"{whole} already sets what {option} sets; give one of the two.")
     if args.paper:
         return Quality.paper(**machine)
-    if "refinement" in knobs and knobs.get("classification") != "refined":
+    beside = {name: knobs.pop(name) for name in BESIDE if name in knobs}
+    if "refinement" in beside and beside.get("classification") != "refined":
         raise RleSplatError("--refinement is of the refined grid; give --classification refined too, or leave it out.")
-    if knobs:
-        return replace(Quality.preset(DEFAULT_QUALITY), name=CUSTOM_QUALITY, **knobs, **machine)
-    return Quality.preset(args.quality or DEFAULT_QUALITY, **machine)
+    if "classification" not in beside:
+        of_pre = not_in_post({**knobs, **machine})
+        beside["classification"] = usual or ("pre" if of_pre else _default_classification(args))
+    custom = {"name": CUSTOM_QUALITY} if knobs else {}
+    return Quality.preset(args.quality or DEFAULT_QUALITY, **beside, **knobs, **machine, **custom)
+
+
+def _default_classification(args) -> str:
+    """What is meant by itself: for a tolerance only what can be promised."""
+    if getattr(args, "tolerance", None) is None:
+        return DEFAULT_CLASSIFICATION
+    from ..plan.model import default_classification
+
+    return default_classification()
+
+
+def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
+    """What a report says of a quality that is not the usual one by itself, on account of ``args``."""
+    of_pre = not_in_post(asdict(quality))
+    if args.classification is not None or args.paper or not of_pre:
+        return ()
+    option, value = f"--{of_pre[0]}", getattr(quality, of_pre[0])
+    return (f"Classified by {quality.classification}, for {option} {value} is not of {DEFAULT_CLASSIFICATION}.",)
 
 
 def _check_tolerance(args, knobs) -> None:
@@ -214,7 +245,7 @@ def _check_tolerance(args, knobs) -> None:
     check_tolerance(args.tolerance)
     if args.probes is not None and args.probes < 0:
         raise RleSplatError("--probes takes a whole number of pixels, not below zero.")
-    given = [option for option, (name, _, _) in KNOBS.items() if name in knobs and name not in GOES_WITH_TOLERANCE]
+    given = [option for option, (name, _, _) in KNOBS.items() if name in knobs and name not in BESIDE]
     given += ["--quality"] * (args.quality is not None) + ["--paper"] * args.paper
     if given:
         raise RleSplatError(f"--tolerance chooses the plan, and {given[0]} sets it; give one of the two.")
@@ -223,7 +254,8 @@ def _check_tolerance(args, knobs) -> None:
 def encoding_quality(args) -> Quality:
     """The Quality that matters to encoding: the model, the record, and what does the work."""
     return Quality(
-        model=args.model or MODELS[0], threads=args.threads, backend=args.backend, record=record_from(args)
+        classification="pre", model=args.model or MODELS[0], threads=args.threads, backend=args.backend,
+        record=record_from(args),
     )
 
 

@@ -20,6 +20,7 @@ from .options import (
     add_tolerance_options,
     add_volume_argument,
     quality_from,
+    quality_remarks,
     scene_inputs,
     volume_options,
 )
@@ -63,10 +64,10 @@ def run(args) -> None:
     _check_background(args.background)
     check_scene_options(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
-    quality = quality_from(args)
+    is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
+    quality = quality_from(args, "pre" if is_encoded else None)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
-        is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
         prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
         prepared = replace(prepared, scene=replace(prepared.scene, crop=crop))
         line.show(0.1, "loading the renderer")
@@ -115,7 +116,8 @@ def _prepare_voxels(args, quality) -> Prepared:
     function, reason = choose_transfer_function(args, volume, given_function)
     camera, matrix = place(args, volume, camera, matrix)
     scene = make_scene(args, volume, function, camera, matrix, lights, headlight)
-    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": reason})
+    remarks = quality_remarks(args, quality)
+    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": reason}, remarks)
 
 
 def _prepare_tables(args, quality) -> Prepared:
@@ -130,6 +132,11 @@ def _prepare_tables(args, quality) -> Prepared:
     if volume_options(args):
         option = next(iter(volume_options(args))).replace("_", "-")
         raise RleSplatError(f"A .rle file says itself how its voxels lie; leave --{option} out.")
+    if quality.classification != "pre":
+        raise RleSplatError(
+            f"A .rle file holds voxels that are classified already; leave --classification {quality.classification} "
+            "out, or render the volume it was encoded from."
+        )
     began = perf_counter()
     stored = load(args.volume)
     read_ms = 1e3 * (perf_counter() - began)

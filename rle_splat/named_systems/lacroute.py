@@ -23,8 +23,8 @@ DIFFERS = (
 def shear_warp(**overrides) -> Quality:
     """The quality knobs at which our renderer does what the shear-warp program does."""
     return Quality(
-        depth_rule="slice", sheet_density=0.0, kernel="tent", warp_filter="bilinear", termination=TERMINATION,
-        model="opacity", length_correction=True, name="shear-warp", **overrides,
+        classification="pre", depth_rule="slice", sheet_density=0.0, kernel="tent", warp_filter="bilinear",
+        termination=TERMINATION, model="opacity", length_correction=True, name="shear-warp", **overrides,
     )
 
 

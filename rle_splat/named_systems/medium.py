@@ -83,6 +83,11 @@ class Medium:
 
 def scene_medium(scene: Scene, quality: Quality) -> Medium:
     """Classify and shade a scene for comparison; RleSplatError for what the systems cannot all draw."""
+    if quality.classification != "pre":
+        raise RleSplatError(
+            f"The systems are compared on one medium of classified voxels; choose the classification pre, not "
+            f"{quality.classification}."
+        )
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
     if scene.triangles is not None and len(scene.triangles):

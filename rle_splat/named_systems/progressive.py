@@ -18,12 +18,12 @@ from ..classify.visible import row_offsets
 from ..encode.encode import brightest_steps, encode
 from ..encode.store import StoredVolume
 from ..jit import compiled, thread_count
-from ..kept import Kept
+from ..kept import Job, Kept
 from ..medium import Look, look_steps
 from ..memory import available_bytes
 from ..memory_estimate import SPARE
 from ..render import render_steps
-from ..scene import Quality, Rendering, Scene
+from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..steps import Clock, portion
 from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import index_view
@@ -44,7 +44,7 @@ NUMPY_FACTOR = 50.0  # how much longer all of it takes without compiled kernels
 MOST_NODES, LEAST_SIDE = 1 << 20, 32
 # A preview's own knobs: its nodes are many pixels wide, so that half of the sheet's pixels tell them apart.
 KNOBS = dict(
-    depth_rule="slice", sheet_density=0.5, kernel="tent", minification="off", warp_filter="cubic",
+    classification="pre", depth_rule="slice", sheet_density=0.5, kernel="tent", minification="off", warp_filter="cubic",
     termination=1 / 256, record=16,
 )
 SMALLEST_SHARE = 1e-4  # of its error that a node absorbs at least: only what absorbs at all is encoded
@@ -56,22 +56,24 @@ class Preview:
 
     ``error``: (H, W) float32, for each pixel a bound of the difference of any channel from the picture itself,
     scene-linear and premultiplied; it holds for the media, and leaves out what the renderer adds at its quality.
+    None where the picture is not of classified voxels, which nodes are averages of: nothing is known of it then.
     """
 
     rendering: Rendering
     level: int
-    error: np.ndarray
+    error: np.ndarray | None
 
     @property
-    def mean_error(self) -> float:
-        """A bound of the mean over the pixels of their largest channel's error."""
-        return float(self.error.mean(dtype=np.float64))
+    def mean_error(self) -> float | None:
+        """A bound of the mean over the pixels of their largest channel's error, where there is one."""
+        return None if self.error is None else float(self.error.mean(dtype=np.float64))
 
     def describe(self) -> str:
         """In words for a person."""
         if self.level == 0:
             return "the picture itself"
-        return f"preview of {2**self.level} voxels a side, mean error at most {100.0 * self.mean_error:.0f} %"
+        text = f"preview of {2**self.level} voxels a side"
+        return text if self.error is None else f"{text}, mean error at most {100.0 * self.mean_error:.0f} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +96,7 @@ def previews(scene: Scene, quality: Quality | None = None, kept: Kept | None = N
     ``kept``: a store shared with other pictures, so that a new view of the same volume does not average it again.
     Volumes that are a few nodes wide, `.rle` files and the opacity model have no previews.
     """
-    quality = quality or Quality.preset("standard")
-    steps = progressive_steps(scene, quality, kept, every=True)
+    steps = progressive_steps(scene, quality or Quality(), kept, every=True)
     while True:
         try:
             step = next(steps)
@@ -122,11 +123,13 @@ def progressive_steps(
         settled = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
         made = dict(kept.made)
         job = kept.job()
-        look = yield from look_steps(scene, settled, job, Clock(), len({plane.axis for plane in planes}))
+        look = yield from _look_steps(scene, settled, job, len({plane.axis for plane in planes}))
         job.keep()
-        fresh = any(kept.made.get(stage) != made.get(stage) for stage in ("visible", "looks", "normals"))
-        count = len(levels)
-        if not every:
+        # Post-classified tables hold the same whatever a transfer function makes of the values.
+        stages = ("visible", "normals") if quality.classification == "post" else ("visible", "looks", "normals")
+        fresh = any(kept.made.get(stage) != made.get(stage) for stage in stages)
+        count = 0 if look is None else len(levels)
+        if count and not every:
             count = how_many(planes, scene, quality, fresh * look.classified.visible_voxels)
         if count and fits(scene.volume.shape_xyz, levels):
             yield from _preview_steps(scene, look, levels, count, settled, kept)
@@ -176,6 +179,17 @@ def seen_planes(scene: Scene, index_to_world, shape_xyz, quality: Quality) -> li
 # --- the previews ---------------------------------------------------------------------------------------------
 
 
+def _look_steps(scene: Scene, quality: Quality, job: Job, axes: int):
+    """Generator: the Look that nodes are averages of; None where post-classified tables may fit in memory, but not
+    those of classified voxels."""
+    try:
+        return (yield from look_steps(scene, quality, job, Clock(), axes))
+    except RleSplatError:
+        if quality.classification != "post":
+            raise
+        return None
+
+
 def _preview_steps(scene: Scene, look: Look, levels, count: int, quality: Quality, kept: Kept):
     """Generator of Progress and, coarsest first, Previews of the ``count`` finest of the levels."""
     job = kept.job()
@@ -185,11 +199,15 @@ def _preview_steps(scene: Scene, look: Look, levels, count: int, quality: Qualit
     )
     pyramid = yield from portion(steps, 0.1, 0.1, "Averaging voxels")
     job.keep()
+    bounded = quality.classification == "pre"
     quality = replace(quality, **KNOBS)
     of_errors = replace(quality, warp_filter="bilinear")  # a filter with negative lobes could take from a bound
     for level in reversed(pyramid[:count]):
         nodes = _scene_of(scene, look, level.level, level.means, 0, quality)
         rendering = yield from _drawn(nodes, quality)
+        if not bounded:
+            yield Preview(rendering, level.level, None)
+            continue
         beyond = np.pad(level.means[..., 3], 1)
         absorbs = np.maximum(beyond, np.float32(SMALLEST_SHARE) * level.errors)
         records = np.stack((level.errors, level.errors, level.errors, absorbs), axis=3)

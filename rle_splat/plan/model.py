@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scene import Quality, RleSplatError, midpoints_of
+from ..scene import DEFAULT_CLASSIFICATION, Quality, RleSplatError, midpoints_of
 from .candidates import sheets_per_voxel
 from .features import LEVELS, Features
 
@@ -144,6 +144,12 @@ def warp_terms(features: Features, warp_filter: str, density: float) -> np.ndarr
         features.pixels * (not bilinear),
         density**2 * features.sheet_pixels * (warp_filter == CUBIC),
     ))  # fmt: skip
+
+
+def default_classification() -> str:
+    """The classification that a tolerance is asked of by itself: the usual one, or the first that is calibrated."""
+    calibrated = _calibration()
+    return DEFAULT_CLASSIFICATION if DEFAULT_CLASSIFICATION in calibrated else next(iter(calibrated))
 
 
 @cache

@@ -212,7 +212,10 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
     [
         (("--quality", "perfect"), "standard"), (("--classification", "late"), "pre"),
         (("--depth-rule", "guess"), "simpson"), (("--kernel", "bspline9"), "tent"),
-        (("--minification", "blur"), "widen"),
+        (("--minification", "blur"), "widen"), (("--classification", "post", "--kernel", "bspline3"), "tent only"),
+        (("--classification", "post", "--model", "opacity"), "extinction only"),
+        (("--classification", "post", "--record", "8"), "16 only"),
+        (("--paper", "--classification", "post"), "--paper"),
         (("--warp-filter", "sharp"), "bilinear"), (("--model", "light"), "extinction"), (("--backend", "gpu"), "numpy"),
         (("--sheet-density", "-1"), "density"), (("--termination", "0.9"), "termination"),
         (("--quality", "fine", "--paper"), "--paper"), (("--quality", "fine", "--model", "opacity"), "--model"),

@@ -125,6 +125,27 @@ def test_qualities_reach_the_plan(picture):
     assert picture("--minification", "widen")[1]["plan"]["minification"] == "widen"
 
 
+def test_post_is_the_default_and_the_papers_classification_is_chosen_by_name(picture):
+    """By --classification beside a quality or knobs, or by a knob whose value post does not have; the report tells."""
+    rgba, report = picture()
+    plan = report["plan"]
+    assert plan["classification"] == "post" and report["error"]["truth"] == "T2"
+    assert not any("Classified by" in remark for remark in report["remarks"])
+    for words in ((), ("--quality", "fine"), ("--sheet-density", "2")):
+        before, report = picture(*words, "--classification", "pre")
+        assert report["plan"]["classification"] == "pre" and report["error"]["truth"] == "T1"
+        assert report["plan"]["depth_rule"] == "simpson" and (before != rgba).any()
+        assert report["plan"]["quality"] == {"--quality": "fine", "--sheet-density": "custom"}.get(
+            words[0] if words else None, "standard"
+        )
+        assert not any("Classified by" in remark for remark in report["remarks"])
+    for knob, value in (("kernel", "bspline3"), ("model", "opacity"), ("minification", "widen"), ("record", "8")):
+        _, report = picture(f"--{knob}", value)
+        assert report["plan"]["classification"] == "pre" and str(report["plan"][knob]) == value
+        assert [r for r in report["remarks"] if f"--{knob} {value}" in r and "Classified by pre" in r]
+    assert picture("--paper")[1]["plan"]["classification"] == "pre"
+
+
 def test_the_default_look_is_explained_and_not_blank(picture, call, raw, raw_options, tmp_path):
     rgba, report = picture(function=False)
     assert rgba[..., 3].max() > 0.1 and len(report["transfer_function"]["reason"]) > 10
@@ -182,7 +203,7 @@ def test_encode_tells_the_sizes_of_the_tables(encoded, voxels, shape_xyz):
 @pytest.mark.parametrize("record", ("16", "8", "6", "4"))
 def test_records_of_fewer_bytes(encoded, picture, call, tmp_path, voxels, record):
     kept = int((voxels > 20).sum())
-    expected, report = picture("--quality", "draft", "--record", record)
+    expected, report = picture("--quality", "draft", "--classification", "pre", "--record", record)
     assert report["memory_bytes"]["voxel_data"] == kept * int(record) and report["plan"]["record"] == int(record)
     path, report, _ = encoded("--record", record)
     assert report["record"] == int(record)
@@ -198,7 +219,7 @@ def test_records_of_fewer_bytes(encoded, picture, call, tmp_path, voxels, record
 @pytest.mark.parametrize("view", [("--azimuth", "25", "--elevation", "30"), ("--azimuth", "80", "--perspective")])
 def test_rendering_the_tables_is_rendering_the_volume(encoded, picture, view):
     path, _, _ = encoded(*view)
-    expected, _ = picture(*view)
+    expected, _ = picture(*view, "--classification", "pre")
     found, report = picture(*view, volume=path, options=(), function=False)
     assert np.array_equal(found, expected)
     assert report["stages_ms"]["classify"] == 0.0 and report["memory_bytes"]["axes_held"] == ["x", "y", "z"]
@@ -225,6 +246,8 @@ def test_tables_refuse_another_look(encoded, refused, write_json, tmp_path, func
         ("--transfer-function", other), ("--spacing", "1", "1", "1"), ("--model", "opacity"), ("--paper",),
     ):  # fmt: skip
         refused(*words, *option)
+    for late in ("post", "refined"):
+        assert f"leave --classification {late} out" in refused(*words, "--classification", late)
     assert not (tmp_path / "x.npy").exists()
     same, _ = picture("--headlight", "--azimuth", "30", volume=path, options=(), function=False)
     again, _ = picture("--azimuth", "30", "--transfer-function", function_file, volume=path, options=(), function=False)
@@ -322,7 +345,8 @@ def test_memory_is_told_beforehand(call, raw, raw_options, function_file, tmp_pa
     assert set(known["records"]) == {"16", "8", "6", "4"} and known["memory_bytes"]["available"] > 0
     assert known["records"]["4"]["encode"] < known["records"]["16"]["encode"]
     drawn = tmp_path / "render.json"
-    result = call("render", raw, *words, "-o", tmp_path / "x.npy", "--size", "32", "--json", drawn, "--progress")
+    words = (raw, *words, "--classification", "pre", "-o", tmp_path / "x.npy")
+    result = call("render", *words, "--size", "32", "--json", drawn, "--progress")
     assert result.code == 0 and f"Classifying {kept} voxels, about" in result.err
     needed = json.loads(drawn.read_text())["memory_estimate_bytes"]
     assert needed["volume"] == voxels.size and needed["records"] == 16 * kept and needed["needed"] > needed["picture"]

@@ -21,15 +21,22 @@ def short_of_memory(monkeypatch):
     return run
 
 
-@pytest.mark.parametrize("command, suffix", (("render", ".npy"), ("encode", ".rle")))
-def test_what_is_needed_is_told_before_it_is_encoded(command, suffix, call, raw, raw_options, tmp_path):
+@pytest.mark.parametrize(
+    "words, suffix, doing, begun",
+    (
+        (("render",), ".npy", "Keeping", "Finding the voxels that matter"),
+        (("render", "--classification", "pre"), ".npy", "Classifying", "Counting"),
+        (("encode",), ".rle", "Classifying", "Counting"),
+    ),
+)
+def test_what_is_needed_is_told_before_it_is_encoded(words, suffix, doing, begun, call, raw, raw_options, tmp_path):
     report = tmp_path / "report.json"
-    result = call(command, raw, *raw_options, "-o", tmp_path / f"out{suffix}", "--json", report, "--progress")
+    result = call(*words, raw, *raw_options, "-o", tmp_path / f"out{suffix}", "--json", report, "--progress")
     assert result.code == 0, result.err
     known = json.loads(report.read_text())
     kept, needed = known["volume"]["visible_voxels"], known["memory_estimate_bytes"]["needed"]
-    told = result.err.index(f"Classifying {kept} voxels, about {bytes_text(needed)} in all")
-    assert result.err.index("Counting") < told < result.err.index("Encoding")
+    told = result.err.index(f"{doing} {kept} voxels, about {bytes_text(needed)} in all")
+    assert result.err.index(begun) < told < result.err.index("Encoding")
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ OPACITY_IS_VALUE = TransferFunction(
     opacity_unit_distance=1.0,
     shade=None,
 )
-EXACT = Quality.preset("fine", termination=0.0)
+EXACT = Quality.preset("fine", classification="pre", termination=0.0)
 
 
 class Stand:

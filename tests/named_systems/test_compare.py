@@ -78,9 +78,15 @@ def test_perspective_is_drawn_or_refused_in_a_sentence(stand):
     assert any("parallel projection" in line for line in table_lines(report))
 
 
+@pytest.mark.parametrize("late", ("post", "refined"))
+def test_systems_share_one_medium_of_classified_voxels(stand, late):
+    with pytest.raises(RleSplatError, match=f"classification pre, not {late}"):
+        compare(stand.scene(blobs((9, 8, 7), 2), size=(12, 12)), Quality(classification=late), probes=9, repeats=1)
+
+
 def test_without_numba_the_rest_still_compares(stand):
     scene = stand.scene(blobs((9, 8, 7), 2), size=(12, 12))
-    report = compare(scene, Quality.preset("draft", backend="numpy"), probes=9, repeats=1)
+    report = compare(scene, Quality.preset("draft", classification="pre", backend="numpy"), probes=9, repeats=1)
     refused = {entry["name"]: entry["refused"] for entry in report["systems"] if "refused" in entry}
     assert set(refused) == COMPILED_ONLY and all("needs numba" in sentence for sentence in refused.values())
 

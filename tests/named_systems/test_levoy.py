@@ -75,5 +75,5 @@ def test_clip_distances_and_half_depth(stand):
 def test_termination_bound(stand, termination):
     scene = stand.scene(np.full((30, 24, 24), 0.3), size=(24, 24))
     full = stand.draw(levoy, scene).rgba
-    short = stand.draw(levoy, scene, Quality.preset("fine", termination=termination)).rgba
+    short = stand.draw(levoy, scene, Quality.preset("fine", classification="pre", termination=termination)).rgba
     assert 0.0 < np.abs(full - short).max() <= termination

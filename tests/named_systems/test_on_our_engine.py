@@ -17,7 +17,7 @@ from rle_splat.scene import Quality
 def test_every_voxel_visited_gives_the_same_bits(stand, perspective, model):
     """The baseline differs in what it skips, not in what it computes."""
     scene = stand.scene(blobs((20, 23, 17), 3), 70.0, 20.0, perspective)
-    quality = Quality.preset("standard", model=model)
+    quality = Quality.preset("standard", classification="pre", model=model)
     medium = stand.medium(scene, quality)
     all_voxels = unaccelerated.prepare(medium, quality)
     skipping = ours.prepare(medium, quality)
@@ -56,7 +56,7 @@ def test_shear_warp_is_coarser_than_ours_and_finer_than_the_letter_of_the_paper(
 
 def test_without_numba_the_engine_still_draws(stand):
     scene = stand.scene(blobs((9, 8, 7), 1), size=(16, 16))
-    quality = Quality.preset("draft", backend="numpy")
+    quality = Quality.preset("draft", classification="pre", backend="numpy")
     medium = stand.medium(scene, quality)
     for module in (ours, lacroute, unaccelerated):
         assert module.prepare(medium, quality).draw().rgba.max() > 0.05

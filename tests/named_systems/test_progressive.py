@@ -13,7 +13,7 @@ from rle_splat.kept import Kept
 from rle_splat.named_systems import nodes, progressive
 from rle_splat.named_systems.medium import scene_medium
 from rle_splat.render import render
-from rle_splat.scene import Light, Quality
+from rle_splat.scene import Light, Quality, RleSplatError
 from rle_splat.steps import drain
 
 BACKENDS = ["numpy", pytest.param("numba", marks=pytest.mark.skipif(numba is None, reason="numba is not installed"))]
@@ -201,6 +201,37 @@ def test_a_quick_picture_has_no_previews_and_a_slow_one_few(stand, monkeypatch):
     levels, picture = shown_by(progressive.progressive_steps(scene, stand.quality))
     assert levels == [1]
     np.testing.assert_array_equal(picture.rgba, plain.rgba)
+
+
+@pytest.mark.parametrize("classification", ("post", "refined"))
+def test_previews_of_what_is_not_classified_voxels_claim_no_bound(stand, classification):
+    """They are the same averages; the picture is the one that is made at once."""
+    scene = stand.scene(smooth_shell(68), size=(48, 44))
+    quality = Quality.preset("standard", classification=classification)
+    of_voxels = [shown.rendering.rgba for shown in progressive.previews(scene, quality.classified("pre"))]
+    *shown, picture = progressive.previews(scene, quality)
+    assert len(shown) == len(of_voxels) - 1 > 0
+    for preview, rgba in zip(shown, of_voxels):
+        assert preview.error is None and preview.mean_error is None
+        assert preview.describe() == f"preview of {2**preview.level} voxels a side"
+        np.testing.assert_array_equal(preview.rendering.rgba, rgba)
+    np.testing.assert_array_equal(picture.rendering.rgba, render(scene, quality).rgba)
+    assert picture.rendering.report["plan"]["classification"] == classification and picture.level == 0
+
+
+def test_a_preview_is_left_out_where_only_the_picture_fits(stand, monkeypatch):
+    """Tables of the scalar are smaller than those of classified voxels, which nodes are made of."""
+    scene = stand.scene(smooth_shell(68), size=(48, 44))
+
+    def refuse(*_):
+        raise RleSplatError("This would not fit.")
+        yield
+
+    monkeypatch.setattr(progressive, "look_steps", refuse)
+    levels = [preview.level for preview in progressive.previews(scene, Quality())]
+    assert levels == [0]
+    with pytest.raises(RleSplatError, match="not fit"):
+        list(progressive.previews(scene, stand.quality))
 
 
 def test_where_there_are_none(stand, monkeypatch):

@@ -69,7 +69,8 @@ def test_only_composited_samples_hide_each_other(stand):
 @pytest.mark.parametrize("sheets", (True, False), ids=("sheets", "every sample"))
 def test_same_bits_for_any_number_of_threads(stand, sheets):
     scene = stand.scene(blobs((23, 17, 20), 2), 120.0, -40.0)
-    pictures = [stand.draw(westover, scene, Quality(threads=n), sheets=sheets).rgba for n in (1, 2)]
+    qualities = [Quality(classification="pre", threads=n) for n in (1, 2)]
+    pictures = [stand.draw(westover, scene, quality, sheets=sheets).rgba for quality in qualities]
     assert pictures[0].max() > 0.1
     np.testing.assert_array_equal(*pictures)
 

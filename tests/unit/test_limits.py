@@ -16,7 +16,7 @@ from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-QUALITY = Quality.preset("standard")
+QUALITY = Quality.preset("standard", classification="pre")
 FUNCTION = TransferFunction(opacity=((80, 0.0), (250, 0.5)), color=((80, 1.0, 0.3, 0.1), (250, 0.4, 0.6, 0.9)))
 
 

@@ -24,7 +24,7 @@ from rle_splat.volume.volume import Volume
 
 SHORT = (8, 6, 4)
 MOST_DENSITY, MOST_COLOR = 16.6, 1.3
-QUALITY = Quality.preset("standard")
+QUALITY = Quality.preset("standard", classification="pre")
 # Largest difference of any channel to 16 bytes, in levels of 1/255: a homogeneous thin medium, whose errors all go
 # the same way; and a lit ball with hard and soft parts.
 THIN_LEVELS = {8: 0.05, 6: 0.1, 4: 1.0}
@@ -236,7 +236,7 @@ def test_short_records_come_back_from_a_file(record, tmp_path):
 
 def test_other_sizes_are_refused():
     with pytest.raises(RleSplatError, match="16, 8, 6, 4"):
-        Quality(record=5)
+        Quality(classification="pre", record=5)
     classified, colors = classify_and_shade(lit_scene(20), QUALITY, Clock())
     with pytest.raises(RleSplatError, match="bytes"):
         encode(classified, colors, 0, record=12)
