@@ -75,6 +75,11 @@ CASES = {
     "A13": "FMA, another CPU",
     "A14": "two lights, none, one at a voxel, one inside",
     "A15": "cancelled, rendered again, transfer function changed half-way",
+    "F1": "renders at once from several threads",
+    "F3": "a full disk, a folder that cannot be written",
+    "F4": "a kernel cache corrupted on purpose",
+    "F5": "memory limited by the system",
+    "F6": "a parallel call within another",
 }
 
 
