@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from .axes import AXES, AXIS_NAMES
-from .classify.classification import ClassifiedVolume, classified, unit_length
+from .classify.classification import ClassifiedVolume, classified, opacity_distance, unit_length
 from .classify.refined import RefinedVolume, value_block_steps
 from .classify.refined_light import LitVoxels, RefinedLight, lit_voxels
 from .classify.shading import (
@@ -293,10 +293,10 @@ def _stored_medium(scene: Scene, quality: Quality) -> Medium:
         yield 1.0
         return stored.axes[axis]
 
-    length = unit_length(stored, scene.index_to_world) / stored.unit_length
+    length = unit_length(stored, scene.index_to_world)
     if stored.model == "opacity":
-        function = TransferFunction.from_json(stored.transfer_function)
-        distance = function.opacity_unit_distance or np.linalg.norm(stored.affine[:3, :3], axis=0).min()
-        length *= distance * stored.unit_length
+        length = opacity_distance(stored, TransferFunction.from_json(stored.transfer_function), length)
+    else:
+        length /= stored.unit_length
     visible = next(iter(stored.axes.values())).visible_voxels
     return _pre_classified(stored.shape_xyz, encode_steps, length, quality, visible)

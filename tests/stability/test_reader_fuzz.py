@@ -65,12 +65,15 @@ def says(record, case, claim):
 # --- raw files --------------------------------------------------------------------------------------------------
 
 ODD_NUMBERS = st.one_of(
-    st.integers(-3, 70000), st.integers(-(10**400), 10**400), st.floats(), st.booleans(), st.none(), st.text(max_size=4),
+    st.integers(-3, 70000), st.integers(-(10**400), 10**400), st.floats(), st.booleans(), st.none(),
+    st.text(max_size=4),
     st.sampled_from([0, -1, 1e300, float("nan"), float("inf"), 2**31, 2**63, 65536, 65537]),
 )  # fmt: skip
 RAW_NAMES = st.one_of(
     st.text(string.ascii_lowercase + string.digits + "_-x.^ ", max_size=24),
-    st.builds("{}x{}x{}_{}".format, *[st.integers(0, 99999)] * 3, st.sampled_from([*STORED_TYPES, "int16be", "header9"])),
+    st.builds(
+        "{}x{}x{}_{}".format, *[st.integers(0, 99999)] * 3, st.sampled_from([*STORED_TYPES, "int16be", "header9"])
+    ),
 )  # fmt: skip
 RAW_OPTIONS = st.fixed_dictionaries(
     {},
@@ -130,6 +133,15 @@ def test_R1_raw_files(record, tmp_path):
     says(record, "R1", "raw and packed files that are neither read nor refused in a sentence")
 
 
+def first_picture(values, slope, intercept, dtype):
+    with np.errstate(over="ignore"):
+        voxels = np.array(values).reshape(2, 2, 2).astype(dtype)
+    volume = Volume(voxels, np.eye(4), slope=slope, intercept=intercept)
+    function, _ = default_transfer_function(volume)
+    camera, matrix = turntable(volume, 20, 10, width=8, height=8)
+    return render(Scene(volume, function, camera, 8, 8, matrix), Quality(threads=1, classification="pre"))
+
+
 @given(
     st.lists(st.floats(width=64), min_size=8, max_size=8), st.floats(allow_nan=False, allow_infinity=False),
     st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(["float32", "float64"]),
@@ -141,19 +153,13 @@ def test_R1_raw_files(record, tmp_path):
 def search_values(values, slope, intercept, dtype):
     """A volume of any values at all: its first picture is finite, or refused in a sentence."""
 
-    def first_picture():
-        with np.errstate(over="ignore"):
-            voxels = np.array(values).reshape(2, 2, 2).astype(dtype)
-        volume = Volume(voxels, np.eye(4), slope=slope, intercept=intercept)
-        function, _ = default_transfer_function(volume)
-        camera, matrix = turntable(volume, 20, 10, width=8, height=8)
-        return render(Scene(volume, function, camera, 8, 8, matrix), Quality(threads=1, classification="pre"))
-
-    picture, _ = outcome(first_picture, 64, 1e6)
+    picture, _ = outcome(lambda: first_picture(values, slope, intercept, dtype), 64, 1e6)
     assert picture is None or np.isfinite(picture.rgba).all()
 
 
 def test_R1_volumes_of_any_values(record):
+    for dtype in ("float32", "float64"):  # kernels are compiled before anything is timed
+        first_picture(range(8), 1.0, 0.0, dtype)
     search_values()
     says(record, "R1", "volumes of any 64-bit values without a finite first picture or a sentence")
 
@@ -232,6 +238,10 @@ def from_file(folder, content, read):
 
 def lit(function=None, camera=None, lights=()):
     """The picture, or the refusal, of a small scene."""
+    return outcome(lambda: small_picture(function, camera, lights), 1000, 1e6)
+
+
+def small_picture(function=None, camera=None, lights=()):
     scene_camera, matrix = turntable(VOLUME, 20, 10, width=8, height=8)
     function = function or TransferFunction.from_json(GOOD_FUNCTION)
     scene = Scene(
@@ -245,7 +255,7 @@ def lit(function=None, camera=None, lights=()):
         headlight=False,
     )
     quality = Quality(classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", threads=1)
-    return outcome(lambda: render(scene, quality), 1000, 1e6)
+    return render(scene, quality)
 
 
 @given(nearly(GOOD_FUNCTION))
@@ -292,6 +302,8 @@ def search_lights(folder, tree):
 
 @pytest.mark.parametrize("search", (search_functions, search_cameras, search_lights))
 def test_R2_json_files(record, tmp_path, search):
+    for lights in ((), Light("SUN"), Light("POINT")):  # kernels are compiled before anything is timed
+        small_picture(lights=(lights,) if lights else ())
     search(tmp_path)
     for read in (TransferFunction.from_json, Camera.from_json, Light.list_from_json):
         for content in NOT_JSON:
@@ -302,10 +314,10 @@ def test_R2_json_files(record, tmp_path, search):
 # --- .rle files -------------------------------------------------------------------------------------------------
 
 
-def rle_file(folder, record_bytes) -> bytes:
+def rle_file(folder, record_bytes, model) -> bytes:
     mask = np.random.default_rng(4).random((5, 4, 6)) < 0.4
     classified = classified_from(mask, 4)
-    axes = {axis: encode(classified, classified.color, axis, record=record_bytes) for axis in (0, 2)}
+    axes = {axis: encode(classified, classified.color, axis, model, record=record_bytes) for axis in (1, 2)}
     path = folder / "whole.rle"
     save(path, StoredVolume(axes, np.diag((0.5, 0.5, 2.0, 1.0)), "mm", 0.001, GOOD_FUNCTION, {}, "head.raw", ("one",)))
     return path.read_bytes()
@@ -379,8 +391,10 @@ def rendered(stored):
 
 
 @pytest.mark.parametrize("record_bytes", (16, 8, 6, 4))
-def test_R3_rle_files(record, tmp_path, record_bytes):
-    whole = rle_file(tmp_path, record_bytes)
+@pytest.mark.parametrize("model", ("extinction", "opacity"))
+def test_R3_rle_files(record, tmp_path, model, record_bytes):
+    whole = rle_file(tmp_path, record_bytes, model)
+    rendered(load(tmp_path / "whole.rle"))  # kernels are compiled before anything is timed
 
     @given(rle_damage(whole))
     @examples(200)
