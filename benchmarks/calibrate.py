@@ -31,14 +31,15 @@ from .planning_scenes import calibration_scenes
 
 QUANTILE = 0.8  # of the calibration scenes' errors lie below what is predicted
 RULES = ("slice", "simpson", "gauss2", "midpoint-1", "midpoint-2", "midpoint-3", "midpoint-4")
+PREINTEGRATED = ("preintegrated", "preintegrated-2", "preintegrated-4")
 DENSE = 4.0  # at which depth rules are measured
 # Sheet density -> the rule under which filters are measured there: deep enough for the depth not to matter.
 DENSITIES = {
-    0.5: "midpoint-4", 0.7: "midpoint-4", 1.0: "midpoint-4", 1.5: "midpoint-4", 2.0: "midpoint-8", 3.0: "midpoint-8",
-    4.0: "midpoint-8", 6.0: "midpoint-12",
+    0.5: "midpoint-4", 0.7: "midpoint-4", 1.0: "midpoint-4", 1.5: "midpoint-4", 2.0: "midpoint-6", 3.0: "midpoint-8",
+    4.0: "midpoint-8", 6.0: "midpoint-8",
 }  # fmt: skip
-DENSEST = 8.0  # that the constants are carried on to
-CUBIC_ALONE = 6.0  # at and beyond this density only the cubic filter is measured
+DENSEST = {"bilinear": 2.0, "keys": 3.0, "cubic": 6.0}  # measured of each filter
+CARRIED = (3.0, 4.0, 6.0, 8.0)  # densities that constants are carried on to
 NO_TERMINATION = 1e-5
 FAINTEST = 0.02  # levels: pilots that differ by less tell nothing
 # Plans whose errors come from depth and density alike.
@@ -48,6 +49,11 @@ JUDGED = (
     ("midpoint-4", 3.0, "cubic"), ("midpoint-6", 3.0, "cubic"), ("midpoint-8", 4.0, "cubic"),
 )  # fmt: skip
 PROBES, DOUBTFUL = 1000, 500
+
+
+def rules_of(classification: str) -> tuple[str, ...]:
+    """The depth rules that are measured."""
+    return (*RULES, *PREINTEGRATED) if classification == "post" else RULES
 
 
 def observe(scene: Scene, base: Quality) -> dict:
@@ -68,13 +74,13 @@ def observe(scene: Scene, base: Quality) -> dict:
     features = features_of(scene, base, drawn)
     fine = draw("midpoint-4", 2.0, "cubic").rgba
     probes, which = choose_probes(fine, PROBES), truth_of(base)
-    doubtful = doubtful_pixels(drawn, DOUBTFUL)
-    columns, rows = (np.concatenate(both) for both in zip((probes.columns, probes.rows), doubtful))
+    doubtful = [doubtful_pixels(drawn["coarse"], drawn[other], DOUBTFUL // 2) for other in ("deep", "dense")]
+    columns, rows = (np.concatenate(parts) for parts in zip((probes.columns, probes.rows), *doubtful))
     true, _ = truth(scene, which, pixels=(columns + 0.5, rows + 0.5), tolerance=1e-7, **shading_of(scene, which))
-    wanted = [(rule, DENSE, "cubic") for rule in RULES]
+    wanted = [(rule, DENSE, "cubic") for rule in rules_of(base.classification)]
     wanted += [
         (rule, density, name) for density, rule in DENSITIES.items() for name in WARP_FILTERS
-        if name == "cubic" or density < CUBIC_ALONE
+        if density <= DENSEST[name]
     ]  # fmt: skip
     plans = []
     for plan in dict.fromkeys((*wanted, *JUDGED)):
@@ -88,30 +94,35 @@ def observe(scene: Scene, base: Quality) -> dict:
 def fitted(observations: list[dict], base: Quality) -> tuple[dict, dict]:
     """(constants of one classification as Model has them, what there is to say of the fit)."""
     scenes = [(Features(**seen["features"]), {tuple(p[:3]): p[3] for p in seen["plans"]}) for seen in observations]
-    warp = {name: _densities(scenes, name) for name in WARP_FILTERS}
-    at_dense = dict(warp["cubic"])[DENSE]
+    cubic = _densities(scenes, "cubic")
+    warp = {name: cubic if name == "cubic" else _densities(scenes, name, cubic) for name in WARP_FILTERS}
+    at_dense = dict(cubic)[DENSE]
     depth = {
         rule: _envelope(
             _without(errors[rule, DENSE, "cubic"], at_dense * f.sheet_step) / f.depth_step for f, errors in scenes
             if f.depth_step > FAINTEST
         )
-        for rule in RULES
+        for rule in rules_of(base.classification)
     }  # fmt: skip
     times = [(number, f, *plan) for number, (f, _) in enumerate(scenes) for plan in observations[number]["plans"]]
     of_scene = [entry[0] for entry in times]
+    sheets = [entry for entry in times if entry[2] not in PREINTEGRATED]
     splat = _nonnegative_fit(
-        [splat_terms(f, rule, density) for _, f, rule, density, *_ in times], [entry[-2] for entry in times], of_scene
-    )
+        [splat_terms(f, rule, density) for _, f, rule, density, *_ in sheets], [entry[-2] for entry in sheets],
+        [entry[0] for entry in sheets],
+    )  # fmt: skip
     warped = _nonnegative_fit(
         [warp_terms(f, name, density) for _, f, _, density, name, *_ in times], [entry[-1] for entry in times], of_scene
     )
     constants = {"depth": depth, "warp": warp, "splat_ms": splat, "warp_ms": warped}
+    if base.classification == "post":
+        constants["family_factor"] = {"preintegrated": _family_factor(times, splat)}
     factor = float(np.quantile(_against_truth(constants, scenes, base), QUANTILE))
     constants["depth"] = {rule: _rounded(factor * value) for rule, value in depth.items()}
     constants["warp"] = {name: [[d, _rounded(factor * value)] for d, value in table] for name, table in warp.items()}
     ratios = _against_truth(constants, scenes, base)
-    quantiles = {f"{share:.0%}": float(np.quantile(ratios, share)) for share in (0.1, 0.5, 0.8, 0.95, 1.0)}
-    return constants, {"scenes": len(scenes), "factor": factor, "measured_over_predicted": quantiles}
+    quantiles = {f"{share:.0%}": _rounded(np.quantile(ratios, share)) for share in (0.1, 0.5, 0.8, 0.95, 1.0)}
+    return constants, {"scenes": len(scenes), "factor": _rounded(factor), "measured_over_predicted": quantiles}
 
 
 def _without(error: float, other: float) -> float:
@@ -123,11 +134,12 @@ def _envelope(ratios) -> float:
     return float(np.quantile(list(ratios), QUANTILE))
 
 
-def _densities(scenes, name: str) -> list[list[float]]:
-    """[[density, constant], ...] of one filter, carried on beyond what was measured at the pace it fell with."""
+def _densities(scenes, name: str, cubic=None) -> list[list[float]]:
+    """[[density, constant], ...] of one filter, carried on beyond what was measured at the pace it fell with, but never
+    nearer to the ``cubic`` filter's table than it came."""
     table = []
     for density, rule in DENSITIES.items():
-        if name != "cubic" and density >= CUBIC_ALONE:
+        if density > DENSEST[name]:
             continue
         ratios = [errors[rule, density, name] / f.sheet_step for f, errors in scenes if f.sheet_step > FAINTEST]
         table.append([density, _envelope(ratios)])
@@ -135,7 +147,12 @@ def _densities(scenes, name: str) -> list[list[float]]:
         table[number][1] = min(table[number][1], table[number - 1][1])
     (before, high), (last, low) = table[-2:]
     order = max(np.log(high / low) / np.log(last / before), 1.0)
-    return [*table, [DENSEST, low * (last / DENSEST) ** order]]
+    best = dict(cubic or ())
+    for density in CARRIED:
+        if density > last:
+            least = low / best[last] * best[density] if best else 0.0
+            table.append([density, max(low * (last / density) ** order, least)])
+    return table
 
 
 def _against_truth(constants, scenes, base: Quality) -> list[float]:
@@ -153,26 +170,41 @@ def _against_truth(constants, scenes, base: Quality) -> list[float]:
     return ratios
 
 
+def _family_factor(times, splat_ms) -> float:
+    """The median of what pre-integrated sheets take over what as many others do in the same scene."""
+    ratios = [
+        (number, rule in PREINTEGRATED, spent / float(np.dot(splat_ms, splat_terms(f, rule, density))))
+        for number, f, rule, density, _, _, spent, _ in times
+    ]
+    plain = {number: [r for n, special, r in ratios if n == number and not special] for number, *_ in ratios}
+    return _rounded(float(np.median([r / np.median(plain[n]) for n, special, r in ratios if special])))
+
+
 def _nonnegative_fit(terms, milliseconds, scene_of) -> list[float]:
     """Coefficients, none below zero, of terms whose sum is some milliseconds; relative errors count, and every scene
     may be slower or quicker than the others as a whole, as the planner takes that from the pilots."""
     terms, spent, scene_of = np.array(terms), np.maximum(np.array(milliseconds), 0.02), np.array(scene_of)
-    scale = np.ones(scene_of.max() + 1)
-    for _ in range(8):
+    scale, expected = np.ones(scene_of.max() + 1), spent
+    for _ in range(12):
         goal = spent / scale[scene_of]
-        weighted = terms / goal[:, None]
-        used = [column for column in range(terms.shape[1]) if terms[:, column].any()]
-        while True:
-            found = np.linalg.lstsq(weighted[:, used], np.ones(len(spent)), rcond=None)[0]
-            if (found >= 0.0).all():
-                break
-            used.pop(int(np.argmin(found * np.linalg.norm(weighted[:, used], axis=0))))
-        coefficients = np.zeros(terms.shape[1])
-        coefficients[used] = found
-        ratio = spent / np.maximum(terms @ coefficients, 1e-6)
+        weight = 1.0 / np.sqrt(goal * expected)  # being off by a factor counts alike in both directions
+        coefficients = _nonnegative(terms * weight[:, None], goal * weight)
+        expected = np.maximum(terms @ coefficients, 1e-3)
+        ratio = spent / expected
         scale = np.array([np.median(ratio[scene_of == number]) for number in range(len(scale))])
         scale /= np.median(scale)
     return [_rounded(value) for value in coefficients]
+
+
+def _nonnegative(terms: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """The least squares solution without a negative number, one coefficient after the other until they rest."""
+    size = np.maximum(np.linalg.norm(terms, axis=0), 1e-30)
+    among, wanted = (terms / size).T @ (terms / size), (terms / size).T @ goal
+    found = np.zeros(len(wanted))
+    for _ in range(3000):
+        for number in range(len(found)):
+            found[number] = max(found[number] + wanted[number] - among[number] @ found, 0.0)
+    return found / size
 
 
 def _rounded(value: float) -> float:

@@ -4,18 +4,21 @@ is in both (algorithm.md 7.3).  All that is calibrated on is made of formulas.""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from devtools.phantom import SPACING_MM, head_phantom
 from rle_splat.accuracy.closed_forms import marschner_lobb
 from rle_splat.accuracy.phantoms import binary_shell, blobs, smooth_shell, thin_shell
-from rle_splat.classify.presets import preset
+from rle_splat.classify.presets import fit_preset, preset
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.scene import Scene
+from rle_splat.read.formats import read_volume
+from rle_splat.scene import Camera, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+
+from .scenes import DATA, shells
 
 RAINBOW = ((0.0, 0.9, 0.3, 0.1), (0.2, 0.2, 0.8, 0.3), (0.5, 0.1, 0.3, 1.0), (1.0, 0.9, 0.9, 0.8))
 
@@ -114,10 +117,10 @@ def calibration_volumes() -> Iterator[tuple[str, Volume, TransferFunction, bool]
 
 
 CALIBRATION_VIEWS = (
-    View(35.0, 25.0, 128),
-    View(35.0, 25.0, 128, True),
-    View(10.0, 5.0, 256),
-    View(-60.0, 75.0, 192, True, fit=1.0, fov=60.0),
+    View(35.0, 25.0, 112),
+    View(35.0, 25.0, 112, True),
+    View(10.0, 5.0, 192),
+    View(-60.0, 75.0, 144, True, fit=1.0, fov=60.0),
 )
 
 
@@ -126,3 +129,90 @@ def calibration_scenes() -> Iterator[tuple[str, Scene]]:
     for name, volume, function, shaded in calibration_volumes():
         for number, view in enumerate(CALIBRATION_VIEWS):
             yield f"{name}, view {number}", view.of(volume, function, shaded)
+
+
+# --- judged on ------------------------------------------------------------------------------------------------
+
+
+def _lemon(size: int = 88) -> Volume:
+    """An ellipsoid of layers, off the middle and aslant, in Hounsfield-like numbers, int16; spacing 1, 1, 1.5."""
+    z, y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, size),) * 3, indexing="ij")
+    radius = np.sqrt((x + 0.1) ** 2 / 0.7 + (y - 0.2 * z) ** 2 / 0.45 + (z + 0.05) ** 2 / 0.6)
+    ripple = 0.06 * np.sin(9.0 * x + 2.0) * np.sin(8.0 * y) * np.sin(7.0 * z + 1.0)
+    return Volume(np.rint(1400.0 * (0.95 - radius + ripple)).astype(np.int16), np.diag((1.0, 1.0, 1.5, 1.0)))
+
+
+def _tubes(size: int = 96) -> Volume:
+    """Winding tubes two to four voxels wide in fog, float32."""
+    z, y, x = np.meshgrid(*(np.arange(size, dtype=np.float64),) * 3, indexing="ij")
+    field = 0.15 * np.exp(-((x - 48.0) ** 2 + (y - 40.0) ** 2 + (z - 52.0) ** 2) / 1800.0)
+    for number in range(5):
+        phase, centre = 1.3 * number, 20.0 + 14.0 * number
+        across = (y - centre - 9.0 * np.sin(0.09 * x + phase)) ** 2 + (z - 48.0 - 20.0 * np.cos(0.07 * x + phase)) ** 2
+        field += np.exp(-0.5 * across / (1.0 + 0.35 * number) ** 2)
+    return Volume(field.astype(np.float32), np.eye(4))
+
+
+def _inside(volume: Volume, function: TransferFunction, size: int, share, towards, shaded: bool) -> Scene:
+    """From a point of the volume's box (shares of its sides), through a lens of 24 mm."""
+    corner = (np.array(volume.shape_xyz) - 1.0) * volume.spacing
+    eye, aim = corner * share, corner * towards
+    ahead = (aim - eye) / np.linalg.norm(aim - eye)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack((right, np.cross(right, ahead), -ahead), axis=1)
+    matrix[:3, 3] = eye
+    camera = Camera(matrix, lens=24.0, clip_start=1e-3, clip_end=1e4)
+    straight = replace(volume, affine=np.diag((*volume.spacing, 1.0)))
+    return Scene(straight, function, camera, size, size, headlight=shaded)
+
+
+# File, how to read it, preset, shaded, view.
+JUDGED_SCANS = {
+    "engine, outside": ("engine_256x256x110_uint8.raw.gz", {}, "ct-industrial", True, View(-30.0, 20.0, 320)),
+    "bonsai, perspective": (
+        "bonsai_256x256x256_uint8.raw.gz", {}, "ct-plant", False, View(70.0, 15.0, 320, True, 1.1),
+    ),
+    "MR head": (
+        "mrbrain_256x256x99_uint8.raw.gz", dict(spacing=(1.0, 1.0, 2.0)), "mr-head", True, View(150.0, 10.0, 256),
+    ),
+    "lobster, perspective": (
+        "lobster_301x324x56_uint8.raw.gz", dict(spacing=(1.0, 1.0, 1.4)), "ct-specimen", True,
+        View(25.0, 55.0, 288, True),
+    ),
+    "CT head, perspective": (
+        "cthead_256x256x113_uint16be.raw.gz", dict(spacing=(1.0, 1.0, 2.0)), "ct-bone", True,
+        View(-110.0, 40.0, 256, True, 1.3),
+    ),
+    "foot": ("foot_256x256x256_uint8_fromjpeg.raw.gz", {}, "xa-limb", False, View(20.0, 5.0, 256)),
+}  # fmt: skip
+
+
+def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
+    """The scenes that a planner is judged on: formulas that are not calibrated on, and scans where they are at hand.
+
+    ``names``: only these, all when None or empty.
+    """
+    lemon, tubes = _lemon(), _tubes()
+    volume, function = shells(128)
+    narrow = bands((350.0, 700.0), 60.0, 0.8)
+    wide = ramp(100.0, 1200.0, 0.15, shade=Shade())
+    thin = bands((0.5,), 0.12, 0.9, shade=Shade())
+    soft = ramp(0.05, 1.2, 0.3)
+    made = {
+        "shells": lambda: View(-20.0, 35.0, 256).of(volume, function, True),
+        "lemon, narrow": lambda: View(55.0, -20.0, 224).of(lemon, narrow, False),
+        "lemon, wide, perspective": lambda: View(100.0, 30.0, 224, True, 1.1, 50.0).of(lemon, wide, True),
+        "tubes, thin": lambda: View(75.0, 12.0, 256, True).of(tubes, thin, True),
+        "tubes, soft": lambda: View(5.0, 62.0, 320).of(tubes, soft, False),
+        "inside the lemon": lambda: _inside(lemon, wide, 160, (0.5, 0.12, 0.5), (0.45, 0.9, 0.4), True),
+        "inside the tubes": lambda: _inside(tubes, soft, 160, (0.15, 0.55, 0.5), (0.9, 0.4, 0.45), False),
+    }
+    for name, make in made.items():
+        if not names or name in names:
+            yield name, make()
+    for name, (file, options, look, shaded, view) in JUDGED_SCANS.items():
+        if (DATA / file).exists() and (not names or name in names):
+            scan = read_volume(DATA / file, **options)
+            yield name, view.of(scan, fit_preset(look, scan)[0], shaded)

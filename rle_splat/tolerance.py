@@ -2,8 +2,9 @@
 so, replaced by a finer one (algorithm.md 2.4).
 
 What is measured is the largest difference of any channel of premultiplied scene-linear RGBA, in levels of 1/255, at
-probe pixels: random ones, which speak for all pixels; those where the picture is steepest; and those where coarse
-pictures of the scene disagree most.  The truth is T1 for the classification pre and T2 for the others.
+probe pixels: random ones, which speak for all pixels; those where the picture is steepest; and those at which it
+differs most from one with half as many sheet pixels along each side.  The truth is T1 for the classification pre and T2
+for the others.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
 from .kept import Kept
 from .plan.candidates import check_plannable, check_tolerance, name_of
-from .plan.choose import Choice, Speed, choose, corrected
+from .plan.choose import NEARLY_BEST, Choice, Speed, choose, corrected
 from .plan.features import Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model, default_classification
+from .plan.need import need_of
 from .render import render_steps, truth_of
 from .scene import Quality, Rendering, RleSplatError, Scene
 from .steps import Progress
@@ -33,7 +35,9 @@ from .view.ray_limits import box_depths
 MOST_ESCALATIONS = 2
 # Probes that pass by less than this leave too much to luck, as other pixels err more: the next finer plan is taken.
 CLEAR = 0.9
-DOUBTFUL_SHARE = 0.5  # as many probes more, of the ordinary ones, go to where the pilots disagree
+DOUBTFUL_SHARE = 0.5  # as many probes more, of the ordinary ones, go to where half the density makes a difference
+HALF = 0.5
+WORTH_SAYING_MS = 2000.0  # of a frame's expected time
 STRICTEST = 0.05  # levels; float32 sheets and an eye see no less
 PIXELS_FROM_MESHES = 6  # that the warp's filter and its prefilter may reach from a pixel whose ray ends at a mesh
 RAYS_AT_ONCE = 256  # of a truth: a tenth of a second or so between two looks at the user's Esc
@@ -96,25 +100,32 @@ def tolerance_steps(
         drawn[name] = yield from _rendered(scene, plan, kept, refuse_empty_view, *ends, "Looking at the scene")
         frames.append((plan, drawn[name].report["stages_ms"]))
     features = features_of(scene, quality, drawn)
-    judge_of = _Judge(scene, quality, drawn, probes, seed) if probes else None
+    judge_of = _Judge(scene, quality, probes, seed) if probes else None
 
     rounds: list[_Round] = []
-    correction, frames = 1.0, frames[1:]  # the first one also filled the caches
+    correction, slack, frames = 1.0, NEARLY_BEST, frames[1:]  # the first one also filled the caches
     while True:
-        choice = choose(features, quality, tolerance, model, Speed.of(model, features, frames), correction)
+        choice = choose(features, quality, tolerance, model, Speed.of(model, features, frames), correction, slack)
         begin, end = _span(len(rounds))
-        text = "Rendering" if not rounds else "Rendering once more, finer"
-        rendering = yield from _rendered(scene, choice.plan, kept, refuse_empty_view, begin, 0.5 * (begin + end), text)
+        middle = 0.5 * (begin + end)
+        text = f"Rendering {name_of(choice.plan)}"
+        if choice.milliseconds > WORTH_SAYING_MS:
+            text += f", about {choice.milliseconds / 1e3:.0f} s"
+        rendering = yield from _rendered(scene, choice.plan, kept, refuse_empty_view, begin, middle, text)
         measured, judged = None, None
         if judge_of is not None:
-            judged = yield from judge_of.steps(rendering, tolerance, 0.5 * (begin + end), end)
+            halved = replace(choice.plan, sheet_density=HALF * choice.plan.sheet_density)
+            text = "Rendering a coarser one beside it"
+            other = yield from _rendered(scene, halved, kept, refuse_empty_view, middle, middle, text)
+            judged = yield from judge_of.steps(rendering, other, tolerance, middle, end)
             measured = judged["largest"] if judged else None
         rounds.append(_Round(choice, rendering, measured, judged))
         frames = [*frames, (choice.plan, rendering.report["stages_ms"])]
         if measured is None or measured <= CLEAR * tolerance or len(rounds) > MOST_ESCALATIONS:
             break
         correction = corrected(choice.errors, measured, correction)
-        following = choose(features, quality, tolerance, model, correction=correction)
+        slack = 1.0 if not choice.keeps else NEARLY_BEST
+        following = choose(features, quality, tolerance, model, correction=correction, slack=slack)
         if following.plan == choice.plan or (measured <= tolerance and not following.keeps):
             break
     yield Progress(1.0, "Done")
@@ -156,39 +167,46 @@ def _rendered(scene, plan, kept, refuse_empty_view, begin, end, text):
 
 
 class _Judge:
-    """Probe pixels of a scene and their truth, looked up once for all rounds."""
+    """Probe pixels of a scene and their truth, each looked up once for all rounds."""
 
-    def __init__(self, scene: Scene, quality: Quality, drawn, count: int, seed: int):
+    def __init__(self, scene: Scene, quality: Quality, count: int, seed: int):
         self._scene, self._name = scene, truth_of(quality)
         self._count, self._seed = count, seed
-        self._doubtful = doubtful_pixels(drawn, int(DOUBTFUL_SHARE * count))
         self._free = _free_of_meshes(scene, quality)
-        self._true = None
+        self._shading = shading_of(scene, self._name)
+        self._random = 0  # of the probes, the first ones
+        self._columns, self._rows, self._true = np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 4))
 
-    def steps(self, rendering: Rendering, tolerance: float, begin: float, end: float):
-        """Generator of Progress; returns what ``probes.judge`` says of the picture, None without a pixel to look at."""
-        if self._true is None:
-            yield from self._look_up(rendering, begin, end)
+    def steps(self, rendering: Rendering, coarser: Rendering, tolerance: float, begin: float, end: float):
+        """Generator of Progress; returns what ``probes.judge`` says of the picture, None without a pixel to look at.
+
+        ``coarser``: the same with half the density, which tells where to look.
+        """
+        if not len(self._columns):
+            probes = choose_probes(rendering.rgba, self._count, self._seed)
+            free = self._free[probes.rows, probes.columns]
+            self._random = int(free[: probes.random].sum())
+            yield from self._look_up(probes.columns, probes.rows, begin, 0.5 * (begin + end))
+        doubtful = doubtful_pixels(rendering, coarser, int(DOUBTFUL_SHARE * self._count))
+        yield from self._look_up(*doubtful, 0.5 * (begin + end), end)
         if not len(self._columns):
             return None
         errors = probe_errors(rendering.rgba[self._rows, self._columns], self._true)
         return judge(errors, self._random, tolerance)
 
-    def _look_up(self, rendering: Rendering, begin: float, end: float):
-        probes = choose_probes(rendering.rgba, self._count, self._seed)
-        columns, rows = (np.concatenate(both) for both in zip((probes.columns, probes.rows), self._doubtful))
-        random = np.arange(len(columns)) < probes.random
+    def _look_up(self, columns, rows, begin: float, end: float):
+        """Generator of Progress: more probes, where no mesh has a part in them."""
         free = self._free[rows, columns]
-        self._columns, self._rows, self._random = columns[free], rows[free], int(random[free].sum())
+        columns, rows = columns[free], rows[free]
         left, top = self._scene.region[:2]
-        shading = shading_of(self._scene, self._name)
-        found = []
-        for first in range(0, len(self._columns), RAYS_AT_ONCE):
-            yield Progress(begin + (end - begin) * first / len(self._columns), "Measuring the error at probe pixels")
+        found = [self._true]
+        for first in range(0, len(columns), RAYS_AT_ONCE):
+            yield Progress(begin + (end - begin) * first / len(columns), "Measuring the error at probe pixels")
             part = slice(first, first + RAYS_AT_ONCE)
-            centres = self._columns[part] + left + 0.5, self._rows[part] + top + 0.5
-            found.append(truth(self._scene, self._name, pixels=centres, tolerance=TOLERANCE, **shading)[0])
-        self._true = np.concatenate(found) if found else np.empty((0, 4))
+            centres = columns[part] + left + 0.5, rows[part] + top + 0.5
+            found.append(truth(self._scene, self._name, pixels=centres, tolerance=TOLERANCE, **self._shading)[0])
+        self._columns, self._rows = np.concatenate((self._columns, columns)), np.concatenate((self._rows, rows))
+        self._true = np.concatenate(found)
 
 
 def _free_of_meshes(scene: Scene, quality: Quality) -> np.ndarray:
@@ -236,12 +254,13 @@ def _finished(scene: Scene, tolerance: float, quality: Quality, features: Featur
         "budget": choice.errors.report(),
         "rounds": [one.report() for one in rounds],
         "features": features.report(),
+        "need": need_of(scene.volume, scene.transfer_function).report(),
     }
     if best.judged:
         error |= {name: best.judged[name] for name in ("random", "steep", "share", "confidence")}
         error["statement"] = best.judged["sentence"]
     error["sentence"] = sentence(error)
-    remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, error)]
+    remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, quality, error)]
     plan = {**rendering.report["plan"], "name": name_of(choice.plan)}
     return replace(rendering, report={**rendering.report, "plan": plan, "error": error, "remarks": remarks})
 
@@ -260,8 +279,10 @@ def sentence(error: dict) -> str:
     return f"{', '.join(parts)}, {error['ms']:.0f} ms"
 
 
-def _remarks(scene: Scene, tolerance: float, error: dict) -> list[str]:
+def _remarks(scene: Scene, tolerance: float, quality: Quality, error: dict) -> list[str]:
     remarks = []
+    if quality.classification == "pre" and error["need"]["classification"] != "pre":
+        remarks.append(error["need"]["sentence"])
     if not error["kept"]:
         how = "measured" if error["measured"] is not None else "predicted"
         remarks.append(

@@ -10,11 +10,12 @@ import math
 from dataclasses import replace
 from itertools import product
 
-from ..scene import Quality, RleSplatError, midpoints_of
+from ..scene import Quality, RleSplatError, midpoints_of, preintegrated_of
 
 DEPTH_RULES = (
     "slice", "simpson", "gauss2", *(f"midpoint-{m}" for m in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)),
 )  # fmt: skip
+PREINTEGRATED_RULES = ("preintegrated", *(f"preintegrated-{m}" for m in (2, 3, 4, 6, 8)))  # of sheets of the scalar
 SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
@@ -28,11 +29,16 @@ PROMISED = {
 }
 
 
+def depth_rules(classification: str) -> tuple[str, ...]:
+    """The depth rules to choose from."""
+    return (*DEPTH_RULES, *PREINTEGRATED_RULES) if classification == "post" else DEPTH_RULES
+
+
 def candidates(base: Quality) -> list[Quality]:
     """Every plan of the grid, its other knobs as in ``base``."""
     return [
         replace(base, name=PLANNED, depth_rule=rule, sheet_density=density, warp_filter=warp_filter)
-        for rule, density, warp_filter in product(DEPTH_RULES, SHEET_DENSITIES, WARP_FILTERS)
+        for rule, density, warp_filter in product(depth_rules(base.classification), SHEET_DENSITIES, WARP_FILTERS)
     ]
 
 
@@ -44,9 +50,12 @@ def name_of(plan: Quality) -> str:
     return f"{plan.classification}{finer} {plan.depth_rule} {density} {plan.warp_filter}"
 
 
-def sheets_per_voxel(depth_rule: str) -> int:
-    """How many sheets the depth of a voxel takes under a rule."""
-    return midpoints_of(depth_rule) or SHEETS_PER_VOXEL[depth_rule]
+def family_of(depth_rule: str) -> tuple[str, int]:
+    """A rule's family, ``midpoint`` or ``preintegrated`` or its own name, and the sheets that a voxel's depth takes."""
+    for family, count in (("midpoint", midpoints_of(depth_rule)), ("preintegrated", preintegrated_of(depth_rule))):
+        if count is not None:
+            return family, count
+    return depth_rule, SHEETS_PER_VOXEL[depth_rule]
 
 
 def check_plannable(quality: Quality) -> None:

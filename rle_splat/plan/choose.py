@@ -20,12 +20,14 @@ LEAST_TERMINATION = 1e-7
 # A scene that errs more than its model says is taken to err somewhat more still: the largest error of a better plan
 # falls a little slower than the typical one.
 CAUTION = 1.15
+# What no plan keeps is rendered by the quickest plan that errs hardly more than the most accurate one.
+NEARLY_BEST = 1.25
 
 
 @dataclass(frozen=True)
 class Choice:
     """A plan, what it is expected to err and to take (splat and warp), and whether it is expected to keep the
-    tolerance: if not, it is the most accurate there is."""
+    tolerance: if not, there is hardly a more accurate one."""
 
     plan: Quality
     errors: ErrorBudget
@@ -65,27 +67,27 @@ def termination_for(tolerance: float, largest_color: float) -> float:
 
 
 def choose(features: Features, base: Quality, tolerance: float, model: Model, speed: Speed = Speed(),
-           correction: float = 1.0) -> Choice:  # fmt: skip
+           correction: float = 1.0, slack: float = NEARLY_BEST) -> Choice:  # fmt: skip
     """The plan that is expected to be quickest of those expected to err at most SAFETY times the tolerance, in levels;
-    without any, the most accurate one, and ``keeps`` is False.
+    without any, the quickest of those that err at most ``slack`` times what the most accurate one does, and ``keeps``
+    is False.
 
     ``base``: what the plan does not decide.  ``correction``: as ``Model.errors`` has it.
     """
     base = replace(base, termination=termination_for(tolerance, features.largest_color))
-    best, most_accurate = None, None
     densest = _densest_that_fits(features)
+    choices = []
     for plan in candidates(base):
-        if plan.sheet_density > densest:
-            continue
-        errors = model.errors(features, plan, correction)
-        splat, warp = model.milliseconds(features, plan)
-        keeps = errors.total <= SAFETY * tolerance
-        choice = Choice(plan, errors, splat * speed.splat, warp * speed.warp, keeps)
-        if keeps and (best is None or choice.milliseconds < best.milliseconds):
-            best = choice
-        if most_accurate is None or errors.total < most_accurate.errors.total:
-            most_accurate = choice
-    return best or most_accurate
+        if plan.sheet_density <= densest:
+            errors = model.errors(features, plan, correction)
+            splat, warp = model.milliseconds(features, plan)
+            keeps = errors.total <= SAFETY * tolerance
+            choices.append(Choice(plan, errors, splat * speed.splat, warp * speed.warp, keeps))
+    enough = [choice for choice in choices if choice.keeps]
+    if not enough:
+        least = min(choice.errors.total for choice in choices)
+        enough = [choice for choice in choices if choice.errors.total <= slack * least]
+    return min(enough, key=lambda choice: choice.milliseconds)
 
 
 def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> float:

@@ -100,14 +100,12 @@ def difference_of(one: Rendering, other: Rendering) -> np.ndarray:
     return LEVELS * np.abs(one.rgba - other.rgba).max(axis=-1)
 
 
-def doubtful_pixels(drawn: dict[str, Rendering], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows of the ``count`` pixels at which the pilots differ most, half of them for each reason."""
-    chosen = []
-    for other in ("deep", "dense"):
-        apart = difference_of(drawn["coarse"], drawn[other])
-        half = min(count // 2, apart.size)
-        chosen.append(np.argpartition(apart, apart.size - half, axis=None)[apart.size - half :])
-    rows, columns = np.unravel_index(np.unique(np.concatenate(chosen)), apart.shape)
+def doubtful_pixels(one: Rendering, other: Rendering, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows of the ``count`` pixels at which two pictures of a scene differ most."""
+    apart = difference_of(one, other)
+    count = min(count, apart.size)
+    chosen = np.argpartition(apart, apart.size - count, axis=None)[apart.size - count :]
+    rows, columns = np.unravel_index(np.sort(chosen), apart.shape)
     return columns, rows
 
 

@@ -13,14 +13,14 @@ machine and these tables, from what the pilots or other frames of the scene took
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from ..scene import DEFAULT_CLASSIFICATION, Quality, RleSplatError, midpoints_of
-from .candidates import sheets_per_voxel
+from ..scene import DEFAULT_CLASSIFICATION, Quality, RleSplatError
+from .candidates import family_of
 from .features import LEVELS, Features
 
 CALIBRATION = Path(__file__).with_name("calibration.json")
@@ -32,7 +32,7 @@ LIGHT_ERRORS = (0.0, 2.0**-12)  # the same of post, which keeps scalars as they 
 FLOAT_ERROR = 2.0**-24  # of each sum and product in the splatter; more sheets than these add up in float64
 FLOAT_SHEETS = 1 << 14
 ROUNDINGS = 32  # of those, beside one for each sheet: footprints, the exponential, the warp's taps
-ORDER = 2.0  # of midpoints: what their errors fall with, beyond the rules that were calibrated
+ORDER = 2.0  # of midpoints and of slabs: what errors fall with, beyond the rules that were calibrated
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Model:
 
     ``depth``: rule -> its error over the features' ``depth_step``.  ``warp``: filter -> [[sheet density, error over
     ``sheet_step``], ...], densities rising.  ``splat_ms`` and ``warp_ms``: coefficients of ``splat_terms`` and
-    ``warp_terms``.
+    ``warp_terms``.  ``family_factor``: family of depth rules -> what its sheets take over what those of others take.
     """
 
     classification: str
@@ -75,6 +75,7 @@ class Model:
     warp: dict
     splat_ms: tuple
     warp_ms: tuple
+    family_factor: dict = field(default_factory=dict)
 
     @classmethod
     def of(cls, classification: str) -> Model:
@@ -92,7 +93,7 @@ class Model:
         has been found to err."""
         color = max(features.largest_color, 1.0)
         density_error, color_error = LIGHT_ERRORS if plan.classification == "post" else RECORD_ERRORS[plan.record]
-        sheets = min(features.sheets * sheets_per_voxel(plan.depth_rule), FLOAT_SHEETS)
+        sheets = min(features.sheets * family_of(plan.depth_rule)[1], FLOAT_SHEETS)
         return ErrorBudget(
             depth=correction * features.depth_step * self._depth_constant(plan.depth_rule),
             warp=correction * features.sheet_step * self._warp_constant(plan.warp_filter, plan.sheet_density),
@@ -104,14 +105,16 @@ class Model:
     def milliseconds(self, features: Features, plan: Quality) -> tuple[float, float]:
         """Of splat and of warp, on the machine that the file was made on."""
         splat = float(np.dot(self.splat_ms, splat_terms(features, plan.depth_rule, plan.sheet_density)))
+        splat *= self.family_factor.get(family_of(plan.depth_rule)[0], 1.0)
         return splat, float(np.dot(self.warp_ms, warp_terms(features, plan.warp_filter, plan.sheet_density)))
 
     def _depth_constant(self, rule: str) -> float:
         if rule in self.depth:
             return self.depth[rule]
-        m = midpoints_of(rule)
-        known = max(n for n in map(midpoints_of, self.depth) if n is not None and n <= m)
-        return self.depth[f"midpoint-{known}"] * (known / m) ** ORDER
+        family, m = family_of(rule)
+        relatives = {family_of(other)[1]: other for other in self.depth if family_of(other)[0] == family}
+        known = max(n for n in relatives if n <= m)
+        return self.depth[relatives[known]] * (known / m) ** ORDER
 
     def _warp_constant(self, warp_filter: str, density: float) -> float:
         at, constants = np.log(np.array(self.warp[warp_filter], dtype=np.float64).T)
@@ -121,7 +124,7 @@ class Model:
 def splat_terms(features: Features, rule: str, density: float) -> np.ndarray:
     """What the milliseconds of a splat are a sum of: one; rows that look at a sheet; runs and voxels that they decode;
     sheet pixels composited; pixels of all sheets, looked at or not; pixels of the intermediate images; in millions."""
-    sheets = sheets_per_voxel(rule)
+    sheets = family_of(rule)[1]
     rows_per_voxel = density * features.pixels_per_voxel
     return 1e-6 * np.array((
         1e6,
