@@ -21,7 +21,15 @@ from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 STAGE = Stage()
 FIELD = 0.4 * FIELDS["smooth"](24)
 FINE = Quality(classification="pre", depth_rule="gauss2", sheet_density=2.0, termination=1 / 65536)
+IDENTITY = np.eye(3)
+PLANS = {"pre": FINE, "post": replace(FINE, classification="post")}  # held against T1 and against T2
 TRUTHS: dict = {}
+
+
+@pytest.fixture(params=PLANS)
+def plan(request):
+    """The plan by its classification."""
+    return PLANS[request.param]
 
 
 def lens_of(fov):
@@ -29,21 +37,30 @@ def lens_of(fov):
     return 18.0 / np.tan(np.radians(0.5 * fov))
 
 
-def true_picture(scene, name):
-    """T1 of a scene, kept under ``name`` for the other arithmetic width; every third pixel, which is what a sharp
-    bound needs."""
-    if name not in TRUTHS:
+def volume_for(plan, field=FIELD, linear=IDENTITY):
+    """The field under a linear map.  Post-classified matter ends at the box of the voxels' centres: a voxel of nothing
+    goes round it, for where matter is cut off the truth jumps, and no picture follows that to a level."""
+    if plan.classification == "post":
+        return STAGE.volume(np.pad(field, 1), placed(linear, -linear @ np.ones(3)))
+    return STAGE.volume(field, placed(linear))
+
+
+def true_picture(scene, name, plan=FINE):
+    """T1, or T2 for post-classified sheets, of a scene, kept under ``name`` for the other arithmetic width; every third
+    pixel, which is what a sharp bound needs."""
+    which = "T2" if plan.classification == "post" else "T1"
+    if (name, which) not in TRUTHS:
         columns, rows = np.meshgrid(np.arange(1, scene.width, 3), np.arange(1, scene.height, 3))
-        rgba, _ = truth(scene, pixels=(columns.ravel() + 0.5, rows.ravel() + 0.5), tolerance=1e-6)
-        TRUTHS[name] = rgba.reshape(*columns.shape, 4)
-    return TRUTHS[name]
+        rgba, _ = truth(scene, which, pixels=(columns.ravel() + 0.5, rows.ravel() + 0.5), tolerance=1e-6)
+        TRUTHS[name, which] = rgba.reshape(*columns.shape, 4)
+    return TRUTHS[name, which]
 
 
-def errors(scene, name, quality=FINE):
-    """(root mean square, largest) levels off T1."""
-    rgba = render(scene, quality).rgba
+def errors(scene, name, plan=FINE):
+    """(root mean square, largest) levels off the truth."""
+    rgba = render(scene, plan).rgba
     assert np.isfinite(rgba).all()
-    off = (rgba[1::3, 1::3] - true_picture(scene, name)) / LEVEL
+    off = (rgba[1::3, 1::3] - true_picture(scene, name, plan)) / LEVEL
     return float(np.sqrt((off**2).mean())), float(np.abs(off).max())
 
 
@@ -52,7 +69,7 @@ def errors(scene, name, quality=FINE):
 
 @pytest.mark.parametrize("stretch", ((1.0, 1.0, 1e3), (1e3, 1.0, 1.0), (1e-3, 1.0, 1.0), (1.0, 1e3, 1e-3)), ids=str)
 @pytest.mark.parametrize("direction", ((0.5, 0.8, -0.3), (0.9, -0.2, 0.4)), ids=str)
-def test_C8_voxels_a_thousand_times_as_long_as_wide(record, width, stretch, direction):
+def test_C8_voxels_a_thousand_times_as_long_as_wide(record, width, plan, stretch, direction):
     """A close-up of the middle, twenty of the middling lengths high, against the truth."""
     field = 0.6 * blobs((16, 16, 16), 3, count=6, width=(2.0, 3.0))
     linear, middle = np.diag(stretch), 7.5 * np.array(stretch)
@@ -67,16 +84,16 @@ def test_C8_voxels_a_thousand_times_as_long_as_wide(record, width, stretch, dire
         clip_end=10.0 * far,
     )
     seen = replace(OPACITY_IS_VALUE, opacity_unit_distance=2.0 * min(stretch))
-    scene = STAGE.before(STAGE.volume(field, placed(linear)), camera, (60, 60), transfer_function=seen)
-    planes = render(scene, FINE).report["plan"]["base_planes"]
+    scene = STAGE.before(volume_for(plan, field, linear), camera, (60, 60), transfer_function=seen)
+    planes = render(scene, plan).report["plan"]["base_planes"]
     name = ("C8", stretch, direction)
-    assert true_picture(scene, name)[..., 3].max() > 0.1
+    assert true_picture(scene, name, plan)[..., 3].max() > 0.1
     in_index = np.abs(np.array(direction) / stretch)
     wrong = sum(plane["principal_axis"][1] != "xyz"[in_index.argmax()] for plane in planes)
     record("C8", "planes of another principal axis than that of the index space", wrong, 0, width)
     record("C8", "sheets of 16 slices, Gauss's rule", max(plane["sheets"] for plane in planes), 34, width)
     record("C8", "sheet pixels per picture pixel", max(p["width"] * p["height"] for p in planes) / 3600, 16, width)
-    rms, largest = errors(scene, name)
+    rms, largest = errors(scene, name, plan)
     record("C8", "rms levels off the truth at 1:1000", rms, 0.5, width)
     record("C8", "levels off the truth at 1:1000", largest, 8.0, width)
 
@@ -88,14 +105,14 @@ MATRICES = {"sheared": LEAN, "mirrored": MIRROR, "both": LEAN @ MIRROR, "all mir
 
 @pytest.mark.parametrize("name", MATRICES)
 @pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
-def test_C9_sheared_and_mirrored_matrices(record, width, name, kind):
+def test_C9_sheared_and_mirrored_matrices(record, width, plan, name, kind):
     linear = MATRICES[name]
     middle = linear @ np.full(3, 11.5)
     camera = STAGE.looking(
         middle + (40.0, -60.0, 35.0), middle, type=kind, lens=60.0, ortho_scale=50.0, clip_start=0.1, clip_end=1e3
     )
-    scene = STAGE.before(STAGE.volume(FIELD, placed(linear)), camera, (60, 60))
-    rms, largest = errors(scene, ("C9", name, kind))
+    scene = STAGE.before(volume_for(plan, FIELD, linear), camera, (60, 60))
+    rms, largest = errors(scene, ("C9", name, kind), plan)
     record("C9", "rms levels off the truth, sheared and mirrored", rms, 0.3, width)
     record("C9", "levels off the truth, sheared and mirrored", largest, 4.0, width)
 
@@ -125,16 +142,16 @@ def test_C9_normals_go_by_the_inverse_transpose(record, width, name):
 
 
 @pytest.mark.parametrize("axis", (0, 1, 2))
-def test_C10_singular_and_nearly_singular_matrices(record, width, axis):
+def test_C10_singular_and_nearly_singular_matrices(record, width, plan, axis):
     camera = STAGE.looking((40.0, -60.0, 35.0), (11.5, 11.5, 11.5), type="ORTHO", ortho_scale=50.0)
-    volume, silent, not_finite = STAGE.volume(FIELD), 0, 0
+    volume, silent, not_finite = volume_for(plan), 0, 0
     for scale in (1.0, 1e-20, 1e20):
         for flat in (0.0, 1e-13, 1e-300):
             linear = scale * np.eye(3)
             linear[axis, axis] *= flat
             for matrix in (linear, turned((1.0, 2.0, 3.0), 1.0) @ linear, np.zeros((3, 3))):
                 try:
-                    render(STAGE.before(volume, camera, (8, 8), volume_matrix=placed(matrix)), FINE)
+                    render(STAGE.before(volume, camera, (8, 8), volume_matrix=placed(matrix)), plan)
                     silent += 1
                 except RleSplatError as problem:
                     assert "squeezes the volume flat" in str(problem) and str(problem).endswith(".")
@@ -151,7 +168,7 @@ def test_C10_singular_and_nearly_singular_matrices(record, width, axis):
         linear[axis, axis] = flat
         for kind in ("ORTHO", "PERSP"):
             scene = STAGE.before(volume, replace(camera, type=kind), (24, 24), volume_matrix=placed(linear))
-            rgba = render_all(scene).rgba
+            rgba = render_all(scene, plan).rgba
             not_finite += (~np.isfinite(rgba)).sum() + (rgba < 0.0).sum() + (rgba[..., 3] > 1.0).sum()
     record("C10", "numbers not finite or out of range, one axis 1e-3 to 1e-11 of the others", not_finite, 0, width)
 
@@ -170,51 +187,51 @@ EYES = {
 }  # fmt: skip
 
 
-def from_eye(eye, fov, size=(66, 66)):
+def from_eye(plan, eye, fov, size=(66, 66)):
     camera = STAGE.looking(eye, (13.7, 14.1, 10.4), lens=lens_of(fov), clip_start=1e-4, clip_end=1e3)
-    return STAGE.before(STAGE.volume(FIELD), camera, size)
+    return STAGE.before(volume_for(plan), camera, size)
 
 
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize("fov", (60.0, 120.0))
-def test_C11_camera_inside_and_outside_dense_cells(record, width, eye, fov):
+def test_C11_camera_inside_and_outside_dense_cells(record, width, plan, eye, fov):
     """The same plan inside and outside: a fractional first cell, and up to six pyramids with their seams."""
-    rms, largest = errors(from_eye(EYES[eye], fov), ("C11", eye, fov))
-    outside, largest_outside = errors(from_eye(EYES["outside"], 60.0), ("C11", "outside", 60.0))
+    rms, largest = errors(from_eye(plan, EYES[eye], fov), ("C11", eye, fov), plan)
+    outside, largest_outside = errors(from_eye(plan, EYES["outside"], 60.0), ("C11", "outside", 60.0), plan)
     record("C11", "rms error inside, in units of twice that outside", rms / (2.0 * outside), 1.0, width)
     record("C11", "largest error inside, in units of twice that outside", largest / (2.0 * largest_outside), 1.0, width)
 
 
-def test_C11_camera_inside_empty_cells(record, width):
+def test_C11_camera_inside_empty_cells(record, width, plan):
     field = np.pad(FIELD, 6)
     camera = STAGE.looking((3.0, 4.0, 30.0), (18.0, 18.0, 18.0), lens=lens_of(70.0), clip_start=1e-4)
     scene = STAGE.before(STAGE.volume(field), camera, (66, 66))
-    outside, _ = errors(from_eye(EYES["outside"], 60.0), ("C11", "outside", 60.0))
+    outside, _ = errors(from_eye(plan, EYES["outside"], 60.0), ("C11", "outside", 60.0), plan)
     record(
         "C11",
         "rms error inside, in units of twice that outside",
-        errors(scene, "C11 empty")[0] / (2.0 * outside),
+        errors(scene, "C11 empty", plan)[0] / (2.0 * outside),
         1.0,
         width,
     )
 
 
-def test_C11_camera_that_looks_away_sees_nothing(record, width):
+def test_C11_camera_that_looks_away_sees_nothing(record, width, plan):
     lit = 0
     for kind in ("PERSP", "ORTHO"):
         camera = STAGE.looking((60.0, 12.0, 12.0), (90.0, 12.0, 12.0), type=kind)
-        scene = STAGE.before(STAGE.volume(FIELD), camera, (16, 16))
-        lit += (render_all(scene).rgba != 0.0).sum()
+        scene = STAGE.before(volume_for(plan), camera, (16, 16))
+        lit += (render_all(scene, plan).rgba != 0.0).sum()
         with pytest.raises(RleSplatError, match="does not see the volume"):
-            render(scene, FINE)
+            render(scene, plan)
     record("C11", "numbers that are not zero with the volume behind the camera", lit, 0, width)
 
 
 @pytest.mark.parametrize("where", (9.0, 8.5, 9.0 - 1e-3, 0.0, -1.0))
-def test_C11_moving_the_eye_across_a_slice_is_continuous(record, width, where):
+def test_C11_moving_the_eye_across_a_slice_is_continuous(record, width, plan, where):
     def seen(y):
         camera = STAGE.looking((11.2, y, 12.4), (12.0, 40.0, 12.0), lens=20.0, clip_start=1e-4)
-        return render(STAGE.before(STAGE.volume(FIELD), camera, (48, 48)), FINE).rgba
+        return render(STAGE.before(volume_for(plan), camera, (48, 48)), plan).rgba
 
     pictures = [seen(where + d) for d in (-2e-3, -5e-4, -1e-7, 0.0, 1e-7, 5e-4, 2e-3)]
     jump = max(np.abs(b - a).max() for a, b in pairwise(pictures)) / LEVEL
@@ -222,7 +239,7 @@ def test_C11_moving_the_eye_across_a_slice_is_continuous(record, width, where):
     record("C11", "levels by which an eye's step of 1e-7 to 2e-3 across a slice changes the picture", jump, 1.0, width)
 
 
-def test_C12_no_mirrored_ghost_behind_the_eye(record, width):
+def test_C12_no_mirrored_ghost_behind_the_eye(record, width, plan):
     """Matter behind the eye never shows: a bright block at the back leaves the picture of the front unchanged."""
     empty = np.zeros((24, 24, 24))
     behind = empty.copy()
@@ -231,7 +248,7 @@ def test_C12_no_mirrored_ghost_behind_the_eye(record, width):
     changed = 0
     for eye in (11.0, 11.0 + 1e-9, 11.4):
         camera = STAGE.looking((12.0, eye, 12.0), (12.0, 20.0, 12.0), lens=lens_of(100.0), clip_start=1e-3)
-        pictures = [render(STAGE.before(STAGE.volume(field), camera, (48, 48)), FINE).rgba for field in (empty, behind)]
+        pictures = [render(STAGE.before(STAGE.volume(field), camera, (48, 48)), plan).rgba for field in (empty, behind)]
         assert pictures[0].max() > 0.05
         changed += (pictures[0] != pictures[1]).sum()
     record("C12", "numbers that matter behind the eye changes", changed, 0, width)
@@ -239,14 +256,14 @@ def test_C12_no_mirrored_ghost_behind_the_eye(record, width):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")  # no division by a slice's distance of zero
 @pytest.mark.parametrize("beside", (0.0, 1e-15, -1e-12, 1e-9, 1e-6, 9.9e-4, 1.1e-3))
-def test_C12_a_slice_through_the_eye(record, width, beside):
+def test_C12_a_slice_through_the_eye(record, width, plan, beside):
     """On a slice of each axis at once, and a hair before and behind it."""
     camera = STAGE.looking(
         np.array((11.0, 10.0, 12.0)) + beside, (13.7, 14.1, 10.4), lens=lens_of(100.0), clip_start=1e-4
     )
-    scene = STAGE.before(STAGE.volume(FIELD), camera, (66, 66))
-    rms, _ = errors(scene, ("C12", beside))
-    outside, _ = errors(from_eye(EYES["outside"], 60.0), ("C11", "outside", 60.0))
+    scene = STAGE.before(volume_for(plan), camera, (66, 66))
+    rms, _ = errors(scene, ("C12", beside), plan)
+    outside, _ = errors(from_eye(plan, EYES["outside"], 60.0), ("C11", "outside", 60.0), plan)
     record(
         "C12", "rms error with the eye on a slice, in units of twice that outside", rms / (2.0 * outside), 1.0, width
     )
@@ -257,18 +274,18 @@ def test_C12_a_slice_through_the_eye(record, width, beside):
 
 @pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
 @pytest.mark.parametrize("clip", ((20.0, 26.5), (0.1, 24.3), (25.7, 500.0), (1e-9, 1e12), (1e-12, 24.3)), ids=str)
-def test_C13_clip_planes_inside_the_volume(record, width, kind, clip):
+def test_C13_clip_planes_inside_the_volume(record, width, plan, kind, clip):
     camera = STAGE.looking(
         (-14.0, -1.0, 20.0), (12.0, 12.0, 11.0), type=kind, lens=40.0, ortho_scale=34.0, clip_start=clip[0],
         clip_end=clip[1],
     )  # fmt: skip
-    rms, largest = errors(STAGE.before(STAGE.volume(FIELD), camera, (66, 66)), ("C13", kind, clip))
+    rms, largest = errors(STAGE.before(volume_for(plan), camera, (66, 66)), ("C13", kind, clip), plan)
     record("C13", "rms levels off the truth with clip planes inside", rms, 0.5, width)
     record("C13", "levels off the truth with clip planes inside", largest, 6.0, width)
 
 
 @pytest.mark.parametrize("side", ("start", "end"))
-def test_C13_moving_a_clip_plane_is_continuous(record, width, side):
+def test_C13_moving_a_clip_plane_is_continuous(record, width, plan, side):
     """A fiftieth of a slice more or less never makes more than the matter in it, extinction 0.51 a voxel at most."""
     scene = STAGE.on_turntable(FIELD, 0.0, 0.0, size=(32, 32))
     middle = float(np.linalg.norm(scene.camera.matrix_world[:3, 3] - (11.5, 11.5, 11.5)))
@@ -276,22 +293,22 @@ def test_C13_moving_a_clip_plane_is_continuous(record, width, side):
     for shift in np.arange(-0.15, 0.65, 0.02):
         clip = {"clip_start": middle + shift} if side == "start" else {"clip_start": 0.01, "clip_end": middle + shift}
         moved = replace(scene, camera=replace(scene.camera, **clip))
-        pictures.append(render(moved, replace(FINE, termination=0.0)).rgba)
+        pictures.append(render(moved, replace(plan, termination=0.0)).rgba)
     assert np.abs(pictures[0] - pictures[-1]).max() > 0.04
     jump = max(np.abs(a - b).max() for a, b in pairwise(pictures)) / (0.02 * 0.52)
     record("C13", "change per voxel that a clip plane moves, in units of the densest voxel's", jump, 1.2, width)
 
 
 @pytest.mark.parametrize("eye", ("outside", "anywhere", "on a voxel", "on the face"))
-def test_C15_fields_of_view_of_170_degrees(record, width, eye):
-    rms, largest = errors(from_eye(EYES[eye], 170.0), ("C15", eye))
+def test_C15_fields_of_view_of_170_degrees(record, width, plan, eye):
+    rms, largest = errors(from_eye(plan, EYES[eye], 170.0), ("C15", eye), plan)
     record("C15", "rms levels off the truth, 170 degrees wide", rms, 0.3, width)
     record("C15", "levels off the truth, 170 degrees wide", largest, 4.0, width)
 
 
 @pytest.mark.parametrize("shift", ((5.0, 0.0), (-5.0, 0.0), (0.0, 5.0), (0.0, -5.0), (1.5, -2.5)), ids=str)
 @pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
-def test_C15_lens_shift_and_pixel_aspect(record, width, shift, kind):
+def test_C15_lens_shift_and_pixel_aspect(record, width, plan, shift, kind):
     """A camera shifted by several sensor widths, moved aside so that the volume stays in the picture.
 
     It looks along an axis at matter cut by the faces, where the kinks of all slices fall on the same pixels: the
@@ -303,6 +320,6 @@ def test_C15_lens_shift_and_pixel_aspect(record, width, shift, kind):
         eye, eye + (0.0, 1.0, 0.0), type=kind, ortho_scale=size, lens=36.0 * distance / size, shift_x=shift[0],
         shift_y=shift[1], clip_start=0.1, clip_end=1e4, pixel_aspect=(1.0, 2.0),
     )  # fmt: skip
-    rms, largest = errors(STAGE.before(STAGE.volume(FIELD), camera, (66, 33)), ("C15", shift, kind))
+    rms, largest = errors(STAGE.before(volume_for(plan), camera, (66, 33)), ("C15", shift, kind), plan)
     record("C15", "rms levels off the truth, lens shifted by 5, pixels 1:2", rms, 0.8, width)
     record("C15", "levels off the truth, lens shifted by 5, pixels 1:2", largest, 12.0, width)
