@@ -224,6 +224,7 @@ DEFAULT_CLASSIFICATION = "post"
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
 REFINEMENTS = (2, 3, 4)  # cells of the refined grid along each side of a voxel cell
 MOST_MIDPOINTS = 64
+MOST_SHEET_DENSITY = 16
 MOST_PREINTEGRATED = 8
 NAMED_DEPTH_RULES = ("slice", "simpson", "gauss2")  # and midpoint-M, of which lists show some
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
@@ -347,8 +348,10 @@ class Quality:
             raise RleSplatError(f"The refined grid is {allowed} times finer than the voxels, not {self.refinement!r}.")
         if self.record not in RECORDS:
             raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
-        if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= 8.0):
-            raise RleSplatError("The sheet density must be between 0 and 8 sheet pixels per image pixel.")
+        if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= MOST_SHEET_DENSITY):
+            raise RleSplatError(
+                f"The sheet density must be between 0 and {MOST_SHEET_DENSITY} sheet pixels per image pixel."
+            )
         if not (0.0 <= self.termination < 0.5):
             raise RleSplatError("The termination transmittance must be at least 0 and below 0.5.")
         if self.threads < 0:
