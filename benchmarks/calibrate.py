@@ -39,7 +39,7 @@ DENSITIES = {
     4.0: "midpoint-8", 6.0: "midpoint-8",
 }  # fmt: skip
 DENSEST = {"bilinear": 2.0, "keys": 3.0, "cubic": 6.0}  # measured of each filter
-CARRIED = (3.0, 4.0, 6.0, 8.0)  # densities that constants are carried on to
+CARRIED = (3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # densities that constants are carried on to
 NO_TERMINATION = 1e-5
 FAINTEST = 0.02  # levels: pilots that differ by less tell nothing
 # Plans whose errors come from depth and density alike.

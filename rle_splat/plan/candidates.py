@@ -16,7 +16,7 @@ DEPTH_RULES = (
     "slice", "simpson", "gauss2", *(f"midpoint-{m}" for m in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)),
 )  # fmt: skip
 PREINTEGRATED_RULES = ("preintegrated", *(f"preintegrated-{m}" for m in (2, 3, 4, 6, 8)))  # of sheets of the scalar
-SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
 PLANNED = "planned"  # the name of a quality that was chosen for a tolerance

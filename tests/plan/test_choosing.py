@@ -72,7 +72,7 @@ def test_finer_plans_are_expected_to_err_less_and_to_take_longer(classification)
 
     for errors, times in (
         along(depth_rule=("midpoint-1", "midpoint-2", "midpoint-4", "midpoint-8", "midpoint-16", "midpoint-32")),
-        along(sheet_density=(0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)),
+        along(sheet_density=(0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)),
     ):
         assert all(finer < coarser for coarser, finer in pairwise(errors))
         assert all(longer > shorter > 0.0 for shorter, longer in pairwise(times))
@@ -94,7 +94,7 @@ def test_the_budget_adds_up_and_its_bounds_hold_by_themselves():
 @pytest.mark.parametrize("classification", CALIBRATED)
 @pytest.mark.parametrize("tolerance", (16.0, 8.0, 4.0, 2.0, 1.0, 0.5))
 def test_the_cheapest_plan_that_keeps_a_tolerance_is_chosen(classification, tolerance):
-    model, seen = Model.of(classification), features(classification=classification)
+    model, seen = Model.of(classification), features(classification=classification, depth_step=8.0, sheet_step=10.0)
     choice = choose(seen, base(classification), tolerance, model)
     assert choice.keeps and choice.errors.total <= SAFETY * tolerance
     assert 255 * choice.plan.termination <= 0.1001 * tolerance  # the floor nobody sees
