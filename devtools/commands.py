@@ -105,6 +105,10 @@ def _parser() -> argparse.ArgumentParser:
         "accuracy", _bench("accuracy"), "measure what accuracy costs in time: docs/accuracy.md", open_ended=True,
         add_help=False,
     )
+    add(
+        "calibrate", _bench("calibrate"), "make the planner's constants anew, from scenes of formulas", open_ended=True,
+        add_help=False,
+    )
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
