@@ -321,8 +321,9 @@ def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, wid
                 "A10",
                 "relative ripple of optical depth in a constant block, beside 2^-24 of T",
                 np.ptp(tau) / tau.mean() - 2.0 * stored,
-                1e-6,
+                2e-6,
                 width,
+                looser="the sums of taps are float32: a rounding more for each",
             )
             if (footprint, rule) != ("gaussian", "slice"):
                 record(

@@ -23,9 +23,21 @@ from tests.truths.test_popping import by_axis
 AVAILABLE = BACKENDS if compiled() else ("numpy",)
 STAGE = Stage()
 LEVEL = 1.0 / 255.0
-STANDARD = Quality(classification="pre")
-BLOBS = 0.5 * blobs((18, 18, 18), 3, count=8, width=(1.6, 2.6))
+STANDARD = Quality(classification="pre", depth_rule="simpson")
+PLANS = {"pre": STANDARD, "post": replace(STANDARD, classification="post")}
+# Nothing at the faces: post-classified matter ends there at once, and what is cut off changes by jumps.
+INNER = 0.5 * blobs((16, 16, 16), 3, count=8, width=(1.6, 2.6))
+BLOBS = np.pad(INNER, 1)
 ROUND = Quality(classification="pre", depth_rule="midpoint-16", sheet_density=6.0, termination=0.0)
+
+TRUE = {"pre": "T1", "post": "T2"}
+NEAREST = "a value is classified by the nearest entry of a table, and the least change may turn to the next"
+
+
+@pytest.fixture(params=PLANS)
+def plan(request):
+    """The plan by its classification."""
+    return PLANS[request.param]
 
 
 def picture(scene, quality=STANDARD, **knobs):
@@ -107,17 +119,17 @@ def test_C1_ties_between_axes_are_decided_and_do_not_matter(record, width, name)
 
 @pytest.mark.parametrize("azimuth", (20.0, 37.0, 45.0))
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-def test_C2_a_small_turn_makes_a_small_difference(record, width, azimuth, perspective):
+def test_C2_a_small_turn_makes_a_small_difference(record, width, plan, azimuth, perspective):
     """|I(a + d) - I(a)| <= K d + e.  K: a pixel at the picture's edge moves by 24 pixels a radian, and no picture
     changes by more than 0.25 from one pixel to the next here.  e: half a level; where the principal axis may switch,
     one level."""
     volume_scene = STAGE.on_turntable(np.pad(BLOBS, 1), azimuth, 20.0, perspective, size=(48, 48))
-    base = picture(volume_scene)
+    base = picture(volume_scene, plan)
     assert np.abs(np.diff(base, axis=1)).max() < 0.25 and np.abs(np.diff(base, axis=0)).max() < 0.25
     for power in range(1, 13):
         step = 10.0**-power
         scene = STAGE.on_turntable(np.pad(BLOBS, 1), azimuth + math.degrees(step), 20.0, perspective, size=(48, 48))
-        change = np.abs(picture(scene) - base).max()
+        change = np.abs(picture(scene, plan) - base).max()
         if azimuth == 45.0:
             record(
                 "C2",
@@ -126,15 +138,19 @@ def test_C2_a_small_turn_makes_a_small_difference(record, width, azimuth, perspe
                 1.0,
                 width,
             )
+            continue
+        beyond = (change - 12.0 * step) / LEVEL
+        if plan.classification == "pre":
+            record("C2", "levels beyond K d after a turn by 1e-1 to 1e-12", beyond, 1e-3, width)
         else:
-            record("C2", "levels beyond K d after a turn by 1e-1 to 1e-12", (change - 12.0 * step) / LEVEL, 1e-3, width)
+            record("C2", "levels beyond K d after a turn, post-classified", beyond, 0.1, width, looser=NEAREST)
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-def test_C3_a_full_turn_in_steps_of_a_degree(record, width, perspective):
+def test_C3_a_full_turn_in_steps_of_a_degree(record, width, plan, perspective):
     field = np.pad(BLOBS, 1)
     frames = [
-        picture(STAGE.on_turntable(field, float(a), 12.0, perspective, size=(32, 32)), depth_rule="simpson")
+        picture(STAGE.on_turntable(field, float(a), 12.0, perspective, size=(32, 32)), plan, depth_rule="simpson")
         for a in range(360)
     ]
     steps = np.array([np.abs(frames[a] - frames[a - 1]).max() for a in range(360)])
@@ -150,7 +166,7 @@ def test_C3_a_full_turn_in_steps_of_a_degree(record, width, perspective):
     total = np.array([frame[..., 3].mean() for frame in frames])
     bend = np.abs(np.roll(total, 1) - 2.0 * total + np.roll(total, -1))
     assert total.min() > 0.02
-    record("C3", "second difference of a turn's mean alpha, relative", (bend / total).max(), 2e-3, width)
+    record("C3", "second difference of a turn's mean alpha, relative", (bend / total).max(), 3e-3, width)
 
 
 # --- C4 to C7: places and sizes -------------------------------------------------------------------------------
@@ -158,22 +174,23 @@ def test_C3_a_full_turn_in_steps_of_a_degree(record, width, perspective):
 
 @pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("pixels", ((1, 0), (-3, 2), (7, -11)))
-def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, pixels, backend):
+def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixels, backend):
     size, (right, down) = 48, pixels
     scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, size=(size, size), fit=1.6)
-    base = picture(scene, backend=backend)
+    base = picture(scene, plan, backend=backend)
     camera = replace(scene.camera, shift_x=-right / size, shift_y=down / size)
-    shifted = np.roll(picture(replace(scene, camera=camera), backend=backend), (-down, -right), axis=(0, 1))
+    shifted = np.roll(picture(replace(scene, camera=camera), plan, backend=backend), (-down, -right), axis=(0, 1))
     inside = np.s_[12:-12, 12:-12]
     assert base[inside].max() > 0.3
     record("C4", "change of a picture shifted by whole pixels", np.abs(shifted - base)[inside].max(), 1e-6, width)
-    padded = np.pad(BLOBS, ((2, 3), (0, 0), (1, 4)))  # along the principal axis, y, the base plane would move
-    scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, size=(size, size))
+    alone = np.pad(BLOBS, 1)
+    padded = np.pad(alone, ((2, 3), (0, 0), (1, 4)))  # along the principal axis, y, the base plane would move
+    scene = STAGE.on_turntable(alone, 35.0, 25.0, size=(size, size))
     back = scene.volume_matrix @ placed(np.eye(3), (-1.0, 0.0, -2.0))
     other = replace(scene, volume=STAGE.volume(padded), volume_matrix=back)
     for density in (0.0, 1.5):
         knobs = dict(backend=backend, sheet_density=density)
-        change = np.abs(picture(other, **knobs) - picture(scene, **knobs)).max()
+        change = np.abs(picture(other, plan, **knobs) - picture(scene, plan, **knobs)).max()
         if density == 0.0:
             record("C4", "change when voxels are renumbered, one sheet pixel per voxel", change, 1e-6, width)
         else:
@@ -188,13 +205,13 @@ def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, pixels, bac
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_C5_volume_and_camera_move_together(record, width, seed):
+def test_C5_volume_and_camera_move_together(record, width, plan, seed):
     random = np.random.default_rng(seed)
     rigid = placed(turned(random.standard_normal(3), random.uniform(0.0, 6.0)), random.uniform(-300.0, 300.0, 3))
     for perspective in (False, True):
         scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, perspective, size=(48, 48))
         moved = replace(scene, volume_matrix=rigid @ scene.volume_matrix, camera=moved_camera(scene.camera, rigid))
-        change = np.abs(picture(moved) - picture(scene)).max()
+        change = np.abs(picture(moved, plan) - picture(scene, plan)).max()
         record("C5", "change when volume and camera move together", change, 1e-5, width)
 
 
@@ -202,10 +219,10 @@ PERMUTED = [(order, flips) for order in ((0, 1, 2), (1, 2, 0), (2, 1, 0)) for fl
 
 
 @pytest.mark.parametrize("order, flips", PERMUTED[1:], ids=str)
-def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, width, order, flips):
+def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, width, plan, order, flips):
     """The same matter in the same place, stored in another order: volume axes (x, y, z) become ``order``, some of
     them backwards."""
-    field = BLOBS[:17, :, :15]
+    field = np.pad(INNER[:15, :, :13], 1)
     stored = np.flip(field.transpose([2 - a for a in order[::-1]]), [2 - f for f in flips])
     for perspective in (False, True):
         scene = STAGE.on_turntable(field, 35.0, 25.0, perspective, size=(48, 48))
@@ -217,7 +234,7 @@ def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, width, order, 
         other = replace(scene, volume=STAGE.volume(stored), volume_matrix=scene.volume_matrix @ to_old)
         for density in DENSITIES:
             knobs = dict(sheet_density=density, depth_rule="gauss2")
-            change = np.abs(picture(other, **knobs) - picture(scene, **knobs)).max()
+            change = np.abs(picture(other, plan, **knobs) - picture(scene, plan, **knobs)).max()
             mirrored("change when the data's axes are permuted and mirrored", density, change, width, record)
 
 
@@ -234,17 +251,17 @@ def mirrored(claim, density, change, width, record):
     elif density == 1.0:
         record("C6", f"{claim}, at the standard density", change, 2.5 * LEVEL, width, looser=SAMPLED)
     else:
-        record("C6", f"{claim}, at the highest density", change, 0.2 * LEVEL, width, looser=SAMPLED)
+        record("C6", f"{claim}, at the highest density", change, 0.3 * LEVEL, width, looser=SAMPLED)
 
 
 @pytest.mark.parametrize("backend", AVAILABLE)
-def test_C6_symmetric_matter_makes_symmetric_pictures(record, width, backend):
+def test_C6_symmetric_matter_makes_symmetric_pictures(record, width, plan, backend):
     field = BLOBS + BLOBS[:, :, ::-1]
     field = 0.4 * (field + field[::-1])
     for perspective in (False, True):
         scene = STAGE.on_turntable(field, 0.0, 0.0, perspective, size=(48, 48))
         for density in DENSITIES if backend == "numba" else DENSITIES[:1]:
-            rgba = picture(scene, backend=backend, sheet_density=density)
+            rgba = picture(scene, plan, backend=backend, sheet_density=density)
             assert rgba.max() > 0.3
             uneven = max(np.abs(rgba - rgba[:, ::-1]).max(), np.abs(rgba - rgba[::-1]).max())
             mirrored("asymmetry of a symmetric scene", density, uneven, width, record)
@@ -252,7 +269,7 @@ def test_C6_symmetric_matter_makes_symmetric_pictures(record, width, backend):
 
 @pytest.mark.parametrize("power", (-12, -9, -6, -3, 3, 6, 9, 12))
 @pytest.mark.parametrize("by", ("matrix", "scene scale", "affine"))
-def test_C7_only_ratios_of_lengths_enter(record, width, power, by):
+def test_C7_only_ratios_of_lengths_enter(record, width, plan, power, by):
     scale = 10.0**power
     for perspective in (False, True):
         scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, perspective, size=(48, 48))
@@ -268,7 +285,7 @@ def test_C7_only_ratios_of_lengths_enter(record, width, power, by):
             inside = placed(scene.volume_matrix[:3, :3], scale * scene.volume_matrix[:3, 3])
             volume = replace(scene.volume, affine=grown @ scene.volume.affine)
             other = replace(scene, volume=volume, volume_matrix=inside, transfer_function=tf, camera=camera)
-        there, here = render(other, STANDARD), render(scene, STANDARD)
+        there, here = render(other, plan), render(scene, plan)
         change = np.abs(there.rgba.astype(np.float64) - here.rgba).max()
         record("C7", "change when all lengths are scaled by 1e-12 to 1e12", change, 1e-6, width)
         seen = here.depth < NO_DEPTH
@@ -280,7 +297,7 @@ def test_C7_only_ratios_of_lengths_enter(record, width, power, by):
 # --- C14, C16, C17, C18 ---------------------------------------------------------------------------------------
 
 
-def test_C14_a_focal_length_towards_infinity_is_parallel(record, width):
+def test_C14_a_focal_length_towards_infinity_is_parallel(record, width, plan):
     """At fixed framing the difference to parallel rays falls as 1 / D, and stays down as far as D = 1e15.
 
     The camera stands on an axis of the world, the volume is turned about the origin: a camera aside, 1e15 away,
@@ -294,7 +311,7 @@ def test_C14_a_focal_length_towards_infinity_is_parallel(record, width):
             placed(np.eye(3), (0.0, 0.0, distance)), kind, ortho_scale=30.0, lens=36.0 * distance / 30.0,
             clip_start=0.01 * distance, clip_end=100.0 * distance,
         )  # fmt: skip
-        return picture(STAGE.before(volume, camera, (size, size)), depth_rule="midpoint-4")
+        return picture(STAGE.before(volume, camera, (size, size)), plan, depth_rule="midpoint-4")
 
     parallel = seen(100.0, "ORTHO")
     assert parallel.max() > 0.3
@@ -304,7 +321,10 @@ def test_C14_a_focal_length_towards_infinity_is_parallel(record, width):
             change *= 10.0**power
             record("C14", "D * difference to parallel rays, D from 1e2 to 1e5 voxels", change, 30.0, width)
         elif power >= 8:
-            record("C14", "difference to parallel rays, D from 1e8 to 1e15 voxels", change, 5e-6, width)
+            if plan.classification == "pre":
+                record("C14", "difference to parallel rays, D from 1e8 to 1e15 voxels", change, 5e-6, width)
+            else:
+                record("C14", "the same, post-classified", change, 1e-4, width, looser=NEAREST)
 
 
 def test_C16_no_ray_grazes_its_base_plane(record):
@@ -346,15 +366,15 @@ def bits(array):
 
 @pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("size", ((1, 1), (1, 37), (37, 1), (2, 2), (1, 300)), ids=str)
-def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, size, backend):
+def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size, backend):
     """Against the truth; and every crop of one pixel is that pixel of the whole."""
     for perspective in (False, True):
         fit = min(size[1] / 16.0, 1.0)  # no pixel wider than a voxel
-        scene = STAGE.on_turntable(0.4 * FIELDS["smooth"](16), 35.0, 25.0, perspective, size=size, fit=fit)
-        quality = Quality(classification="pre", depth_rule="midpoint-4", sheet_density=3.0, backend=backend)
+        scene = STAGE.on_turntable(np.pad(0.4 * FIELDS["smooth"](14), 1), 35.0, 25.0, perspective, size=size, fit=fit)
+        quality = replace(plan, depth_rule="midpoint-4", sheet_density=3.0, backend=backend)
         whole = render(scene, quality)
         assert whole.rgba.shape == (size[1], size[0], 4)
-        true, _ = truth(scene, tolerance=1e-7)
+        true, _ = truth(scene, TRUE[plan.classification], tolerance=1e-7)
         assert true[..., 3].max() > 0.1
         error = np.abs(whole.rgba.reshape(-1, 4) - true).max() / LEVEL
         record("C17", "levels off the truth in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0, width)
@@ -365,11 +385,11 @@ def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, size, backe
 
 
 @pytest.mark.skipif(not compiled(), reason="too slow without kernels")
-def test_C17_parts_of_a_frame_of_16384_pixels(record, width):
+def test_C17_parts_of_a_frame_of_16384_pixels(record, width, plan):
     """Crops of a frame that is far too large to hold: the same bits where they overlap, and as the truth has it."""
     side = 16384
     scene = STAGE.on_turntable(FIELDS["smooth"](18)[:, :16, :13], 37.0, 24.0, True, size=(side, side), fit=0.9)
-    quality = Quality(classification="pre", depth_rule="midpoint-8")
+    quality = replace(plan, depth_rule="midpoint-8")
     one, two = (
         render(replace(scene, crop=crop), quality) for crop in ((8000, 8100, 8064, 8164), (8032, 8132, 8096, 8196))
     )
@@ -379,13 +399,13 @@ def test_C17_parts_of_a_frame_of_16384_pixels(record, width):
     record("C17", "numbers of a crop whose bits differ from the whole frame's", differs, 0, width)
     assert one.report["memory_estimate_bytes"]["picture"] < 4e6
     columns, rows = np.array((8000, 8063, 8031)), np.array((8100, 8100, 8140))
-    true = truth(scene, pixels=(columns + 0.5, rows + 0.5))[0]
+    true = truth(scene, TRUE[plan.classification], pixels=(columns + 0.5, rows + 0.5))[0]
     error = np.abs(one.rgba[rows - 8100, columns - 8000] - true).max() / LEVEL
     record("C17", "levels off the truth in parts of a frame of 16,384 pixels", error, 1.0, width)
 
 
 @pytest.mark.parametrize("direction", ((1.0, 0.0, 0.0), (0.6, -0.3, 0.7), (-1.0, 1.0, 1.0)))
-def test_C18_far_from_the_world_origin(record, width, direction):
+def test_C18_far_from_the_world_origin(record, width, plan, direction):
     """World coordinates of 1e7, where float32 counts in whole units."""
     far = placed(np.eye(3), 1e7 * np.array(direction))
     for perspective in (False, True):
@@ -396,5 +416,5 @@ def test_C18_far_from_the_world_origin(record, width, direction):
         pixels = [(p[:, :3] @ corners.T + p[:, 3:])[:2] / (p[2:, :3] @ corners.T + p[2:, 3:]) for p in (here, there)]
         record("C18", "pixels that a voxel 1e7 away moves by", np.abs(pixels[1] - pixels[0]).max(), 1e-6, "float64",
                why="places are reckoned in float64")  # fmt: skip
-        change = np.abs(picture(other) - picture(scene)).max()
+        change = np.abs(picture(other, plan) - picture(scene, plan)).max()
         record("C18", "change of a picture 1e7 away", change, 1e-6, width)
