@@ -29,9 +29,11 @@ class AccuracyRow(bpy.types.PropertyGroup):
 
 
 def note_sweep(settings, report: dict, what: str) -> None:
-    """Keep a sweep's fronts and its chosen plan in the scene's settings, quickest first; ``what`` was measured."""
+    """Keep a sweep's fronts and its chosen plan in the scene's settings, that plan's truth first, quickest first;
+    ``what`` was measured."""
     settings.accuracy_rows.clear()
-    for entry in sorted(report["plans"], key=lambda entry: (entry["truth"], entry["frame_ms"])):
+    first = next(entry["truth"] for entry in report["plans"] if entry["chosen"])
+    for entry in sorted(report["plans"], key=lambda e: (e["truth"] != first, e["truth"], e["frame_ms"])):
         if not (entry["on_front"] or entry["chosen"]):
             continue
         row = settings.accuracy_rows.add()
@@ -40,8 +42,8 @@ def note_sweep(settings, report: dict, what: str) -> None:
         row.rmse, row.largest = entry["error"]["rmse"], entry["error"]["largest"]
     image, probes = report["image"], report["probes"]
     settings.accuracy_note = (
-        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} threads. Errors are levels (1/255) "
-        f"at {probes['random']} random and {probes['steep']} steep pixels."
+        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are levels "
+        f"(1/255) at {probes['random']} random and {probes['steep']} steep pixels."
     )
 
 
@@ -67,17 +69,16 @@ def is_current(scene, row) -> bool:
 
 
 def choose(scene, row) -> None:
-    """Set the scene's knobs to a row's plan: by the name of a quality where one is the same, else one by one."""
+    """Set the scene's knobs to a row's plan, and its quality to the one of that plan, "custom" where there is none."""
     settings, plan = scene.rle_splat, plan_of(row)
     settings.max_error = 0.0  # which would choose a plan by itself
-    settings.record, settings.classification = str(plan.record), plan.classification
-    for settings.quality in (*QUALITY_PRESETS, "paper"):
-        if is_current(scene, row):
-            return
-    settings.quality = "custom"
-    for name in set(json.loads(row.knobs)) & set(settings.bl_rna.properties.keys()):
+    settings.quality, settings.classification = "custom", plan.classification  # first: others then suit it
+    for name in (set(json.loads(row.knobs)) & set(settings.bl_rna.properties.keys())) - {"classification"}:
         value = getattr(plan, name)
         setattr(settings, name, str(value) if isinstance(getattr(settings, name), str) else value)
+    for settings.quality in (*QUALITY_PRESETS, "paper", "custom"):
+        if is_current(scene, row):
+            return
 
 
 def _same(one: Quality, other: Quality) -> bool:

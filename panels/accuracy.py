@@ -5,7 +5,7 @@ import bpy
 from ..bridge import accuracy
 from .places import RenderTab, Sidebar, paragraph
 
-NAME_SHARE = 0.46  # of a row's width that the plan's name takes
+NAME_SHARE = 0.44  # of a row's width that the plan's name takes
 
 
 class AccuracyPanel:
@@ -26,7 +26,7 @@ class AccuracyPanel:
                 paragraph(context, layout, accuracy.truth_sentence(truth) + ":")
                 box = layout.box().column(align=True)
                 _draw_cells(box, "Plan", ("ms", "RMSE", "Max"))
-            cells = (f"{row.frame_ms:.0f}", f"{row.rmse:.2g}", f"{row.largest:.2g}")
+            cells = (_short(row.frame_ms, 0), _short(row.rmse, 2), _short(row.largest, 2))
             _draw_cells(box, row.name, cells, index, accuracy.is_current(context.scene, row), row.on_front)
         if settings.accuracy_note:
             paragraph(context, layout, settings.accuracy_note)
@@ -34,6 +34,16 @@ class AccuracyPanel:
         if settings.error_image is not None:
             layout.prop(settings, "error_image", text="")
             paragraph(context, layout, settings.error_note)
+
+
+def _short(value: float, decimals: int) -> str:
+    """A number in four or five letters, as many as a column shows."""
+    if value >= 10_000:
+        return f"{value / 1000:.0f}k"
+    if value >= 10:
+        return f"{value:.0f}"
+    least = 10.0**-decimals
+    return f"{value:.{decimals}f}" if value >= least else f"< {least:g}"
 
 
 def _draw_cells(box, name: str, cells, index: int | None = None, current: bool = False, on_front: bool = True) -> None:
