@@ -21,6 +21,7 @@ SMOKE_GRIDS = ("density", "smoke", "heat", "temperature", "flame", "flames", "fu
 WORLD_UNIT = "world"  # VDB states no unit of length; Blender takes its world units as metres
 SIGNED_DISTANCE = "signed distance"  # value unit of a level set: below zero inside
 DENSE_LIMIT = 1 << 32  # bytes; 1024^3 floats.  A few stray voxels far apart can ask for any amount
+FURTHEST = 1 << 30  # a voxel's index along an axis; OpenVDB counts in 32 bits
 SLAB = 8  # slices handed over at a time, one leaf of the tree
 PLACES = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 OPENVDB_PROBLEMS = (OSError, RuntimeError, LookupError, ValueError, TypeError)
@@ -140,6 +141,8 @@ def _densify(grid, label: str):
     low, high = (np.array(corner, dtype=np.int64) for corner in grid.evalActiveVoxelBoundingBox())
     if (high < low).any():
         raise RleSplatError(f"The grid {label!r} is empty, it has no active voxel; choose another or export it again.")
+    if max(abs(low).max(), abs(high).max()) > FURTHEST:
+        raise RleSplatError(f"The grid {label!r} has voxels further out than can be read; copy or export it again.")
     low, high = low - 1, high + 1
     nx, ny, nz = (int(n) for n in high - low + 1)
     kind = np.dtype(NUMERIC[grid.valueTypeName])

@@ -422,10 +422,14 @@ def vdb_file() -> bytes:
     head = MAGIC + struct.pack("<IIIB", 224, 11, 0, 1) + b"0" * 36
     head += struct.pack("<I", 2) + (vdb_text(b"creator") + vdb_text(b"string") + vdb_text(b"somebody")) * 2
     head += struct.pack("<I", 2)
+    delayed = struct.pack("<Iqq", 1, 0, 0) + b"\0" * 8
+    tree = struct.pack("<II", 6, 2) + vdb_text(b"file_delayed_load") + vdb_text(b"__delayedload") + vdb_text(delayed)
+    tree += vdb_text(b"name") + vdb_text(b"string") + vdb_text(b"density") + vdb_text(b"UniformScaleMap") + b"\0" * 120
+    tree += struct.pack("<IfIIiii", 1, 0.0, 0, 1, 4096, 0, -4096) + b"\0" * 100
     for name in (b"density", b"heat"):
         entry = vdb_text(name) + vdb_text(b"Tree_float_5_4_3") + vdb_text(b"")
         begin = len(head) + len(entry) + 24
-        head += entry + struct.pack("<qqq", begin, begin + 100, begin + 200) + b"\0" * 200
+        head += entry + struct.pack("<qqq", begin, begin + len(tree), begin + len(tree) + 50) + tree + b"\0" * 50
     return head
 
 
@@ -453,5 +457,17 @@ def test_R4_openvdb_headers(record, tmp_path):
     path = tmp_path / "whole.vdb"
     path.write_bytes(vdb_file())
     check_header(path)
+    for stable, damaged in (
+        (struct.pack("<II", 6, 2), struct.pack("<II", 6, 2**30)),  # metadata of a grid
+        (struct.pack("<Iqq", 1, 0, 0), struct.pack("<Iqq", 2**30, 0, 0)),  # leaves to take memory for
+        (struct.pack("<fII", 0.0, 0, 1), struct.pack("<fII", 0.0, 0, 2**30)),  # children of the root
+        (struct.pack("<iii", 4096, 0, -4096), struct.pack("<iii", 4097, 0, -4096)),  # where the first of them lies
+        (b"density", b"densi\xff\xfe"),  # no text
+    ):
+        whole = vdb_file()
+        assert stable in whole
+        path.write_bytes(whole.replace(stable, damaged))
+        with pytest.raises(RleSplatError, match="damaged"):
+            check_header(path)
     search_vdb(tmp_path)
     says(record, "R4", "headers that are neither followed nor refused in a sentence")
