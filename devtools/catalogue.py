@@ -17,6 +17,20 @@ Written by `python3 dev.py test --catalogue` from the tests in `tests/stability`
 Each line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in
 32-bit and in 64-bit arithmetic.  A test whose figure exceeds its bound fails, and no page is written.
 
+Each guard is shown to be needed by `python3 dev.py test --mutations`, which puts naive forms in place of stable ones
+and sees that these tests notice; `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
+
+What is done with numbers at the edge, whatever the classification:
+
+- NaN voxels are transparent, and counted in the report.  Where the scalar is interpolated before it is classified,
+  a cell is transparent when any of its corners is NaN.
+- Infinite voxels take the transfer function's value at the nearest of its ends; so do finite ones beyond them.
+- A step of a transfer function is taken from the right; a range of a single value is a step.
+- An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 tells from infinity.
+- Colours, and what lights make of them, may be up to 1e9 times white; more is refused in a sentence.
+- An opacity distance below 1e-26 world units is taken as that: what it applies to is opaque in any case.
+- Matrices hold entries up to 1e100, and lengths of a camera lie from 1e-50 to 1e50; others are refused in a sentence.
+
 | id | case | what is bounded | at most | float32 | float64 |
 |---|---|---|---|---|---|
 """
