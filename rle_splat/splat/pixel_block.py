@@ -41,7 +41,7 @@ if numba is not None:
 
     from ..vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 
-    def _kind(array_type):
+    def kind_of(array_type):
         """LLVM's type of an array's numbers."""
         return DOUBLE if array_type.dtype == types.float64 else FLOAT
 
@@ -51,7 +51,7 @@ if numba is not None:
             place(context, builder, array_type, array, builder.add(at, ir.Constant(at.type, plane)))
             for plane in (RED, GREEN, BLUE, CLEAR)
         ]
-        return [Vector.load(builder, plane, BLOCK, _kind(array_type)) for plane in places]
+        return [Vector.load(builder, plane, BLOCK, kind_of(array_type)) for plane in places]
 
     def _transmitted(tau2):
         """2**-tau2 as a product (power, 1 + p): p without cancellation, power exact."""
@@ -138,7 +138,7 @@ if numba is not None:
         ``absorb``: one of the two above.  See ``composite_extinction``, whose value it is that is returned.
         What is float32 is widened first where ``state`` and ``before`` are float64.
         """
-        kind = _kind(state_type)
+        kind = kind_of(state_type)
         colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
         one = Vector(builder, length.like(1.0))
         absorbed, passed, divisor = absorb(samples, length, one)
@@ -239,7 +239,7 @@ if numba is not None:
             state, row, pixels, to = arguments
             state_type, _, pixels_type, _ = signature.args
             planes = _planes(context, builder, state_type, state, row)
-            if _kind(state_type) == DOUBLE:
+            if kind_of(state_type) == DOUBLE:
                 planes = [plane.as_single() for plane in planes]
             for group in range(0, BLOCK, 4):
                 columns = [plane.shuffle(plane.value, range(group, group + 4)) for plane in planes]

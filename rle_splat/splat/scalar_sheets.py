@@ -15,6 +15,7 @@ from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .half_depth import half_way
 from .pixel_block import BLOCK, CLEAR
 from .scalar_block import (
     classify_spans,
@@ -28,7 +29,7 @@ from .scalar_block import (
 from .scalar_scanline import NOT_KEPT, put_scanline
 from .scratch import BAND, SPREAD
 from .sheet_row import note_half_depth
-from .voxel_scanline import ONE_BIT, WORD
+from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
 
 NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
 
@@ -207,7 +208,8 @@ def _composite_sheet(
                 count = min(BLOCK, image_width - first_pixel)
                 length, deep = lengths, BLOCK * at
                 whole = begin >= max(box_blocks[1, b], enter) and end <= min(box_blocks[2, b], leave)
-                if limits is not None or not whole:
+                cut = limits is not None or not whole
+                if cut:
                     _inside_box(
                         box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside
                     )
@@ -220,12 +222,16 @@ def _composite_sheet(
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
-                    for i in range(count):
-                        from_, to = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
-                        note_half_depth(
-                            before[i:], state, row + CLEAR + i, max(begin, from_), min(end, to), half, v,
-                            first_pixel + i, 1,
-                        )
+                    if not cut:
+                        note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count, looks)
+                    else:
+                        halved = half_way(before, state, row + CLEAR, looks) & (ALL_BITS >> np.uint64(WORD - count))
+                        while halved != NO_BITS:
+                            i = lowest_bit(halved)
+                            halved &= halved - ONE_BIT
+                            from_, to = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+                            from_, to = max(begin, from_), min(end, to)
+                            half[v, first_pixel + i] = from_ + looks[i] * (to - from_)
                 live_pixels = pixels & 255
                 if limits is not None:  # a ray that has reached its end is done as well
                     live_pixels = 0

@@ -155,7 +155,7 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, len
 @inner_loop(forceinline=True)
 def _composite_sheet(
     scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet, marks,
-    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, before, half,
+    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, before, samples, half,
 ):
     """One sheet over the rows of a band: its scanlines mixed, the row composited; whether a block became opaque.
 
@@ -219,7 +219,7 @@ def _composite_sheet(
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
-                    note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count)
+                    note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count, samples)
                 live_pixels = pixels & 255
                 if limits is not None:  # a ray that has reached its end is done as well
                     live_pixels = 0
@@ -275,7 +275,7 @@ def _splat_band(
         died = _composite_sheet(
             step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width, limits,
             least, additive_opacity, sheet_buffer, marks, row_slot, row_line, row_place, state, length, alive, bright,
-            blocks, length_inside, before, half,
+            blocks, length_inside, before, samples, half,
         )
         if died:
             band_alive[:] = NO_BITS

@@ -6,11 +6,15 @@ import math
 
 import numpy as np
 
+from ..bits import lowest_bit
 from ..jit import inner_loop
 from ..lanes import add4
 from ..view.footprints import first_tap, footprint_weight
+from .half_depth import half_way
 from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED, planar
+from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
 
+NO_BITS = np.uint64(0)
 _ONE, _HALF, _ZERO = np.float32(1.0), np.float32(0.5), np.float32(0.0)
 _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the cap of the classification too
 
@@ -86,15 +90,15 @@ def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, befo
 
 
 @inner_loop
-def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixel, count):
+def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
     """Where the transmittance has just fallen below one half, note the depth inside the slab at which it did.
 
     ``before`` and ``after[at:]``: (BLOCK,) the transmittance ahead of this sheet and behind it.  ``half``: (H, W)
     float32 depth along the viewing direction of the axis; ``count`` pixels of row ``v`` from ``first_pixel`` on are
-    looked at.  Inside a homogeneous slab the transmittance is exponential in depth.
+    looked at.  ``parts``: (BLOCK,) float32 scratch.
     """
-    for i in range(count):
-        ahead, behind = before[i], after[at + i]
-        if ahead >= _HALF and behind < _HALF:
-            part = math.log(2.0 * ahead) / math.log(ahead / behind) if behind > 0.0 else 0.0
-            half[v, first_pixel + i] = slab_begin + part * (slab_end - slab_begin)
+    bits = half_way(before, after, at, parts) & (ALL_BITS >> np.uint64(WORD - count))
+    while bits != NO_BITS:
+        i = lowest_bit(bits)
+        bits &= bits - ONE_BIT
+        half[v, first_pixel + i] = slab_begin + parts[i] * (slab_end - slab_begin)
