@@ -17,6 +17,7 @@ from .encode import place_slabs
 from .tables import RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # kept as they are; others become float32
+AT_ONCE = 1 << 16  # voxels of other types that are made float32 together
 NOT_A_NUMBER = np.float32(-3e38)  # of voxels that are none: like those that are not kept
 
 
@@ -85,12 +86,14 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarr
         return stored
     if stored.dtype == np.float32 and centre == 0.0 and np.isfinite(stored).all():
         return stored
-    values = stored.astype(np.float64)
-    if infinite:
-        values = np.where(np.isinf(values), np.clip(values, *infinite), values)
-    with np.errstate(invalid="ignore", over="ignore"):
-        found = np.clip(values - centre, -1e37, 1e37).astype(np.float32)
-    return np.where(np.isnan(values), NOT_A_NUMBER, found)
+    found = np.empty(len(stored), np.float32)
+    for first in range(0, len(stored), AT_ONCE):
+        values = stored[first : first + AT_ONCE].astype(np.float64)
+        if infinite:
+            values = np.where(np.isinf(values), np.clip(values, *infinite), values)
+        values = np.where(np.isnan(values), NOT_A_NUMBER, np.clip(values - centre, -1e37, 1e37))
+        found[first : first + AT_ONCE] = values
+    return found
 
 
 def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: str = "auto", threads: int = 0):
