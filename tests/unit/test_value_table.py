@@ -136,7 +136,6 @@ def test_nothing_is_shown_where_the_function_shows_nothing():
         assert looked_up(table, (-90.0, 90.0))[:, 3].all()
 
 
-@pytest.mark.xfail(reason="the table's lower end has to be that of the values there are")
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32, np.float64))
 def test_what_is_not_kept_is_transparent_whatever_is_shown(dtype):
     """The number that stands for voxels which are not kept, and any share of it, is below all that is shown, also where
