@@ -21,16 +21,25 @@ from bpy.props import (
 from ..rle_splat import scene as tables
 from . import box
 from .accuracy import AccuracyRow
-from .settings import scene_scale_of
+from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
 
 QUALITY_TEXTS = {
-    "draft": ("Draft", "Slice planes and a coarser sheet: for moving about"),
-    "standard": ("Standard", "Simpson's rule in depth, one sheet pixel per image pixel"),
-    "fine": ("Fine", "Denser sheet: for final pictures"),
-    "strict": ("Strict", "Four sheets a slice and the densest sheets: where errors must be as small as they get"),
+    "draft": ("Draft", "A coarser sheet, in slice planes: for moving about"),
+    "standard": ("Standard", "One sheet pixel per image pixel"),
+    "fine": ("Fine", "A denser sheet: for final pictures"),
+    "strict": ("Strict", "Several sheets a slice: where errors must be as small as they get"),
 }
+CLASSIFICATION_TEXTS = {
+    "pre": ("Pre", "As in the paper: voxels are classified, and colours and opacities interpolated. Softer edges; "
+                   "every footprint, model and voxel record. Errors are against truth T1"),
+    "refined": ("Refined", "As pre, on a finer grid of interpolated values: sharper edges, much more memory. Errors "
+                           "are against truth T2"),
+    "post": ("Post", "Values are interpolated, and classified in every sheet pixel: edges as sharp as a ray caster's. "
+                     "Errors are against truth T2"),
+}
+CLASSIFICATION_ITEMS = [(name, *CLASSIFICATION_TEXTS[name]) for name in tables.CLASSIFICATIONS]
 QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name in tables.QUALITY_PRESETS] + [
     ("paper", "Paper", "The paper's literal pipeline: opacities added in slice planes, one sheet pixel per voxel"),
     ("custom", "Custom", "Every knob by hand"),
@@ -50,11 +59,26 @@ def _evaluate_anew(group, _context):
     group.id_data.update_tag()
 
 
+def _knob_chosen(settings, context):
+    suit_classification(settings)
+    _evaluate_anew(settings, context)
+
+
+def _classification_chosen(settings, context):
+    suit_knobs(settings)
+    _evaluate_anew(settings, context)
+
+
 # Properties that decide a picture.
 LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, LiveString = (
     partial(kind, update=_evaluate_anew)
     for kind in (BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
 )
+
+
+# Those whose values not every classification has.
+KnobEnum = partial(EnumProperty, update=_knob_chosen)
+USUAL = tables.Quality()  # knobs' values where nobody chose any
 
 
 def _knob(name: str) -> str:
@@ -117,45 +141,40 @@ class SceneSettings(bpy.types.PropertyGroup):
     scene_scale: FloatProperty(
         name="Scene Scale", description="World units for each millimetre: 0.001 shows millimetres in metres",
         default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
-    quality: LiveEnum(
-        name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default="standard")
+    quality: KnobEnum(
+        name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default=USUAL.name)
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest error of any channel, in levels of 1/255: the quickest plan that keeps it is chosen, and "
         "the picture is measured against the truth. Of Quality only the classification counts then. Zero for none")
-    classification: LiveEnum(
-        name="Classification", description=_knob("classification"),
-        items=_items(tables.CLASSIFICATIONS), default=tables.Quality.classification)
+    classification: EnumProperty(
+        name="Classification", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
+        default=USUAL.classification, update=_classification_chosen)
     refinement: LiveEnum(
-        name="Refinement", description=_knob("refinement"), items=REFINEMENT_ITEMS,
-        default=str(tables.Quality.refinement))
-    depth_rule: LiveEnum(
-        name="Depth Rule", description=_knob("depth_rule"), items=_items(tables.DEPTH_RULES),
-        default=tables.Quality.depth_rule)
-    kernel: LiveEnum(
-        name="Footprint", description=_knob("kernel"), items=_items(tables.FOOTPRINTS),
-        default=tables.Quality.kernel)
-    minification: LiveEnum(
+        name="Refinement", description=_knob("refinement"), items=REFINEMENT_ITEMS, default=str(USUAL.refinement))
+    depth_rule: KnobEnum(
+        name="Depth Rule", description=_knob("depth_rule"), default=USUAL.depth_rule,
+        items=_items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
+    kernel: KnobEnum(
+        name="Footprint", description=_knob("kernel"), items=_items(tables.FOOTPRINTS), default=USUAL.kernel)
+    minification: KnobEnum(
         name="Minification", description=_knob("minification"), items=_items(tables.MINIFICATIONS),
-        default=tables.Quality.minification)
+        default=USUAL.minification)
     warp_filter: LiveEnum(
-        name="Warp Filter", description=_knob("warp_filter"),
-        items=_items(tables.WARP_FILTERS), default=tables.Quality.warp_filter)
-    model: LiveEnum(
-        name="Model", description=_knob("model"), items=_items(tables.MODELS),
-        default=tables.Quality.model)
-    record: LiveEnum(
-        name="Voxel Record", description=_knob("record"), items=RECORD_ITEMS, default=str(tables.Quality.record))
+        name="Warp Filter", description=_knob("warp_filter"), items=_items(tables.WARP_FILTERS),
+        default=USUAL.warp_filter)
+    model: KnobEnum(name="Model", description=_knob("model"), items=_items(tables.MODELS), default=USUAL.model)
+    record: KnobEnum(
+        name="Voxel Record", description=_knob("record"), items=RECORD_ITEMS, default=str(USUAL.record))
     sheet_density: LiveFloat(
-        name="Sheet Density", description=_knob("sheet_density"),
-        default=tables.Quality.sheet_density, min=0.0, max=8.0)
+        name="Sheet Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0, max=8.0)
     termination: LiveFloat(
-        name="Termination", description=_knob("termination"),
-        default=tables.Quality.termination, min=0.0, max=0.499, precision=5)
+        name="Termination", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
+        precision=5)
     threads: LiveInt(name="Threads", description="Zero for one per core", default=0, min=0, soft_max=64)
     backend: LiveEnum(
         name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),
-        default=tables.Quality.backend)
+        default=USUAL.backend)
     lighting: LiveEnum(name="Lighting", description="What lights the volume", items=LIGHTING_ITEMS)
     meshes_occlude: LiveBool(
         name="Meshes Occlude", description="Stop each ray at the first mesh surface, also inside the volume",
@@ -174,9 +193,9 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_previews: BoolProperty(
         name="Progressive Preview", default=True,
         description="While a picture is made in a window, or a backdrop follows the timeline, show coarse ones "
-        "first, with a bound on their error, if it is likely to take more than 0.15 seconds from when the volume is "
-        "classified. The picture stays the same; Esc brings the former one back. Takes up to 100 MB of memory; "
-        "scripts and renders have no previews")
+        "first, with a bound on their error where the classification is pre, if it is likely to take more than 0.15 "
+        "seconds from when the volume is classified. The picture stays the same; Esc brings the former one back. "
+        "Takes up to 100 MB of memory; scripts and renders have no previews")
     message: StringProperty(name="Message", description="What went wrong in the last render or frame change")
     use_composite: BoolProperty(
         name="Composite into Render", description="Splat anew for every rendered frame and lay it over the render",

@@ -2,12 +2,13 @@
 
 import bpy
 
+from ..bridge.settings import OF_PRE
 from ..rle_splat.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
-    "classification", "refinement", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
-    "termination", "model", "threads", "backend",
+    "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "model", "threads",
+    "backend",
 )
 
 
@@ -28,12 +29,16 @@ class QualityPanel:
             paragraph(context, box, f"Pictures take many times as long. {NUMBA_PROBLEM}")
         layout.prop(settings, "max_error")
         layout.prop(settings, "quality")
-        if settings.quality == "custom":
-            column = layout.column()
-            for name in KNOBS:
-                if name != "refinement" or settings.classification == "refined":
-                    column.prop(settings, name)
-        layout.prop(settings, "record")
+        column = layout.column()
+        if settings.quality != "paper":
+            column.prop(settings, "classification")
+            if settings.classification == "refined":
+                column.prop(settings, "refinement")
+        for name in (*(KNOBS if settings.quality == "custom" else ()), "record"):
+            row = column.row()
+            # Greyed out, but not out of reach: choosing another value of these chooses pre.
+            row.active = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"
+            row.prop(settings, name)
         layout.prop(settings, "scene_scale")
         layout.prop(settings, "meshes_occlude")
 

@@ -32,20 +32,26 @@ def told(monkeypatch):
     return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
 
 
-def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch):
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification):
+    """Of post a picture says how many voxels it keeps, which are more than the visible ones."""
+    bpy.context.scene.rle_splat.classification = classification
     bridge("volumes").forget_all()  # no voxels in memory: the panel must not read them
     needed, share = told(monkeypatch)
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     rendering = core("steps").drain(bridge("render_scene").steps(plain, quality))
-    assert share == pytest.approx(rendering.report["volume"]["visible_fraction"], abs=0.001)
+    assert quality.classification == classification
+    kept = rendering.report["volume"]["visible_fraction"]
+    assert share == pytest.approx(kept, abs=0.001) if classification == "pre" else share < kept < 2.0 * share
     assert needed == pytest.approx(rendering.report["memory_estimate_bytes"]["needed"], rel=0.3)
 
 
 def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, monkeypatch):
-    first, share = told(monkeypatch)
     settings = bpy.context.scene.rle_splat
+    settings.classification = "pre"
+    first, share = told(monkeypatch)
     settings.record = "4"
     assert told(monkeypatch)[0] < first
     settings.record = "16"
@@ -62,10 +68,14 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
 
 
 @pytest.mark.parametrize("operator", ("render_image", "set_backdrop"))
-def test_too_little_memory_is_refused_before_the_work(volume, core, operator, monkeypatch):
+@pytest.mark.parametrize("classification, advice", (("pre", "would fit"), ("post", "crop or thin the volume")))
+def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, advice, monkeypatch):
+    bpy.context.scene.rle_splat.classification = classification
+    free = int(0.9 * told(monkeypatch)[0])
     for module in ("memory_estimate", "kept", "memory"):
-        monkeypatch.setattr(core(module), "available_bytes", lambda: 900_000)
+        monkeypatch.setattr(core(module), "available_bytes", lambda: free)
     images = len(bpy.data.images)
-    with pytest.raises(RuntimeError, match=r"are free; .* would fit") as refusal:
+    with pytest.raises(RuntimeError, match=f"are free; .*{advice}") as refusal:
         getattr(bpy.ops.rle_splat, operator)()
     assert "Traceback" not in str(refusal.value) and len(bpy.data.images) == images
+    assert classification == "pre" or "records" not in str(refusal.value)  # of which post has none

@@ -6,6 +6,7 @@ is seen in a real Blender.
 
 import builtins
 import sys
+from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -137,6 +138,35 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
     assert ("prop", "refinement") in draw_all(monkeypatch)
     quality = bridge("settings").quality_of(bpy.context.scene)
     assert (quality.classification, quality.refinement) == ("refined", 3)
+
+
+def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, monkeypatch, bridge):
+    """Post is the default; knobs that it has one value of are greyed out, and choosing another value chooses pre."""
+    scene, of_pre = bpy.context.scene, bridge("settings").OF_PRE
+    settings, quality_of = scene.rle_splat, bridge("settings").quality_of
+    assert quality_of(scene) == quality_of(scene).preset("standard") and quality_of(scene).classification == "post"
+    others = {"record": "8", "kernel": "bspline3", "minification": "widen", "model": "opacity"}
+    assert set(others) == set(of_pre)
+    settings.quality = "custom"
+    log = draw_all(monkeypatch)
+    greyed = {what[1] for before, what in pairwise(log) if before == ("active", False)}
+    assert greyed & {*of_pre, "depth_rule", "sheet_density", "warp_filter", "termination"} == set(of_pre)
+    for name, value in others.items():
+        setattr(settings, name, value)
+        assert settings.classification == "pre" and str(getattr(quality_of(scene), name)) == value
+        assert (("active", False), ("prop", name)) not in pairwise(draw_all(monkeypatch))
+        settings.classification = "post"  # which takes it back
+        assert quality_of(scene).classification == "post" and getattr(settings, name) != value
+    settings.quality, settings.kernel = "fine", "bspline3"  # of no account to a quality
+    assert quality_of(scene) == quality_of(scene).preset("fine")
+    settings.quality = "custom"
+    assert settings.classification == "pre"
+    settings.depth_rule = "preintegrated"
+    assert settings.classification == "post" and quality_of(scene).depth_rule == "preintegrated"
+    settings.classification = "refined"
+    assert quality_of(scene).depth_rule == "simpson"
+    settings.quality = "paper"
+    assert ("prop", "classification") not in draw_all(monkeypatch) and quality_of(scene).classification == "pre"
 
 
 def test_messages_and_reports_are_shown(volume_object, monkeypatch):
