@@ -36,7 +36,7 @@ def scene(name: str) -> tuple[Scene, Quality]:
         place[:3, 3] = 6.3, 7.1, 8.4
         camera, matrix = Camera(place, lens=6.0, clip_start=1e-3), np.eye(4)
     if name == "opacities":
-        quality = Quality.paper(classification="pre")
+        quality = Quality.paper()
     if name == "post":
         quality = Quality(classification="post")
     return Scene(volume, LOOK, camera, *SIZE, volume_matrix=matrix, headlight=False), quality

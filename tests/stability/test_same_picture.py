@@ -81,7 +81,11 @@ def test_A13_kernels_and_their_numpy_twins(record, width):
     fast, slow = pictures(backend="numba"), pictures(backend="numpy")
     for name in fast:
         error = float(np.abs(fast[name][..., :4] - slow[name][..., :4]).max())
-        record("A13", "difference between kernels and their numpy twins", error, 1e-5, width)
+        if name.startswith("post"):
+            claim = "difference between kernels and their numpy twins, post-classified"
+            record("A13", claim, error, 2e-3, width, looser="a rounding may turn to the next entry of the value table")
+        else:
+            record("A13", "difference between kernels and their numpy twins", error, 1e-5, width)
 
 
 @pytest.mark.parametrize("backend", ("numba", "numpy") if compiled() else ("numpy",))
