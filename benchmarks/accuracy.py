@@ -32,7 +32,7 @@ from .frames import Neighbours, circumstances, describe
 from .scenes import DATA, REAL, smoke
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-SIZE, PROBES, REPEATS = 512, 1000, 5
+SIZE, PROBES, REPEATS = 512, 1000, 3
 STANDARD = Quality.preset("standard")
 PROJECTIONS = {"orthographic": False, "perspective": True}
 DEPTH_RULES = ("slice", "simpson", "midpoint-4", "midpoint-8", "preintegrated", "preintegrated-2", "preintegrated-4")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rle_splat import cost_of_accuracy
 from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.phantoms import blobs
 from rle_splat.accuracy.truths import truth
@@ -111,3 +112,12 @@ def test_plans_for_tolerances_say_what_was_predicted(scene):
     none = drain(sweep_steps(scene, [base], replace(base, model="opacity"), probes=40, repeats=1, tolerances=(2.0,)))
     assert not any(entry["predicted"] for entry in none.report["plans"])
     assert any("tolerance" in remark for remark in none.report["remarks"])
+
+
+def test_wishes_that_cost_too_much_are_said_and_not_measured(scene, monkeypatch):
+    base = Quality(classification="pre", backend="numpy")
+    monkeypatch.setattr(cost_of_accuracy, "LONGEST", 0.0)
+    report = drain(sweep_steps(scene, [base], base, probes=40, repeats=1, tolerances=(8.0, 1e-6))).report
+    assert not any(entry["predicted"] for entry in report["plans"])
+    assert any("for 8 levels (" in remark for remark in report["remarks"])
+    assert any("No plan" in remark and "for 1e-06 levels" in remark for remark in report["remarks"])
