@@ -61,9 +61,9 @@ class Stage:
         return render(scene, Quality(**usual | {"termination": 1 / 4096} | knobs))
 
     @staticmethod
-    def truth(scene, **how):
-        """(rgba (H, W, 4), depth (H, W)) of T1, float64."""
-        rgba, depth = truth(scene, tolerance=1e-7, **how)
+    def truth(scene, name="T1", **how):
+        """(rgba (H, W, 4), depth (H, W)) of T1 or T2, float64."""
+        rgba, depth = truth(scene, name, tolerance=1e-7, **how)
         return rgba.reshape(scene.height, scene.width, 4), depth.reshape(scene.height, scene.width)
 
     def error(self, scene, true=None, **knobs):

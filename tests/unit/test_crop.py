@@ -75,8 +75,10 @@ def assert_crops_agree(scene, quality, crops=CROPS):
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("warp_filter", WARP_FILTERS)
 @pytest.mark.parametrize("kind", ["ortho", "perspective", "inside"])
-def test_a_crop_is_the_whole_frame_to_the_bit(kind, warp_filter, backend):
-    whole = assert_crops_agree(scene_of(kind), Quality(warp_filter=warp_filter, backend=backend))
+@pytest.mark.parametrize("classification", ["pre", "post"])
+def test_a_crop_is_the_whole_frame_to_the_bit(classification, kind, warp_filter, backend):
+    quality = Quality(classification=classification, warp_filter=warp_filter, backend=backend)
+    whole = assert_crops_agree(scene_of(kind), quality)
     assert len(whole.report["plan"]["base_planes"]) > (2 if kind == "inside" else 0)
 
 
@@ -85,7 +87,10 @@ def test_a_crop_is_the_whole_frame_to_the_bit(kind, warp_filter, backend):
 @pytest.mark.parametrize("kernel", FOOTPRINTS)
 def test_under_every_model_and_footprint(kernel, model, backend):
     for minification, density in (("off", 1.7), ("widen", 0.6)):
-        quality = Quality(kernel=kernel, model=model, minification=minification, sheet_density=density, backend=backend)
+        quality = Quality(
+            classification="pre", kernel=kernel, model=model, minification=minification, sheet_density=density,
+            backend=backend,
+        )
         assert_crops_agree(scene_of("perspective"), quality, CROPS[:1])
 
 
@@ -104,7 +109,7 @@ def test_a_mesh_that_only_the_whole_frame_finds_in_the_volume(kernel, backend):
     corner = np.array((((-9.0, 8.0, 14.0), (4.0, 8.0, 14.0), (-9.0, 8.0, 30.0)),))
     far = np.array((((-200.0, 90.0, -200.0), (200.0, 90.0, -200.0), (0.0, 90.0, 400.0)),))
     scene = scene_of("ortho", triangles=np.concatenate((corner, far)))
-    quality = Quality(kernel=kernel, backend=backend)
+    quality = Quality(classification="pre", kernel=kernel, backend=backend)
     whole = assert_crops_agree(scene, quality)
     parts = [render(replace(scene, crop=crop), quality) for crop in CROPS]
     on = [r.report["effects"][1]["on"] for r in (whole, *parts)]
