@@ -163,18 +163,22 @@ def figure_text(value: float) -> str:
 
 
 def plans_table(views: dict) -> str:
-    """Every plan on every view: milliseconds, RMSE, largest error."""
-    first = next(iter(views.values()))
+    """Every plan on every view: milliseconds, RMSE, largest error; the plan for a tolerance is not measured on all."""
+    ladders = {title: {entry["name"]: entry for entry in ladder(report)} for title, report in views.items()}
+    every = {name: entry for mine in reversed(ladders.values()) for name, entry in mine.items()}
     rows = []
-    for entry in sorted(ladder(first), key=lambda e: (e["truth"] != "T2", e["frame_ms"])):
-        cells = []
-        for report in views.values():
-            mine = next(e for e in ladder(report) if e["name"] == entry["name"])
-            error = mine["error"]
-            text = f"{mine['frame_ms']:.0f} ms, {figure_text(error['rmse'])} / {figure_text(error['largest'])}"
-            cells.append(f"**{text}**" if mine["on_front"] else text)
-        rows.append([entry["name"], entry["truth"], *cells])
+    for name, first in sorted(every.items(), key=lambda item: (item[1]["truth"] != "T2", item[1]["frame_ms"])):
+        cells = [_plan_cell(mine.get(name)) for mine in ladders.values()]
+        rows.append([name, first["truth"], *cells])
     return markdown(["plan", "truth", *views], rows)
+
+
+def _plan_cell(entry: dict | None) -> str:
+    if entry is None:
+        return "-"
+    error = entry["error"]
+    text = f"{entry['frame_ms']:.0f} ms, {figure_text(error['rmse'])} / {figure_text(error['largest'])}"
+    return f"**{text}**" if entry["on_front"] else text
 
 
 def tolerance_table(views: dict) -> str:

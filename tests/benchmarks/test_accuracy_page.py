@@ -61,6 +61,13 @@ def test_every_place_of_the_page_is_filled(subject, measured, tmp_path):
         page.fill(text, {"nowhere": "x"})
 
 
+def test_a_plan_that_only_one_view_has_is_left_open_elsewhere(measured):
+    report = measured[0].report
+    less = {**report, "plans": [entry for entry in report["plans"] if entry["name"] != "fine"]}
+    row = next(line for line in page.plans_table({"a": less, "b": report}).splitlines() if line.startswith("| fine "))
+    assert row.split("|")[3].strip() == "-" and " ms, " in row.split("|")[4]
+
+
 def test_the_tolerance_table_names_the_quickest_that_keeps_it(measured):
     report = measured[0].report
     truth = page._main_truth({"view": report})
