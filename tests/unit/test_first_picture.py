@@ -11,7 +11,7 @@ from rle_splat.jit import compiled
 
 ROOT = Path(__file__).resolve().parents[2]
 ROAD = """
-import gc, json
+import gc, json, sys
 from dataclasses import replace
 import numpy as np
 from rle_splat.classify.transfer_function import Shade, TransferFunction
@@ -34,7 +34,7 @@ for edited in (
     replace(scene, transfer_function=replace(tf, opacity=((60, 0.0), (250, 0.6)))),
     replace(scene, transfer_function=replace(tf, shade=Shade(specular=0.0))),
 ):
-    render(edited, Quality.preset("draft"), kept=kept)
+    render(edited, Quality.preset("draft", classification=sys.argv[1]), kept=kept)
 rooms = ("rle_splat.volume", "rle_splat.classify", "rle_splat.encode")
 kernels = [k for k in gc.get_objects() if isinstance(k, numba.core.dispatcher.Dispatcher)]
 kernels = [k for k in kernels if k.py_func.__module__.startswith(rooms)]
@@ -44,9 +44,15 @@ print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.sign
 
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
-def test_the_common_road_compiles_each_kernel_once():
-    done = subprocess.run([sys.executable, "-c", ROAD], cwd=ROOT, capture_output=True, text=True, check=False)
+@pytest.mark.parametrize("classification, kernels", (
+    ("pre", ("_extremes", "count_by_table", "fill_by_table", "_sobel", "fill_row_runs", "_write_records")),
+    ("post", ("_extremes", "_mark_relevant", "_count_kept", "_fill_kept", "_sobel", "fill_row_runs", "_code_light")),
+))
+def test_the_common_road_compiles_each_kernel_once(classification, kernels):
+    words = [sys.executable, "-c", ROAD, classification]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == dict.fromkeys(
-        ("_extremes", "count_by_table", "fill_by_table", "_sobel", "fill_row_runs", "_write_records"), 1
-    )
+    expected = dict.fromkeys(kernels, 1)
+    if classification == "post":
+        expected["place_records"] = 2  # for scalars, and for light
+    assert json.loads(done.stdout) == expected
