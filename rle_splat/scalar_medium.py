@@ -3,7 +3,8 @@
 What depends on what, so that a change redoes no more than it must:
 
     blocks    the voxels
-    relevant  blocks, and the range of values that the transfer function shows, or a wider one that is kept
+    relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
+              a wider one that is kept
     normals   relevant, and how the volume lies in the world
     light     normals and lights; the view too if a highlight or a headlight follows it
     runs      relevant, and the principal axis
@@ -22,15 +23,14 @@ from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
 from .classify.shading import Lighting, refuse_too_bright
 from .classify.value_table import value_table
 from .classify.visible import VisibleVoxels
-from .encode.encode import run_tables
-from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, scalars_of
+from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
 from .encode.voxel_light import VoxelLight, voxel_light
 from .kept import Job
 from .kept_normals import kept_normals
 from .medium import Medium, array_key, lighting_key, scene_lighting
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, refuse_too_much, scalar_estimate
-from .scene import Quality, Scene
+from .scene import Quality, Scene, preintegrated_of
 from .splat.scalar_splat import scalar_splat_steps
 from .steps import Clock, Progress, portion, timed
 from .volume.blocks import Blocks, block_steps
@@ -111,8 +111,12 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     def wanted(counted) -> MemoryEstimate:
         return scalar_estimate(volume, counted, axes=axes, lit=falling is not None, picture=picture)
 
+    # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen where
+    # the other end is not kept: pictures must not depend on what was shown before.
+    between = preintegrated_of(quality.depth_rule) is not None
+
     def serves(key, held: RelevantVoxels) -> bool:
-        if key[0] != voxels_key or not held.reach.covers(reach):
+        if between or key[0] != voxels_key or not held.reach.covers(reach):
             return False
         return np.count_nonzero(held.reach.of_blocks(blocks)) <= WORTH_KEEPING * near
 
@@ -170,18 +174,20 @@ def _axis_steps(volume, lit: _Lit, axis: int, infinite, centre: float, quality: 
     machine = dict(backend=quality.backend, threads=quality.threads)
     kind, voxels = volume.voxels.dtype, lit.voxels
     with clock.stage("encode"):
-        tables = job.get("runs", (lit.key, axis), lambda: run_tables(voxels, axis, **machine))
+        tables = job.get("runs", (lit.key, axis), lambda: scalar_tables(voxels, axis, **machine))
     needs = lit.estimate.one_axis()
+    order = "rows" if is_shared(axis) else axis
 
     def scalars():
         job.kept.make_room(needs.needed)
         refuse_too_much(needs)
         return in_scanlines(tables, voxels, scalars_of(voxels, kind, infinite, centre), **machine)
 
-    steps = job.steps("scalars", (lit.key, infinite, centre, axis), scalars)
+    steps = job.steps("scalars", (lit.key, infinite, centre, order), scalars)
     placed = yield from timed(steps, clock, "encode")
     if lit.light is None:
         return ScalarVolume(tables, placed, centre)
-    steps = job.steps("lights", (lit.light_key, axis), lambda: in_scanlines(tables, voxels, lit.light.codes, **machine))
+    lights = lit.light.codes
+    steps = job.steps("lights", (lit.light_key, order), lambda: in_scanlines(tables, voxels, lights, **machine))
     codes = yield from timed(steps, clock, "encode")
     return ScalarVolume(tables, placed, centre, codes, lit.light.unit)

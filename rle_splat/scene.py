@@ -242,8 +242,8 @@ KNOB_TEXTS = {
     "depth_rule": "how sheets are integrated along the view",
     "sheet_density": "sheet pixels per image pixel; zero for one per voxel",
     "kernel": "footprint of a voxel: its reconstruction kernel; post has tent alone",
-    "minification": "widen footprints where several voxels share a sheet pixel, against shimmer, which post does not; or "
-    "show what is there",
+    "minification": "widen footprints where several voxels share a sheet pixel, against shimmer, which post does not; "
+    "or show what is there",
     "warp_filter": "filter from the intermediate image to the picture",
     "termination": "transmittance below which a pixel counts as opaque",
     "model": "what overlapping footprints add up; post has extinction alone",

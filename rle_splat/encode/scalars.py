@@ -7,13 +7,13 @@ and the light that falls on it where anything shines.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
 from ..jit import read_only
-from .encode import place_slabs
+from .encode import place_slabs, run_tables
 from .tables import RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # kept as they are; others become float32
@@ -96,12 +96,29 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarr
     return found
 
 
+def is_shared(axis: int) -> bool:
+    """Whether a principal axis has the records in the voxels' own order: scanlines of y and z are rows along x."""
+    return axis != 0
+
+
+def scalar_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
+    """Where the voxels are, for principal ``axis``: as ``encode.run_tables``, but y takes its records from where z has
+    them, row by row, so that the two share one list."""
+    tables = run_tables(voxels, axis, backend=backend, threads=threads)
+    if axis != 1:
+        return tables
+    _, ny, nz = voxels.shape_xyz
+    rows = voxels.row_start[:-1].reshape(nz, ny)
+    return replace(tables, scanline_data_pointers=np.ascontiguousarray(rows.T))
+
+
 def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: str = "auto", threads: int = 0):
     """Generator: yields the fraction done; returns records (m,) or (m, w) of the voxels, which come in the voxels' own
-    order, in the order of ``tables``."""
-    if tables.axis == 2:  # the voxels' own order
+    order, in the order of ``tables``, which are of ``scalar_tables``."""
+    if is_shared(tables.axis):
         return words
-    rows = words if words.ndim == 2 else words.reshape(-1, 1)
+    # As bytes, whatever they are: one kernel for all.
+    rows = np.ascontiguousarray(words).view(np.uint8).reshape(len(words), -1) if len(words) else words.reshape(0, 1)
     target = np.empty_like(rows)
     yield from place_slabs(tables, voxels, read_only(rows), target, backend=backend, threads=threads)
-    return target.reshape(words.shape)
+    return target.reshape(-1).view(words.dtype).reshape(words.shape)

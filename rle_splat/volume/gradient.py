@@ -53,28 +53,28 @@ def unit_normals(
     is_integer = voxels.dtype.kind in "iu"
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
     normals = np.empty((3, len(column)), dtype=np.float32)  # one component after the other, for SIMD
-    if known is None:
-        known = KnownNormals(np.zeros_like(row_start), column[:0], np.empty((0, 3), np.float32))
-    lists = tuple(read_only(array) for array in (row_start, column, known.row_start, known.column))
-    lists += (read_only(np.ascontiguousarray(known.normals.T)),)
+    lists = (read_only(row_start), read_only(column))
+    if known is not None:  # what is not wanted is not compiled
+        known = (known.row_start, known.column, np.ascontiguousarray(known.normals.T))
+        known = tuple(read_only(array) for array in known)
     if compiled(backend):
         covector = tuple(covector.ravel().tolist())
         with parallel_call(threads):
             if is_integer:
                 sum_type = np.empty(0, np.int32 if voxels.dtype.itemsize <= 2 else np.int64)
-                _sobel(voxels, lists, covector, floor, sum_type, normals)
+                _sobel(voxels, lists, known, covector, floor, sum_type, normals)
             else:
-                _central(voxels, lists, covector, floor, normals)
+                _central(voxels, lists, known, covector, floor, normals)
     else:
-        _normals_numpy(voxels, lists, covector, floor, is_integer, normals)
+        _normals_numpy(voxels, lists, known, covector, floor, is_integer, normals)
     return normals.T
 
 
 # --- kernels --------------------------------------------------------------------------------------------------
 #
-# Throughout: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the voxels wanted, then row_start, column and
-# (3, k) normals of those known; ``covector``: the nine numbers of the matrix, row by row (an array would be read anew
-# for every voxel); ``normals`` (3, m) float32, unit, world, to be written.
+# Throughout: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the voxels wanted; ``known``: row_start,
+# column and (3, k) normals of those known, or None; ``covector``: the nine numbers of the matrix, row by row (an array
+# would be read anew for every voxel); ``normals`` (3, m) float32, unit, world, to be written.
 
 
 @kernel(inline="always")
@@ -110,6 +110,12 @@ def _take_known(i, end, column, j, known_end, known_column, known, normals):
                 to[k] = source[k]
         i += same
         j += same
+    return _not_known(i, end, column, j, known_end, known_column)
+
+
+@kernel(inner=True)
+def _not_known(i, end, column, j, known_end, known_column):
+    """What ``_take_known`` returns, from a voxel ``i`` on that is not known."""
     first = i
     while i < end:
         x = np.int64(column[i])
@@ -128,6 +134,22 @@ def _take_known(i, end, column, j, known_end, known_column, known, normals):
     return first, i, j
 
 
+@kernel(inner=True)
+def _known_of(known, row):
+    """The known voxels of a row, first and one past the last."""
+    if known is None:
+        return 0, 0
+    return known[0][row], known[0][row + 1]
+
+
+@kernel(inner=True)
+def _next_stretch(i, end, column, j, known_end, known, normals):
+    """What ``_take_known`` returns, whether any are known or not."""
+    if known is None:
+        return _not_known(i, end, column, 0, 0, column)
+    return _take_known(i, end, column, j, known_end, known[1], known[2], normals)
+
+
 @kernel(inline="always")
 def _unit(gx, gy, gz, floor, covector):
     """Unit world normal of an index-space gradient (stored values per voxel step), or (0, 0, 0)."""
@@ -142,23 +164,24 @@ def _unit(gx, gy, gz, floor, covector):
 
 
 @kernel
-def _sobel(voxels, lists, covector, floor, sum_type, normals):
+def _sobel(voxels, lists, known, covector, floor, sum_type, normals):
     """Integer ``voxels``; ``sum_type``: an array of the type that holds 16 times any voxel exactly."""
-    share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, covector, floor, sum_type, normals))
+    arguments = (voxels, lists, known, covector, floor, sum_type, normals)
+    share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], arguments)
 
 
 @kernel(inner=True)
-def _sobel_rows(begin_row, end_row, voxels, lists, covector, floor, sum_type, normals):
-    row_start, column, known_row_start, known_column, known = lists
+def _sobel_rows(begin_row, end_row, voxels, lists, known, covector, floor, sum_type, normals):
+    row_start, column = lists
     n_x = voxels.shape[2]
     # Arrays of their own, so that the compiler knows which do not overlap.
     sums = np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype)
     unit = np.empty(n_x, np.float32), np.empty(n_x, np.float32), np.empty(n_x, np.float32)
     for row in range(begin_row, end_row):
         i, end = row_start[row], row_start[row + 1]
-        j, known_end = known_row_start[row], known_row_start[row + 1]
+        j, known_end = _known_of(known, row)
         while i < end:
-            first, i, j = _take_known(i, end, column, j, known_end, known_column, known, normals)
+            first, i, j = _next_stretch(i, end, column, j, known_end, known, normals)
             if first < i:
                 _sobel_stretch(voxels, row, column[first:i], covector, floor, sums, unit, normals[:, first:i])
 
@@ -230,19 +253,19 @@ def _finite_or(value, otherwise):
 
 
 @kernel
-def _central(voxels, lists, covector, floor, normals):
+def _central(voxels, lists, known, covector, floor, normals):
     """Float ``voxels``; ``floor`` is relative to the largest value met."""
-    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, covector, floor, normals))
+    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, known, covector, floor, normals))
 
 
 @kernel(inner=True)
-def _central_rows(begin_row, end_row, voxels, lists, covector, floor, normals):
-    row_start, column, known_row_start, known_column, known = lists
+def _central_rows(begin_row, end_row, voxels, lists, known, covector, floor, normals):
+    row_start, column = lists
     for row in range(begin_row, end_row):
         i, end = row_start[row], row_start[row + 1]
-        j, known_end = known_row_start[row], known_row_start[row + 1]
+        j, known_end = _known_of(known, row)
         while i < end:
-            first, i, j = _take_known(i, end, column, j, known_end, known_column, known, normals)
+            first, i, j = _next_stretch(i, end, column, j, known_end, known, normals)
             if first < i:
                 _central_stretch(voxels, row, column[first:i], covector, floor, normals[:, first:i])
 
@@ -268,9 +291,12 @@ def _central_stretch(voxels, row, column, covector, floor, normals):
 # --- twins ----------------------------------------------------------------------------------------------------
 
 
-def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
+def _normals_numpy(voxels, lists, known, covector, floor, is_integer, normals):
     """Twin of both kernels, in chunks of voxels."""
-    row_start, column, known_row_start, known_column, known = lists
+    row_start, column = lists
+    if known is None:
+        known = (np.zeros_like(row_start), column[:0], np.empty((3, 0), np.float32))
+    known_row_start, known_column, known = known
     _, n_y, n_x = voxels.shape
     for begin in range(0, len(column), CHUNK):
         wanted = np.arange(begin, min(begin + CHUNK, len(column)))

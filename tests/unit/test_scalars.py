@@ -50,19 +50,20 @@ def encoded(scene, axes=(0, 1, 2), **machine):
 
 def decoded(table, records):
     """{(z, y, x): record} by walking slices, scanlines and runs one at a time, as the paper's words have it."""
-    tables, found, at = table.tables, {}, 0
+    tables, found, count = table.tables, {}, 0
     for k in range(tables.n_slices):
-        assert tables.data_pointers[k] == at
+        assert tables.data_pointers[k] == count
         for j in range(tables.n_scanlines):
             run, x = int(tables.scanline_pointers[k, j]), 0
-            assert tables.scanline_data_pointers[k, j] == at
+            at = int(tables.scanline_data_pointers[k, j])
+            assert at == count or table.axis == 1, "y has its records where z has them"
             while run >= 0 and x < tables.width:
                 x += int(tables.runs[run])
                 for _ in range(int(tables.runs[run + 1]) if x < tables.width else 0):
                     found[VOXEL_OF[table.axis](k, j, x)] = records[at]
-                    at, x = at + 1, x + 1
+                    at, count, x = at + 1, count + 1, x + 1
                 run += 2
-    assert at == tables.n_voxels == len(records)
+    assert count == tables.n_voxels == len(records)
     return found
 
 
