@@ -14,11 +14,13 @@ SUFFIXES = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 110
 COLOURS = {"T1": "#c2570c", "T2": "#1b62a5"}  # told apart by any eye, and dark enough on white
 FAINT = "#8a8a8a"
+FEW = (1.0, 3.0)  # of the numbers of a decade, where there is little room
 MOST_CROPS = 5  # along the front, and the chosen plan's
 FAINTEST_ERROR = 0.05  # levels, at the dark end of the errors' colours
 # Where a label may stand from its point: shares of its own width and height, and of as much again, further out.
 DIRECTIONS = ((1, 0.15), (1, 1), (1, -1), (-1, 0.15), (-1, 1), (-1, -1), (0, 1), (0, -1))
 DISTANCES = (7, 15, 26, 40)  # points
+APART = 6  # pixels between labels side by side
 FAR = 15  # from here on a thin line leads from a label to its point
 
 
@@ -80,7 +82,7 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
         axes.plot([], [], "o", ms=12, mfc="none", mec="black", mew=1.4, ls="none", label="the chosen plan")
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame", ylabel=f"{ERRORS[key]}, levels")
     for axis in (axes.xaxis, axes.yaxis):
-        plain_numbers(axis)
+        plain_numbers(axis, *(() if named is None else (FEW,)))
     axes.margins(x=0.14, y=0.14)
     axes.grid(True, which="major", alpha=0.35)
     axes.grid(True, which="minor", alpha=0.12)
@@ -88,11 +90,11 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
         axes.legend(loc="upper right", fontsize=9)
 
 
-def plain_numbers(axis) -> None:
-    """Ticks of a logarithmic axis as 0.2 or 50, not as powers of ten."""
+def plain_numbers(axis, marks=(1.0, 2.0, 5.0)) -> None:
+    """Ticks of a logarithmic axis as 0.2 or 50, not as powers of ten; ``marks``: which numbers of each decade."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=15))
+    axis.set_major_locator(LogLocator(subs=marks, numticks=15))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -135,7 +137,7 @@ def _place_labels(figure, axes) -> None:
         axes.annotate(
             text, (x, y), offset, textcoords="offset points", fontsize=9, color=colour, arrowprops=leader
         )
-        taken.append(place)
+        taken.append((place[0] - APART, place[1], place[2] + APART, place[3]))
     axes.free_labels = []
 
 
@@ -173,14 +175,20 @@ def draw_crops(figure, sweep, names) -> None:
     for (above, below), name in zip(axes[:, 1:].T, names):
         entry = sweep.plan(name)
         bold = dict(weight="bold") if name == chosen else {}
-        _picture(above, sweep.pictures[name], f"{name}\n{entry['frame_ms']:.3g} ms", **bold)
+        _picture(above, sweep.pictures[name], f"{name}\n{_digits(entry['frame_ms'])} ms", **bold)
         seen = np.maximum(errors[name], FAINTEST_ERROR)
         shades = below.imshow(seen, norm=norm, cmap="magma", interpolation="nearest")
-        below.set_xlabel(f"RMSE {entry['error']['crop']['rmse']:.2g}\nmax {errors[name].max():.2g}", fontsize=9)
+        rmse = entry["error"]["crop"]["rmse"]
+        below.set_xlabel(f"RMSE {_digits(rmse)}\nmax {_digits(errors[name].max())}", fontsize=9)
     bar = figure.colorbar(shades, cax=axes[1, 0].inset_axes((0.75, 0.0, 0.12, 1.0)), label="error, levels")
     bar.ax.yaxis.set_ticks_position("left")
     bar.ax.yaxis.set_label_position("left")
     plain_numbers(bar.ax.yaxis)
+
+
+def _digits(value: float) -> str:
+    """Two digits that count, without exponents."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _picture(axes, rgba, text: str, **font) -> None:
