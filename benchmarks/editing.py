@@ -18,7 +18,16 @@ import numpy as np
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.kept import MOST_RESULTS, Kept
 from rle_splat.render import render
-from rle_splat.scene import QUALITY_PRESETS, RECORDS, Light, Quality, Scene
+from rle_splat.scene import (
+    CLASSIFICATIONS,
+    DEFAULT_CLASSIFICATION,
+    POST_ONLY,
+    QUALITY_PRESETS,
+    RECORDS,
+    Light,
+    Quality,
+    Scene,
+)
 from rle_splat.view.turntable import turntable
 
 from .frames import Neighbours, circumstances, describe
@@ -147,21 +156,27 @@ def main(arguments) -> int:
     parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the shells")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["draft", "standard"])
-    parser.add_argument("--record", type=int, nargs="*", choices=RECORDS, default=[16, 8])
+    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
+    parser.add_argument("--record", type=int, nargs="*", choices=RECORDS, help="16 and 8, where there is a choice")
     parser.add_argument("--edits", type=int, default=EDITS)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
+    records = options.record or ([POST_ONLY["record"]] if options.classification == "post" else [16, 8])
     where, neighbours, table = circumstances(options.threads), Neighbours(), []
-    print(f"{describe(where)}\n{options.size} x {options.size}; milliseconds, medians of {options.edits} edits\n")
+    print(
+        f"{describe(where)}\n{options.size} x {options.size}, classification {options.classification}; milliseconds, "
+        f"medians of {options.edits} edits\n"
+    )
     print(f"{'volume':<12}{'voxels':>9}  {'quality':<10}{'bytes':>5}  {'edit':<19}", end="")
     print("".join(f"{stage:>10}" for stage in STAGES))
     for name, volume, tf in volumes(options.volume, options.side):
         camera, matrix = turntable(volume, *VIEW, width=options.size, height=options.size)
         scene = Scene(volume, tf, camera, options.size, options.size, matrix, headlight=True)
         for preset in options.quality:
-            for record in options.record:
-                quality = Quality.preset(preset, threads=options.threads, record=record)
+            for record in records:
+                machine = dict(threads=options.threads, record=record)
+                quality = Quality.preset(preset, classification=options.classification, **machine)
                 for row in measure(scene, quality, options.edits):
                     table.append({"volume": name, "quality": preset, "record": record, **row})
                     print(f"{name:<12}{row['visible_voxels']:9d}  {preset:<10}{record:5d}  {row['edit']:<19}", end="")

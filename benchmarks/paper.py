@@ -11,6 +11,7 @@ import argparse
 import json
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -42,7 +43,8 @@ ERROR_QUALITY = "standard"
 
 def quality_of(name: str, threads: int) -> Quality:
     """The paper's own pipeline, or one of the presets."""
-    return Quality.paper(threads=threads) if name == "paper" else Quality.preset(name, threads=threads)
+    made = Quality.paper if name == "paper" else partial(Quality.preset, name, classification="pre")
+    return made(threads=threads)
 
 
 def measure(
@@ -100,7 +102,7 @@ def measure(
 def _record_errors(scenes, quality) -> list[dict]:
     """See ``compare_records``; at the default quality, on the same machine."""
     machine = dict(threads=quality.threads, backend=quality.backend)
-    return compare_records(scenes, Quality.preset(ERROR_QUALITY, **machine), repeats=1)
+    return compare_records(scenes, Quality.preset(ERROR_QUALITY, classification="pre", **machine), repeats=1)
 
 
 def principal_axis(scene) -> int:
@@ -146,7 +148,7 @@ def _westover(volume, tf, quality, size, views) -> dict:
 
     One view, being slow.  It knows extinction only, and no termination.
     """
-    quality = Quality.preset("standard", threads=quality.threads, backend=quality.backend)
+    quality = Quality(classification="pre", threads=quality.threads, backend=quality.backend)
     medium = scene_medium(view_scene(volume, tf, views[min(1, len(views) - 1)], size), quality)
     result = {}
     for name, cull in (("westover_all_ms", False), ("westover_visible_ms", True)):

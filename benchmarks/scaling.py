@@ -66,7 +66,7 @@ def write_volume(path: Path, series: str, n: int) -> None:
 
 def step(path: Path, series: str, n: int, size: int, threads: int) -> dict:
     """Read, classify, encode and draw one raw file; JSON-ready times, counts and the peak memory of this process."""
-    quality = Quality.preset("standard", threads=threads)
+    quality = Quality(classification="pre", threads=threads)
     _road(_small(), "scaled", SMALLEST, size, quality, 1)  # loads the kernels
     spacing = (SMALLEST / n if series == "scaled" else 1.0,) * 3
     began = time.perf_counter()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
 from rle_splat.kept import Kept
 from rle_splat.render import render
-from rle_splat.scene import QUALITY_PRESETS, Quality, Scene
+from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, Scene
 from rle_splat.steps import STAGES
 from rle_splat.view.turntable import turntable
 
@@ -48,6 +47,7 @@ def main(arguments) -> int:
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=list(QUALITY_PRESETS))
+    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     print(
@@ -61,7 +61,7 @@ def main(arguments) -> int:
         for perspective in (False, True):
             reference = None
             for preset in options.quality:
-                quality = replace(Quality.preset(preset), threads=options.threads)
+                quality = Quality.preset(preset, classification=options.classification, threads=options.threads)
                 ms = measure(volume, tf, quality, perspective, options.size)
                 frame = ms["splat"] + ms["warp"]
                 reference = reference or frame

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 
 from rle_splat.named_systems.compare import PROBES, REPEATS, compare, table_lines
@@ -30,7 +29,7 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
-    quality = replace(Quality.preset(options.quality), threads=options.threads)
+    quality = Quality.preset(options.quality, classification="pre", threads=options.threads)
     reports = {}
     for name, volume, tf in scenes():
         if options.volume and name not in options.volume:

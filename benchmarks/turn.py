@@ -47,12 +47,12 @@ def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
 
 
 class Turn:
-    """One volume on its turntable, orthographic, unshaded: pictures along any principal axis."""
+    """One volume on its turntable, orthographic, unshaded: pictures of classified voxels along any principal axis."""
 
     def __init__(self, volume, tf, quality: Quality, size: int, elevation: float):
         self._volume, self._tf, self._size, self._elevation = volume, tf, size, elevation
-        self._quality = quality
-        self._medium = scene_medium(self._scene(0.0), quality)
+        self._quality = quality.classified("pre")
+        self._medium = scene_medium(self._scene(0.0), self._quality)
         self._tables: dict = {}
 
     def _scene(self, azimuth: float):

@@ -11,26 +11,42 @@ from rle_splat.view.turntable import turntable
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="slow without kernels")
 REDONE = {
-    "camera": set(),
-    "camera, headlight": {"records"},
-    "light": {"records"},
-    "colours": {"looks", "records"},
-    "opacities": {"looks", "records"},
-    "wider range": {"visible", "looks", "normals", "runs", "records"},
+    "pre": {
+        "camera": set(),
+        "camera, headlight": {"records"},
+        "light": {"records"},
+        "colours": {"looks", "records"},
+        "opacities": {"looks", "records"},
+        "wider range": {"visible", "looks", "normals", "runs", "records"},
+    },
+    "post": {
+        "camera": set(),
+        "camera, headlight": {"light", "lights"},
+        "light": {"light", "lights"},
+        "colours": {"table"},
+        "opacities": {"table"},
+        "wider range": {"relevant", "table", "normals", "light", "runs", "scalars", "lights"},
+    },
 }
 
 
+@pytest.fixture(scope="module", params=REDONE)
+def classification(request):
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def rows():
+def rows(classification):
     ((_, volume, tf),) = editing.volumes(["shells"], 48)
     camera, matrix = turntable(volume, *editing.VIEW, width=24, height=24)
     scene = Scene(volume, tf, camera, 24, 24, matrix, headlight=True)
-    return {row["edit"]: row for row in editing.measure(scene, Quality.preset("draft", threads=1), edits=3)}
+    quality = Quality.preset("draft", classification=classification, threads=1)
+    return {row["edit"]: row for row in editing.measure(scene, quality, edits=3)}
 
 
-def test_every_edit_redoes_what_it_is_named_for(rows):
-    assert list(rows) == [editing.FIRST, *REDONE]
-    for name, stages in REDONE.items():
+def test_every_edit_redoes_what_it_is_named_for(rows, classification):
+    assert list(rows) == [editing.FIRST, *REDONE[classification]]
+    for name, stages in REDONE[classification].items():
         assert rows[name]["made"] == dict.fromkeys(stages, 1.0), name
 
 
@@ -46,12 +62,15 @@ def test_shells_as_large_as_the_limits_are_stated_for():
     assert shown * 256**3 == pytest.approx(1.6e6, rel=0.15)
 
 
-def test_table_and_report(tmp_path, capsys):
+def test_table_and_report(tmp_path, capsys, classification):
     report = tmp_path / "editing.json"
     arguments = ["--volume", "shells", "--side", "24", "--size", "16", "--quality", "draft", "--edits", "1"]
+    arguments += ["--classification", classification]
     assert editing.main([*arguments, "--threads", "1", "--json", str(report)]) == 0
     rows = json.loads(report.read_text())["rows"]
-    assert [(row["record"], row["edit"]) for row in rows] == [(r, e) for r in (16, 8) for e in (editing.FIRST, *REDONE)]
+    records = (16, 8) if classification == "pre" else (16,)
+    edits = (editing.FIRST, *REDONE[classification])
+    assert [(row["record"], row["edit"]) for row in rows] == [(record, edit) for record in records for edit in edits]
     said = capsys.readouterr().out.splitlines()
     assert sum("wider range" in line and f"{rows[6]['total']:.1f}" in line for line in said) >= 1
     for row in rows:
