@@ -246,8 +246,7 @@ SAMPLED = "sheet pixels are counted from voxel 0, so a mirrored volume is sample
 def mirrored(claim, density, change, width, record):
     """C6's figure at each of DENSITIES."""
     if density == 0.0:
-        record("C6", f"{claim}, one sheet pixel per voxel", change, 2e-6, width,
-               looser="some twenty roundings of 2^-24 in two orders")  # fmt: skip
+        record("C6", f"{claim}, one sheet pixel per voxel", change, 1e-6, width)
     elif density == 1.0:
         record("C6", f"{claim}, at the standard density", change, 2.5 * LEVEL, width, looser=SAMPLED)
     else:
@@ -319,7 +318,7 @@ def test_C14_a_focal_length_towards_infinity_is_parallel(record, width, plan):
         change = np.abs(seen(10.0**power, "PERSP") - parallel).max()
         if power <= 5:
             change *= 10.0**power
-            record("C14", "D * difference to parallel rays, D from 1e2 to 1e5 voxels", change, 30.0, width)
+            record("C14", "D * difference to parallel rays, D from 1e2 to 1e5 voxels", change, 40.0, width)
         elif power >= 8:
             if plan.classification == "pre":
                 record("C14", "difference to parallel rays, D from 1e8 to 1e15 voxels", change, 5e-6, width)
