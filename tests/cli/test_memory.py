@@ -22,21 +22,23 @@ def short_of_memory(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "words, suffix, doing, begun",
+    "words, suffix, doing, begun, following",
     (
-        (("render",), ".npy", "Keeping", "Finding the voxels that matter"),
-        (("render", "--classification", "pre"), ".npy", "Classifying", "Counting"),
-        (("encode",), ".rle", "Classifying", "Counting"),
+        (("render",), ".npy", "Keeping", "Finding the voxels that matter", "Splatting"),
+        (("render", "--classification", "pre"), ".npy", "Classifying", "Counting", "Encoding"),
+        (("encode",), ".rle", "Classifying", "Counting", "Encoding"),
     ),
 )
-def test_what_is_needed_is_told_before_it_is_encoded(words, suffix, doing, begun, call, raw, raw_options, tmp_path):
+def test_what_is_needed_is_told_before_it_is_taken(
+    words, suffix, doing, begun, following, call, raw, raw_options, tmp_path
+):
     report = tmp_path / "report.json"
     result = call(*words, raw, *raw_options, "-o", tmp_path / f"out{suffix}", "--json", report, "--progress")
     assert result.code == 0, result.err
     known = json.loads(report.read_text())
     kept, needed = known["volume"]["visible_voxels"], known["memory_estimate_bytes"]["needed"]
     told = result.err.index(f"{doing} {kept} voxels, about {bytes_text(needed)} in all")
-    assert result.err.index(begun) < told < result.err.index("Encoding")
+    assert result.err.index(begun) < told < result.err.index(following)
 
 
 @pytest.mark.parametrize(
