@@ -100,7 +100,7 @@ class Catalogue:
         """
         assert case in CASES, f"{case} has no name; give it one in CASES"
         assert width in (*WIDTHS, EITHER) and (why or width != EITHER), "say which width, or why none applies"
-        measured, bound = float(measured), float(bound)
+        measured, bound = float(measured) + 0.0, float(bound)  # no minus zeros
         row = self.rows.setdefault((case, claim), {"bound": bound, "figures": {}, "why": why, "looser": looser})
         assert (row["bound"], row["why"], row["looser"]) == (bound, why, looser), f"two bounds for {case}: {claim}"
         worst = row["figures"].get(width, -math.inf)

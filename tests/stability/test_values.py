@@ -658,7 +658,7 @@ def test_V9_data_at_and_beyond_the_ends_however_classified(record, request, far,
     """A block beyond the last point looks like one at it: to 1e30, a value that float32 holds."""
     too_far = (dtype, classification, far) == ("float32", "post", 1e30)
     if too_far:  # alpha in the middle is 0.874 there, and 0.837 at the end; at 1e10 it is 0.860
-        request.applymarker(pytest.mark.xfail(reason="float32 data of 1e10 and more are drawn otherwise, to 156 levels"))
+        request.applymarker(pytest.mark.xfail(reason="float32 data of 1e10 and more are off by 156 levels"))
     held = TransferFunction(
         opacity=((0, 0.0), (100, 0.2)), color=((0, 0.0, 0.5, 1.0), (100, 1.0, 0.5, 0.25)), shade=None
     )
