@@ -116,7 +116,8 @@ def test_lights_options(picture, write_json):
 
 
 def test_qualities_reach_the_plan(picture):
-    assert picture("--quality", "draft")[1]["plan"]["depth_rule"] == "slice"
+    assert picture("--quality", "draft")[1]["plan"]["sheet_density"] == 0.7
+    assert picture("--quality", "draft", "--classification", "pre")[1]["plan"]["depth_rule"] == "slice"
     plan = picture("--paper")[1]["plan"]
     assert plan["model"] == "opacity" and plan["quality"] == "paper" and not plan["length_correction"]
     plan = picture("--sheet-density", "2", "--termination", "0.01")[1]["plan"]
