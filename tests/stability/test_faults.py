@@ -323,8 +323,8 @@ def test_F5_memory_limited_by_the_system(record, classification, stage):
     told, same = run(LITTLE_MEMORY, classification, stage, True).split()
     wrong = told not in ("MemoryError", "RleSplatError", "finished") or same != "True"
     record("F5", "processes that do not go on after the memory ran out", wrong, 0, "either", why=COUNTED)
-    if stage in ("Encoding", "Splatting"):
-        assert told == "MemoryError"  # the premise
+    if (classification, stage) != ("post", "Encoding") and stage in ("Encoding", "Splatting"):
+        assert told == "MemoryError"  # the premise; the scalars' tables are all but made by then
 
 
 @WITH_KERNELS
