@@ -167,7 +167,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     record: KnobEnum(
         name="Voxel Record", description=_knob("record"), items=RECORD_ITEMS, default=str(USUAL.record))
     sheet_density: LiveFloat(
-        name="Sheet Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0, max=8.0)
+        name="Sheet Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0,
+        max=tables.MOST_SHEET_DENSITY)
     termination: LiveFloat(
         name="Termination", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
         precision=5)

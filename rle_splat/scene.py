@@ -213,8 +213,8 @@ PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
 QUALITY_PRESETS = {
     "draft": {"pre": ("slice", 0.7, "bilinear", 1 / 256), "post": ("preintegrated", 0.7, "bilinear", 1 / 256)},
     "standard": {"pre": ("simpson", 1.0, "cubic", 1 / 1024), "post": ("preintegrated", 1.0, "cubic", 1 / 1024)},
-    "fine": {"pre": ("simpson", 1.5, "cubic", 1 / 2048), "post": ("preintegrated", 1.5, "cubic", 1 / 2048)},
-    "strict": {"pre": ("midpoint-4", 3.0, "cubic", 1 / 8192), "post": ("preintegrated-2", 2.0, "cubic", 1 / 4096)},
+    "fine": {"pre": ("simpson", 1.5, "cubic", 1 / 2048), "post": ("gauss2", 1.5, "cubic", 1 / 2048)},
+    "strict": {"pre": ("midpoint-4", 3.0, "cubic", 1 / 8192), "post": ("midpoint-4", 2.0, "cubic", 1 / 8192)},
 }
 DEFAULT_QUALITY = "standard"
 # Names of the knobs' values, in the order shown to people.

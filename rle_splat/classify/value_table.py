@@ -18,6 +18,7 @@ from .points import pieces, positive_intervals
 
 FEWEST, MOST = 1 << 10, 1 << 14  # entries; what is in use of the larger still fits the second cache
 FINEST = 1.0 / 512.0  # of opacity, from one entry to the next on the steepest ramp, if there is room
+BEYOND = 2.0  # times the distance between a function's first and last point: how far a table goes beyond these
 ROUNDING = 1e-6  # of the largest value: what float32 sums of it may be off by
 
 
@@ -27,8 +28,9 @@ class ValueTable:
 
     ``sums``: (n + 1, 4) float32, of all entries before each, for the mean over a range of values.
     ``origin``, ``rate``: stored value where the first entry begins, entries per stored value.  ``least``: below all
-    there is.  ``low``, ``high``: stored values beyond which nothing is shown.  ``most_color``: largest channel of any
-    visible colour.
+    there is.  ``low``, ``high``: stored values beyond which nothing is shown.  ``nearest``, ``furthest``: values beyond
+    stand for these, where the function shows its end values far beyond its points.  ``most_color``: largest channel of
+    any visible colour.
     """
 
     entries: np.ndarray
@@ -38,6 +40,8 @@ class ValueTable:
     least: float
     low: float
     high: float
+    nearest: float
+    furthest: float
     most_color: float
 
     def __post_init__(self):
@@ -61,7 +65,8 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     slack = ROUNDING * max(abs(least), abs(most))
     if not first <= last:  # nothing that there is is shown
         nothing = np.zeros((2, 4), np.float32)
-        return ValueTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, 0.0)
+        return ValueTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, -math.inf, math.inf, 0.0)
+    first, last, nearest, furthest = _within_reach(volume, tf, first, last)
     wanted = entries or _entries_for(tf, abs(volume.slope) * (last - first))
     if volume.voxels.dtype.kind in "iu":
         # Whole numbers lie inside entries, never where two meet, or rounding would choose between the two.
@@ -79,10 +84,21 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     made[:count, :3] = made[:count, 3:] * color
     most_color = float(color[alpha > 0.0].max(initial=0.0))
     low, high = max(float(shown.min()), least) - slack, float(shown.max()) + slack
+    low, high = min(low, furthest), max(high, nearest)  # as are the values that these stand for
     sums = np.zeros((count + 1, 4))
     np.cumsum(made[:count], axis=0, dtype=np.float64, out=sums[1:])
     sums, below = sums.astype(np.float32), least - slack - 1e-6
-    return ValueTable(made, sums, first - 0.5 / rate, rate, below, low, high, most_color)
+    return ValueTable(made, sums, first - 0.5 / rate, rate, below, low, high, nearest, furthest, most_color)
+
+
+def _within_reach(volume, tf, first: float, last: float):
+    """The ends of a table, not so far beyond the points of ``tf`` that its entries would be too few between them; and
+    the ends that stand for values beyond, infinite where there are none."""
+    points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
+    reach = BEYOND * (max(points) - min(points)) or math.inf
+    nearest, furthest = min(points) - reach, max(points) + reach
+    ends = nearest if nearest > first else -math.inf, furthest if furthest < last else math.inf
+    return (*(min(max(end, nearest), furthest) for end in (first, last)), *ends)
 
 
 def _entries_for(tf, width: float) -> int:

@@ -127,13 +127,14 @@ if numba is not None:
 
     @intrinsic
     def look_between(
-        typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, origin,
-        rate, last, entries, spans, shares,
+        typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high,
+        nearest, furthest, origin, rate, last, entries, spans, shares,
     ):
         """The table entries of one block of slabs between two sheets, the scalar linear in between.
 
         As ``look_up``; ``before``: the sheet before, likewise.  ``least``: what is below is no sample.  A slab of which
-        one end is none counts half, and has the value of the other.
+        one end is none counts half, and has the value of the other.  ``nearest``, ``furthest``: stand for what lies
+        beyond.
         Out: ``entries`` (BLOCK,) of the middle; ``spans`` (2, BLOCK) int32, entries from which and up to which the mean
         is to be taken; ``shares`` (3, BLOCK) float32: of the slab that counts; of this sheet's light in it; and one
         over the entries between, where they are more than SPAN, else 0.
@@ -142,15 +143,15 @@ if numba is not None:
 
         def generate(context, builder, signature, arguments):
             sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:8]
-            least, low, high, origin, rate, last, entries, spans, shares = arguments[8:]
+            least, low, high, nearest, furthest, origin, rate, last, entries, spans, shares = arguments[8:]
             sheet_type, before_type, entries_type, spans_type, shares_type = (
-                signature.args[n] for n in (0, 4, 14, 15, 16)
+                signature.args[n] for n in (0, 4, 16, 17, 18)
             )
             down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
             here = _mixed(context, builder, sheet_type, sheet, upper, lower, down, 0)
             there = _mixed(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
-            least, low, high, origin, rate = (
-                Vector.spread(builder, n, BLOCK) for n in (least, low, high, origin, rate)
+            least, low, high, nearest, furthest, origin, rate = (
+                Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
             )
             is_here, is_there = here.at_least(least), there.at_least(least)
             one = Vector(builder, here.like(1.0))
@@ -160,6 +161,7 @@ if numba is not None:
             counts = one.where(both, half)
             light = half.where(both, one.where(is_here, zero))
             first, second = there.where(is_there, here), here.where(is_here, there)
+            first, second = (value.most(nearest).least(furthest) for value in (first, second))
             smallest, largest = first.least(second), first.most(second)
             shown = builder.and_(builder.and_(largest.at_least(low), high.at_least(smallest)), some)
             final = Vector.spread(builder, last, BLOCK)
@@ -182,7 +184,7 @@ if numba is not None:
 
         numbers, places = (types.float32,), (types.intp, types.intp)
         returned = types.int64(
-            sheet, *places, *numbers, before, *places, *numbers, *(numbers * 5), types.int32, entries, spans, shares
+            sheet, *places, *numbers, before, *places, *numbers, *(numbers * 7), types.int32, entries, spans, shares
         )
         return returned, generate
 
@@ -309,8 +311,8 @@ else:  # never called: callers take the numpy twin
     def look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares): ...
 
     def look_between(
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, origin, rate,
-        last, entries, spans, shares,
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest,
+        furthest, origin, rate, last, entries, spans, shares,
     ): ...
 
     def classify_values(table, entries, looks): ...

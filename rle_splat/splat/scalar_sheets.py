@@ -154,7 +154,7 @@ def _composite_sheet(
     entry into the box, and the first and the last exit.  ``look``: the value table as ``splat_scalar_rows`` has it.
     ``sheet_before`` and what follows it: the sheet before.  The others: see ``sheet_buffer``.
     """
-    table, sums, origin, rate, least, low, high, last = look
+    table, sums, origin, rate, least, low, high, nearest, furthest, last = look
     absent = sheet.size - planes * BLOCK  # a block without samples
     died = False
     for r in range(rows):
@@ -193,7 +193,7 @@ def _composite_sheet(
                         lower_before = _block_at(marks_before, earlier + 1, b, planes, blocks, absent)
                     seen = look_between(
                         sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before, least, low,
-                        high, origin, rate, last, entries, spans, shares,
+                        high, nearest, furthest, origin, rate, last, entries, spans, shares,
                     )
                     if seen == 0:
                         continue
@@ -342,7 +342,8 @@ def splat_scalar_rows(
     """Rows [first_row, last_row) of the intermediate image, post-classified.
 
     ``tables``, ``sheets``, ``rays``, ``box``: see ``arguments``.  ``look``: the value table, flat, and its sums; its
-    origin and rate; what is below the least is no sample; low, high and the last entry.  ``matt``, ``gloss``: see
+    origin and rate; what is below the least is no sample; low, high, nearest, furthest
+    and the last entry.  ``matt``, ``gloss``: see
     ``scalar_block.composite_classified``.  The others, and what is written: see ``sheet_buffer.splat_rows``.
     """
     share_out(

@@ -65,7 +65,7 @@ def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
 
 def _own_looks(here, look):
     """(H, W, 4) looks of the samples of one sheet, and the share of the slab that counts: all of it."""
-    table, _, origin, rate, _, low, high, last = look
+    table, _, origin, rate, _, low, high, _, _, last = look
     value = here[..., 0]
     inside = (value >= low) & (value <= high)
     return table.reshape(-1, 4)[_entry(value, inside, origin, rate, last)], ONE, here[..., 1:]
@@ -79,10 +79,11 @@ def _entry(value, inside, origin, rate, last):
 
 def _looks_between(here, there, look):
     """As ``_own_looks``, for the slab between two sheets; twin of ``scalar_block.look_between`` and what follows."""
-    table, sums, origin, rate, least, low, high, last = look
+    table, sums, origin, rate, least, low, high, nearest, furthest, last = look
     is_here, is_there = here[..., 0] >= least, there[..., 0] >= least
     both, some = is_here & is_there, is_here | is_there
     first, second = np.where(is_there, there[..., 0], here[..., 0]), np.where(is_here, here[..., 0], there[..., 0])
+    first, second = np.clip(first, nearest, furthest), np.clip(second, nearest, furthest)
     smallest, largest = np.minimum(first, second), np.maximum(first, second)
     shown = (largest >= low) & (smallest <= high) & some
     with np.errstate(over="ignore"):

@@ -30,13 +30,13 @@ def scalar_splat_steps(
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    least, low, high, origin = (
+    least, low, high, nearest, furthest, origin = (
         np.float32(np.clip(end - encoded.centre, -1e38, 1e38))
-        for end in (table.least, table.low, table.high, table.origin)
+        for end in (table.least, table.low, table.high, table.nearest, table.furthest, table.origin)
     )
     look = (
         table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high,
-        np.int32(len(table.entries) - 1),
+        nearest, furthest, np.int32(len(table.entries) - 1),
     )  # fmt: skip
     matt, gloss = ((), ()) if encoded.lights is None else light_planes(encoded.lights.shape[1])
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
