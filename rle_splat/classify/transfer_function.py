@@ -20,8 +20,8 @@ from reprlib import repr as short
 import numpy as np
 
 from ..scene import RleSplatError, as_float, from_mapping, read_json
+from ..volume.volume import LARGEST_VALUE
 from .limits import BRIGHTEST, MOST_REFLECTED
-from .points import LARGEST
 
 
 def _number(value, what: str) -> float:
@@ -31,8 +31,8 @@ def _number(value, what: str) -> float:
         raise RleSplatError(f"{what} must be a number, not {short(value)}.")
     if not math.isfinite(number):
         raise RleSplatError(f"{what} must be finite, not {number}.")
-    if abs(number) > LARGEST:
-        raise RleSplatError(f"{what} must lie within {LARGEST:g} of zero, not be {number:g}.")
+    if abs(number) > LARGEST_VALUE:
+        raise RleSplatError(f"{what} must lie within {LARGEST_VALUE:g} of zero, not be {number:g}.")
     return number
 
 
