@@ -143,7 +143,7 @@ def test_midpoints_halve_m_equal_parts_of_a_cell(m):
     "rule", ["midpoint-0", "midpoint-65", "midpoint-x", "midpoint-", "midpoint--2", "midpoint-2.5", "midpoint-03"]
 )
 def test_a_depth_rule_that_is_none_is_refused_in_a_sentence(rule):
-    with pytest.raises(RleSplatError, match=r"no depth rule called .*midpoint-M with a whole number M from 1 to 64; or"):
+    with pytest.raises(RleSplatError, match=r"no depth rule called .*midpoint-M with a whole number M from 1 to 64; "):
         Quality(depth_rule=rule)
 
 
