@@ -19,7 +19,7 @@ def scene(stage):
 
 @pytest.mark.parametrize("which", ("T1", "T2"))
 def test_a_true_picture_has_no_error(stage, scene, which):
-    true, _ = stage.truth(scene, truth_name=which)
+    true, _ = stage.truth(scene, which)
     found = measure(scene, true, which, 0.01, count=400)
     assert found["truth"] == which and found["kept"] and found["largest"] < 1e-3
     assert found["random"]["count"] > 250 and found["steep"]["count"] == 100
