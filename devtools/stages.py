@@ -6,6 +6,7 @@ import re
 import subprocess
 import time
 import xml.etree.ElementTree as ElementTree
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -53,19 +54,28 @@ def _read_junit(stage: Stage, path: Path) -> None:
             stage.passed += 1
 
 
-def _run_limited(command, seconds: float, environ) -> int | None:
-    """Run a command with its output shown; its exit code, or None when the time ran out."""
-    try:
-        return subprocess.run([str(part) for part in command], cwd=ROOT, env=environ, timeout=seconds).returncode
-    except subprocess.TimeoutExpired:
-        return None
+def _run_limited(command, seconds: float, environ, log: Path | None) -> int | None:
+    """Run a command with its output shown, or in ``log``; its exit code, or None when the time ran out."""
+    with open(log, "wb") if log else nullcontext() as output:
+        try:
+            return subprocess.run(
+                [str(part) for part in command], cwd=ROOT, env=environ, timeout=seconds, stdout=output,
+                stderr=subprocess.STDOUT if log else None,
+            ).returncode  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return None
 
 
-def judged(name: str, command, seconds: float, environ, report: Path) -> Stage:
-    """Run a command that ends with pytest's exit code and writes ``report`` (JUnit's XML)."""
+def judged(name: str, command, seconds: float, environ, report: Path, log: Path | None = None) -> Stage:
+    """Run a command that ends with pytest's exit code and writes ``report`` (JUnit's XML).
+
+    ``log``: a file for its output, of a stage that runs beside another; it is shown when the stage has ended.
+    """
     stage = Stage(name)
     started = time.monotonic()
-    code = _run_limited(command, seconds, environ)
+    code = _run_limited(command, seconds, environ, log)
+    if log:
+        say(f"\n=== {name}\n{log.read_text(encoding='utf-8', errors='replace')}")
     stage.seconds = time.monotonic() - started
     if report.is_file():
         _read_junit(stage, report)
