@@ -44,7 +44,7 @@ def _core(arguments, name: str = "core", aside: bool = False) -> Stage:
 
 
 def _whole_core(options) -> list[Stage]:
-    """The core's tests, the catalogue of hard cases beside the others: together they take half the time on two cores."""
+    """The core's tests, the catalogue of hard cases beside the others: half the time on two cores."""
     ensure(CORE)
     without = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"))
     with ThreadPoolExecutor(1) as beside:
