@@ -17,7 +17,7 @@ from .settings import quality_of, tolerance_of
 ERROR_KIND = "error"  # of pictures.SUFFIXES
 
 
-class AccuracyRow(bpy.types.PropertyGroup):
+class AccuracyRowProperties(bpy.types.PropertyGroup):
     """A plan and what was measured of it; ``name`` is the plan's."""
 
     knobs: StringProperty(name="Knobs", description="The plan's knobs, JSON")

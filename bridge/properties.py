@@ -20,7 +20,7 @@ from bpy.props import (
 
 from ..rle_splat import scene as tables
 from . import box
-from .accuracy import AccuracyRow
+from .accuracy import AccuracyRowProperties
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
@@ -205,13 +205,13 @@ class SceneSettings(bpy.types.PropertyGroup):
     depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="The depth of the last picture")
     last_report: StringProperty(name="Report", description="What the last picture took, one line each")
     last_report_json: StringProperty(name="Report as JSON", description="The machine-readable report")
-    accuracy_rows: CollectionProperty(type=AccuracyRow, name="Measured Plans")
+    accuracy_rows: CollectionProperty(type=AccuracyRowProperties, name="Measured Plans")
     accuracy_note: StringProperty(name="Measurement", description="What the measured plans were measured on")
     error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last map of errors")
     error_note: StringProperty(name="Errors", description="What the last map of errors holds")
 
 
-CLASSES = (AccuracyRow, VolumeProperties, SceneSettings)
+CLASSES = (AccuracyRowProperties, VolumeProperties, SceneSettings)
 
 
 def register():

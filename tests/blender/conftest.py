@@ -94,6 +94,12 @@ def addon(installed):
 
 
 @pytest.fixture
+def classified_first(addon):
+    """The scene's classification is the paper's, for tests whose closed forms have its ramps over the face voxels."""
+    bpy.context.scene.rle_splat.classification = "pre"
+
+
+@pytest.fixture
 def bridge(addon):
     """``bridge("volumes")`` is the installed add-on's module bridge.volumes."""
     return lambda name: import_module(f"{MODULE}.bridge.{name}")

@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("classified_first")
+
 N = 9
 ALPHA = 0.1
 

@@ -10,6 +10,8 @@ from mathutils import Matrix
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("classified_first")
+
 SIZES = ((64, 48), (48, 64))
 ASPECTS = ((1.0, 1.0), (2.0, 1.0), (1.0, 1.5))
 SHIFTS = ((0.0, 0.0), (0.1, -0.25))

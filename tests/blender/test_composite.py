@@ -14,6 +14,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("classified_first")
+
 N = 9
 ALPHA = 0.08  # per world unit
 COLOR = (0.9, 0.5, 0.2)

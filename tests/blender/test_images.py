@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("classified_first")
+
 COLOR = (0.9, 0.5, 0.2)
 
 

@@ -13,6 +13,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("classified_first")
+
 TIMER, ESC = SimpleNamespace(type="TIMER", value="NOTHING"), SimpleNamespace(type="ESC", value="PRESS")
 SIZE = 48
 SLACK = 6.0 / 255.0  # what the renderer itself may be off by: its filter rings beside sharp edges
