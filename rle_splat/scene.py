@@ -211,9 +211,9 @@ PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
 # for sheets of classified voxels, pre and refined, and for post-classified ones.
 # Their errors against the truths are asserted in tests/truths/test_ladder.py, their times printed by bench stages.
 QUALITY_PRESETS = {
-    "draft": {"pre": ("slice", 0.7, "bilinear", 1 / 256), "post": ("preintegrated", 0.7, "bilinear", 1 / 256)},
+    "draft": {"pre": ("slice", 0.7, "bilinear", 1 / 256), "post": ("slice", 0.7, "bilinear", 1 / 256)},
     "standard": {"pre": ("simpson", 1.0, "cubic", 1 / 1024), "post": ("preintegrated", 1.0, "cubic", 1 / 1024)},
-    "fine": {"pre": ("simpson", 1.5, "cubic", 1 / 2048), "post": ("gauss2", 1.5, "cubic", 1 / 2048)},
+    "fine": {"pre": ("simpson", 1.5, "cubic", 1 / 2048), "post": ("simpson", 1.25, "cubic", 1 / 2048)},
     "strict": {"pre": ("midpoint-4", 3.0, "cubic", 1 / 8192), "post": ("midpoint-4", 2.0, "cubic", 1 / 8192)},
 }
 DEFAULT_QUALITY = "standard"
