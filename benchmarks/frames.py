@@ -29,7 +29,7 @@ def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, s
 
 def same_view(scene: Scene, volume) -> Scene:
     """The scene with its volume replaced by ready-made tables (a StoredVolume), whose colours are baked in."""
-    return replace(scene, volume=volume, lights=(), headlight=False)
+    return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
 def best_frame(scene: Scene, quality: Quality, repeats: int, kept=None):

@@ -18,6 +18,7 @@ from .accuracy.measure import PROBES, TOLERANCE
 from .accuracy.metrics import ERRORS, LEVEL, SSIM_WINDOW, difference, ssim
 from .accuracy.probes import choose_probes, probe_errors
 from .accuracy.truths import truth_steps
+from .effects.analyse import analyse, called_for
 from .encode.store import StoredVolume
 from .kept import Kept
 from .plan.candidates import check_plannable
@@ -173,7 +174,7 @@ def sweep_steps(
     ``as_ray_caster`` is the error against T2 of a plan that promises T1.
     Raises RleSplatError for scenes without voxels or with meshes.
     """
-    scene = _measurable(scene)
+    scene = _measurable(scene, chosen)
     if probes < 1 or repeats < 1:
         raise RleSplatError("Measuring takes one probe and one repeat at least.")
     kept = Kept() if kept is None else kept
@@ -277,7 +278,7 @@ def error_map_steps(scene: Scene, quality: Quality, *, step: int = 1, kept: Kept
     Each value is the largest error of any channel at the middle pixel of a block of ``step`` x ``step``; a block that
     the picture's edge cuts off before its middle has none.  ``report`` is the picture's, its ``error`` filled in.
     """
-    scene = _measurable(scene)
+    scene = _measurable(scene, quality)
     kept = Kept() if kept is None else kept
     rendering = yield from _rendered(scene, quality, kept, 0.0, 0.3)
     first = min(step // 2, scene.height - 1, scene.width - 1)
@@ -372,10 +373,11 @@ def _by(crop) -> str:
     return f"of {right - left} x {bottom - top} pixels at {left}, {top}"
 
 
-def _measurable(scene: Scene) -> Scene:
-    """The scene's whole frame, or a RleSplatError where there is no truth of it."""
+def _measurable(scene: Scene, quality: Quality) -> Scene:
+    """The scene's whole frame with the effects that are on, or a RleSplatError where there is no truth of it."""
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError("A .rle file has no voxels to take the truth from; give the volume it was made from.")
+    scene = called_for(scene, analyse(scene, quality))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
     return replace(scene, crop=None)

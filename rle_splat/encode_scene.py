@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from .axes import AXES, AXIS_NAMES
+from .effects.analyse import analyse, called_for
 from .encode.store import StoredVolume
 from .kept import Kept
 from .medium import axis_steps, look_steps
@@ -31,6 +32,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     if quality.classification == "refined":
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
+    scene = called_for(scene, analyse(scene, quality))
     clock, job = Clock(), Kept(0).job()
     look = yield from look_steps(scene, quality, job, clock, len(axes))
     classified = look.classified

@@ -10,8 +10,9 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from .axes import AXIS_NAMES
-from .effects.depth_layers import HALO, DepthLayers, depth_layers
-from .effects.mesh_depth import mesh_depth
+from .effects.analyse import analyse, called_for
+from .effects.camera_clip import is_cut
+from .effects.mesh_occlusion import BEHIND, mesh_layers
 from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
@@ -27,7 +28,7 @@ from .view.base_plane import BasePlane, base_plane
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
-from .view.ray_limits import box_depths, pixels_read, ray_limits, within_box
+from .view.ray_limits import box_depths, ray_limits, within_box
 from .warp.warp import warp, warp_reach
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
@@ -62,10 +63,12 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     quality = replace(quality, backend=backend)
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
         quality = quality.classified("pre")  # its voxels are classified already: a remark says so
+    effects = analyse(scene, quality)
+    scene = called_for(scene, effects)
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
-    limited = _clipped(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
+    limited = is_cut(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
     left, top, right, bottom = scene.region
     picture = picture_bytes(planes, right - left, bottom - top, limited)
     kept.make_room(picture)
@@ -80,7 +83,9 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     held = dict(scene.volume.axes) if isinstance(scene.volume, StoredVolume) else encodings
 
     with clock.stage("occlusion"):
-        layers = _mesh_layers(scene, view, quality, planes)
+        layers = mesh_layers(scene, view, quality, planes)
+    if layers is None and effects["mesh occlusion"].on:
+        effects = effects.found_off("mesh occlusion", BEHIND)
     rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, clock)
 
     report = {
@@ -90,7 +95,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(quality, planes),
-        "effects": _effects_report(scene, layers, clock, _clipped(scene, view, quality)),
+        "effects": effects.report(clock),
         "error": {
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
         },
@@ -129,50 +134,9 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
     return view, planes
 
 
-def _slab_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
-    """Planar depths between which every slab of every sheet ends, with half a voxel to spare.
-
-    What shortens no ray in here shortens none at all: the picture has the same bits whether it is asked or not.
-    """
-    return box_depths(view, scene.volume.shape_xyz, np.ceil(FOOTPRINTS[quality.kernel].radius) + 0.5)
-
-
-def _clipped(scene: Scene, view: IndexView, quality: Quality) -> bool:
-    """Whether a clip plane of the camera cuts the volume's box."""
-    nearest, furthest = _slab_depths(scene, view, quality)
-    behind_eye = not view.is_parallel and nearest <= 0.0
-    return (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
-
-
-def _mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:
-    """Where the rays of each pixel end at meshes; None when no mesh ends any ray inside the volume."""
-    if scene.triangles is None or len(scene.triangles) == 0:
-        return None
-    region = _pixels_with_layers(scene, planes)
-    samples = mesh_depth(
-        scene.triangles, scene.camera, scene.width, scene.height, region=region, backend=quality.backend,
-        threads=quality.threads,
-    )
-    nearest_mesh = float(samples.min())
-    if nearest_mesh > _slab_depths(scene, view, quality)[1]:
-        return None
-    voxel = float(np.linalg.norm(view.to_world, axis=0).min())
-    return depth_layers(samples, 0.5 * voxel, first_pixel=region[:2])
-
-
-def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int, int, int]:
-    """The part of the frame whose depth layers the wanted pixels depend on, and what those depend on in turn."""
-    if scene.crop is None:
-        return scene.region
-    parts = np.array([scene.crop, *(pixels_read(plane) for plane in planes)])
-    left, top = np.maximum(parts[:, :2].min(axis=0) - HALO, 0).tolist()
-    right, bottom = np.minimum(parts[:, 2:].max(axis=0) + HALO, (scene.width, scene.height)).tolist()
-    return left, top, right, bottom
-
-
 def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, clock: Clock):
     """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
-    limited = _clipped(scene, view, quality) or layers is not None
+    limited = is_cut(scene, view, quality) or layers is not None
     boxed = quality.classification == "refined"
     surfaces, first_pixel = [None], (0, 0)
     if layers is not None:
@@ -186,7 +150,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
         for n, plane in enumerate(planes):
             limits = None
             if limited:
-                with clock.stage("occlusion"):
+                with clock.stage("clipping" if layers is None else "occlusion"):
                     limits = ray_limits(
                         plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel
                     )
@@ -264,32 +228,6 @@ def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
         for plane in planes
     ]
     return knobs
-
-
-def _effects_report(scene: Scene, layers, clock: Clock, clipped: bool) -> list[dict]:
-    milliseconds = clock.stages
-    if isinstance(scene.volume, StoredVolume):
-        shading = (False, "baked into the .rle file", 0.0)
-    else:
-        tf = scene.transfer_function
-        if tf.shade is None:
-            shading = (False, "the transfer function does not shade", 0.0)
-        elif not (scene.lights or scene.headlight):
-            shading = (False, "the scene has no light", 0.0)
-        else:
-            lit_by = f"{len(scene.lights)} light(s) of the scene" if scene.lights else "a headlight"
-            shading = (True, f"the transfer function shades, and there is {lit_by}", milliseconds["shade"])
-    if scene.triangles is None or len(scene.triangles) == 0:
-        occlusion = (False, "the scene has no meshes", 0.0)
-    elif layers is None:
-        occlusion = (False, "no mesh lies in or before the volume", milliseconds["occlusion"])
-    else:
-        occlusion = (True, "meshes stand in or before the volume", milliseconds["occlusion"])
-    clip = (clipped, f"a clip plane of the camera {'cuts' if clipped else 'does not cut'} the volume", 0.0)
-    return [
-        {"name": name, "on": on, "reason": reason, "ms": ms}
-        for name, (on, reason, ms) in (("shading", shading), ("mesh occlusion", occlusion), ("clipping", clip))
-    ]
 
 
 def _remarks(scene: Scene, quality: Quality, medium: Medium, backend: str) -> list[str]:

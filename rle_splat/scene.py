@@ -402,6 +402,7 @@ class Scene:
     each ray is integrated only as far as the first of them.
     ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
     top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
+    ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
     """
 
     volume: object
@@ -416,6 +417,7 @@ class Scene:
     background: tuple | None = None
     triangles: np.ndarray | None = None
     crop: tuple | None = None
+    effects: dict[str, bool] = field(default_factory=dict)
 
     def __post_init__(self):
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
@@ -427,6 +429,8 @@ class Scene:
             object.__setattr__(self, name, int(value))
         if self.crop is not None:
             object.__setattr__(self, "crop", checked_crop(self.crop, self.width, self.height))
+        if not (isinstance(self.effects, dict) and all(isinstance(on, bool) for on in self.effects.values())):
+            raise RleSplatError("The scene's effects must name effects, each with true for on or false for off.")
 
     @property
     def region(self) -> tuple[int, int, int, int]:

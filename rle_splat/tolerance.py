@@ -17,6 +17,7 @@ from .accuracy.lighting import shading_of
 from .accuracy.measure import PROBES, TOLERANCE
 from .accuracy.probes import choose_probes, judge, probe_errors
 from .accuracy.truths import truth
+from .effects.analyse import analyse, called_for
 from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
 from .kept import Kept
@@ -100,7 +101,7 @@ def tolerance_steps(
         drawn[name] = yield from _rendered(scene, plan, kept, refuse_empty_view, *ends, "Looking at the scene")
         frames.append((plan, drawn[name].report["stages_ms"]))
     features = features_of(scene, quality, drawn)
-    judge_of = _Judge(scene, quality, probes, seed) if probes else None
+    judge_of = _Judge(called_for(scene, analyse(scene, quality)), quality, probes, seed) if probes else None
 
     rounds: list[_Round] = []
     correction, slack, frames = 1.0, NEARLY_BEST, frames[1:]  # the first one also filled the caches

@@ -44,6 +44,8 @@ BESIDE = ("classification", "refinement")  # knobs that a quality and a toleranc
 DEFAULT_SIZE = (512, 512)  # pixels, width and height
 CUSTOM_QUALITY = "custom"  # the name of a quality put together from knobs, as reports show it
 
+EFFECT_STATES = {"on": True, "off": False, "auto": None}
+
 # The options of read_volume, each by its name in the parsed arguments.
 READ_OPTIONS = (
     "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "unit", "value_unit",
@@ -103,6 +105,28 @@ def add_light_options(parser) -> None:
     group.add_argument("--no-shading", action="store_true", help="the transfer function's colours as they are")
 
 
+def add_effect_options(parser) -> None:
+    group = parser.add_argument_group("effects")
+    group.add_argument(
+        "--effect", action="append", default=[], metavar="NAME=on|off|auto",
+        help="force an effect on or off instead of as the scene calls for it; may be given several times; an unknown "
+        "name lists them",
+    )
+
+
+def effects_from(args) -> dict[str, bool]:
+    """The overrides of --effect, name -> forced on or off; the last word on a name counts."""
+    from ..effects.analyse import check_overrides
+
+    overrides = {}
+    for given in args.effect:
+        name, _, state = given.partition("=")
+        if state not in EFFECT_STATES:
+            raise RleSplatError(f"--effect takes NAME=on, NAME=off or NAME=auto, not {given!r}.")
+        overrides[name.strip().replace("_", " ").replace("-", " ")] = EFFECT_STATES[state]
+    return {name: on for name, on in check_overrides(overrides).items() if on is not None}
+
+
 def add_turntable_options(parser) -> None:
     group = parser.add_argument_group("turntable", "an orthographic view of the volume from the front where left out")
     group.add_argument("--azimuth", type=float, metavar="DEG", help="0 (default) looks along +Y")
@@ -124,6 +148,7 @@ def add_scene_options(parser) -> None:
     add_volume_options(parser)
     add_transfer_function_options(parser)
     add_light_options(parser)
+    add_effect_options(parser)
     add_turntable_options(parser)
     add_placement_options(parser)
 

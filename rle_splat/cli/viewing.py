@@ -8,6 +8,7 @@ import numpy as np
 
 from ..scene import Camera, Light, RleSplatError, Scene, as_matrix, read_json
 from ..view.turntable import turntable
+from .options import effects_from
 
 LARGEST_SIDE = 65536  # pixels, as Scene has it
 # What the turntable takes, each by its name in the parsed arguments, with its default.
@@ -15,7 +16,8 @@ TURNTABLE_DEFAULTS = {"azimuth": 0.0, "elevation": 0.0, "fit": 1.25, "perspectiv
 
 
 def check_scene_options(args) -> None:
-    """Refuse contradictory or impossible options of view and lights before anything is read."""
+    """Refuse contradictory or impossible options of view, lights and effects before anything is read."""
+    effects_from(args)
     given = [name for name in TURNTABLE_DEFAULTS if getattr(args, name) is not None]
     if args.camera is not None and given:
         raise RleSplatError(f"--camera and --{given[0]} contradict each other; give one of the two.")
@@ -71,5 +73,5 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
     width, height = args.size
     return Scene(
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
-        scene_scale=args.scene_scale, lights=lights, headlight=headlight,
+        scene_scale=args.scene_scale, lights=lights, headlight=headlight, effects=effects_from(args),
     )

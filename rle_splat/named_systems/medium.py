@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume
+from ..effects.analyse import analyse, called_for
 from ..encode.store import StoredVolume
 from ..medium import classify_and_shade
 from ..scene import Quality, RleSplatError, Scene
@@ -78,7 +79,7 @@ class Medium:
             axes, scene.volume.affine if affine is None else affine, scene.volume.unit, self.classified.unit_length,
             scene.transfer_function.to_json(),
         )
-        return replace(scene, volume=volume, lights=(), headlight=False)
+        return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
 def scene_medium(scene: Scene, quality: Quality) -> Medium:
@@ -90,6 +91,7 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
         )
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
+    scene = called_for(scene, analyse(scene, quality))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()

@@ -15,6 +15,7 @@ import numpy as np
 from ..classify.classification import ClassifiedVolume
 from ..classify.shading import color_bound
 from ..classify.visible import row_offsets
+from ..effects.analyse import analyse, called_for
 from ..encode.encode import brightest_steps, encode
 from ..encode.store import StoredVolume
 from ..jit import compiled, thread_count
@@ -115,7 +116,8 @@ def progressive_steps(
 
     ``every``: show all of them, however little the picture takes.  The Rendering it returns is the same to the bit.
     """
-    kept = kept if kept is not None else Kept()
+    kept, whole = kept if kept is not None else Kept(), scene
+    scene = called_for(scene, analyse(scene, quality))
     levels = preview_levels(scene.volume.shape_xyz)
     possible = levels and kept.keeps and quality.model == "extinction" and not isinstance(scene.volume, StoredVolume)
     planes = seen_planes(scene, scene.index_to_world, scene.volume.shape_xyz, quality) if possible else []
@@ -133,7 +135,7 @@ def progressive_steps(
             count = how_many(planes, scene, quality, fresh * look.classified.visible_voxels)
         if count and fits(scene.volume.shape_xyz, levels):
             yield from _preview_steps(scene, look, levels, count, settled, kept)
-    return (yield from render_steps(scene, quality, kept, refuse_empty_view=refuse_empty_view))
+    return (yield from render_steps(whole, quality, kept, refuse_empty_view=refuse_empty_view))
 
 
 def preview_levels(shape_xyz) -> tuple[int, ...]:
@@ -278,7 +280,7 @@ def _scene_of(scene: Scene, look: Look, level: int, records: np.ndarray, margin:
         axis: encode(classified, colors, axis, **arguments) for axis in sorted({plane.axis for plane in planes} or {0})
     }
     volume = StoredVolume(axes, scene.volume.affine @ to_voxels, scene.volume.unit, classified.unit_length)
-    return replace(scene, volume=volume, lights=(), headlight=False)
+    return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
 def classified_nodes(records: np.ndarray, finest: ClassifiedVolume) -> tuple[ClassifiedVolume, np.ndarray]:

@@ -82,6 +82,17 @@ def test_impossible_volume_options(render_refused, options):
     render_refused(*options)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("glitter=on", "no effect called 'glitter'; choose shading"), ("specular", "NAME=off"),
+        ("specular=maybe", "NAME=auto"), ("mesh occlusion=on", "the scene has no meshes"),
+    ],
+)  # fmt: skip
+def test_effects_that_cannot_be_forced(render_refused, given, said):
+    assert said in render_refused("--effect", given)
+
+
 def test_nothing_but_nan(render_refused, tmp_path, voxels):
     path = tmp_path / "nan.raw"
     np.full(voxels.shape, np.nan, dtype=np.float32).tofile(path)

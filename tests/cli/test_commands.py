@@ -115,6 +115,17 @@ def test_lights_options(picture, write_json):
     assert np.abs(lit - from_the_camera).max() < 1e-5
 
 
+def test_an_effect_is_forced_by_its_name(picture):
+    unlit, _ = picture("--no-shading")
+    forced, report = picture("--effect", "shading=off")
+    assert np.array_equal(forced, unlit)
+    effects = {effect["name"]: effect for effect in report["effects"]}
+    assert effects["shading"] == {"name": "shading", "on": False, "reason": "by hand", "ms": 0.0}
+    matt, report = picture("--effect", "mesh-occlusion=off", "--effect", "specular=on", "--effect", "specular=off")
+    assert not np.array_equal(matt, picture()[0]) and not np.array_equal(matt, unlit)
+    assert np.array_equal(picture("--effect", "specular=auto")[0], picture()[0])
+
+
 def test_qualities_reach_the_plan(picture):
     assert picture("--quality", "draft")[1]["plan"]["sheet_density"] == 0.7
     assert picture("--quality", "draft", "--classification", "pre")[1]["plan"]["depth_rule"] == "slice"

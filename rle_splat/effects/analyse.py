@@ -1,0 +1,142 @@
+"""Which effects a scene calls for, and the scene that is left without the others.
+
+Stages further on look only at the scene that is left, so an effect that is off costs nothing there, and its picture is
+that of a scene that has never heard of it, bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..scene import Quality, RleSplatError, Scene
+from ..steps import Clock
+from .camera_clip import CLIPPING
+from .kind import Kind
+from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
+from .mesh_occlusion import MESH_OCCLUSION
+
+# One table: an effect's name -> its kind, in the order in which people read of them.  What an effect rests on stands
+# before it, as it is asked of a scene from which what is off before it is gone.
+EFFECTS: dict[str, Kind] = {
+    "shading": SHADING,
+    "lights": LIGHTS,
+    "headlight": HEADLIGHT,
+    "specular": SPECULAR,
+    "mesh occlusion": MESH_OCCLUSION,
+    "clipping": CLIPPING,
+}
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of a scene: whether it is on, and why, as words that stand behind "on" or "off".
+
+    ``by_hand``: what the scene's overrides force it to be; None where the scene itself decides.  ``tried``: a stage
+    has worked on it before it was found to change nothing.
+    """
+
+    name: str
+    on: bool
+    reason: str
+    by_hand: bool | None = None
+    tried: bool = False
+
+    @property
+    def is_taken_out(self) -> bool:
+        """Whether the scene that is left is without it."""
+        return not self.on and (self.by_hand is False or not EFFECTS[self.name].may_be_idle)
+
+
+@dataclass(frozen=True)
+class EffectSet:
+    """Every effect of the table, in its order, as one scene has them."""
+
+    effects: tuple[Effect, ...]
+
+    def __iter__(self):
+        return iter(self.effects)
+
+    def __getitem__(self, name: str) -> Effect:
+        return next(effect for effect in self.effects if effect.name == name)
+
+    @property
+    def on(self) -> tuple[str, ...]:
+        """Names of those that are on."""
+        return tuple(effect.name for effect in self.effects if effect.on)
+
+    def found_off(self, name: str, reason: str) -> EffectSet:
+        """The same set after a stage has found that an effect that seemed to be called for changes nothing."""
+        found = replace(self[name], on=False, reason=reason, tried=True)
+        return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
+
+    def report(self, clock: Clock) -> list[dict]:
+        """JSON-ready rows: name, on, reason and ms, the milliseconds of its own work.
+
+        0 where it is off; None for an effect that is done within another's work, which has the time of both.
+        """
+        return [
+            {"name": effect.name, "on": effect.on, "reason": effect.reason, "ms": _milliseconds(effect, clock)}
+            for effect in self.effects
+        ]
+
+
+def _milliseconds(effect: Effect, clock: Clock) -> float | None:
+    if not (effect.on or effect.tried):
+        return 0.0
+    stage = EFFECTS[effect.name].stage
+    return None if stage is None else clock.stages[stage]
+
+
+def check_overrides(overrides) -> dict[str, bool]:
+    """The overrides of a scene, name -> forced on or off; a RleSplatError for a name that no effect has."""
+    for name in overrides:
+        if name not in EFFECTS:
+            raise RleSplatError(f"There is no effect called {name!r}; choose {', '.join(EFFECTS)}.")
+    return dict(overrides)
+
+
+def analyse(scene: Scene, quality: Quality) -> EffectSet:
+    """Which effects a scene calls for, and why.
+
+    ``scene.effects`` overrides: raises RleSplatError for an effect there is none of, and for one that is forced on
+    where the scene gives nothing to do it with.
+    """
+    overrides = check_overrides(scene.effects)
+    left, found = _without_forced_off(scene, overrides), []
+    for name, kind in EFFECTS.items():
+        by_hand = overrides.get(name)
+        if by_hand is False:
+            effect = Effect(name, False, "by hand", False)
+        else:
+            left = left if by_hand is None else _with_forced_on(left, kind)
+            on, reason = kind.called_for(left, quality)
+            if by_hand and not on and not kind.may_be_idle:
+                raise RleSplatError(
+                    f"The effect {name} is turned on by hand, but {reason}; leave it to the scene, or give it what it "
+                    "needs."
+                )
+            effect = Effect(name, on or bool(by_hand), f"by hand: {reason}" if by_hand else reason, by_hand)
+        left = kind.without(left) if effect.is_taken_out else left
+        found.append(effect)
+    return EffectSet(tuple(found))
+
+
+def called_for(scene: Scene, effects: EffectSet) -> Scene:
+    """The scene without what is off, and with what is on by hand."""
+    left = _without_forced_off(scene, {effect.name: effect.by_hand for effect in effects})
+    for effect in effects:
+        kind = EFFECTS[effect.name]
+        left = _with_forced_on(left, kind) if effect.by_hand else left
+        left = kind.without(left) if effect.is_taken_out else left
+    return left
+
+
+def _without_forced_off(scene: Scene, overrides: dict) -> Scene:
+    """What is off by hand is off for every other effect too, whatever their order."""
+    for name, by_hand in overrides.items():
+        scene = EFFECTS[name].without(scene) if by_hand is False else scene
+    return scene
+
+
+def _with_forced_on(scene: Scene, kind: Kind) -> Scene:
+    return scene if kind.with_default is None else kind.with_default(scene)

@@ -1,0 +1,114 @@
+"""Which light a scene calls for: shading, lights, a headlight, highlights."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+from ..classify.transfer_function import Shade
+from ..encode.store import StoredVolume
+from ..scene import Quality, Scene
+from .kind import Kind
+
+BAKED = "baked into the .rle file"
+
+
+def _unlit_because(scene: Scene) -> str | None:
+    """Why nothing is shaded; None where something is."""
+    if isinstance(scene.volume, StoredVolume):
+        return BAKED
+    if scene.transfer_function.shade is None:
+        return "the transfer function does not shade"
+    return None if scene.lights or scene.headlight else "the scene has no light"
+
+
+def _idle_because(scene: Scene) -> str | None:
+    """Why what belongs to shading is not done; None where it is."""
+    reason = _unlit_because(scene)
+    return reason if reason in (None, BAKED) else "nothing is shaded"
+
+
+def _with_shade(scene: Scene, **coefficients) -> Scene:
+    shade = replace(scene.transfer_function.shade, **coefficients)
+    return replace(scene, transfer_function=replace(scene.transfer_function, shade=shade))
+
+
+# --- shading: c * (ambient + diffuse |n.l|) in place of c -----------------------------------------------------------
+
+
+def _shading(scene: Scene, _: Quality) -> tuple[bool, str]:
+    reason = _unlit_because(scene)
+    if reason is not None:
+        return False, reason
+    shade = scene.transfer_function.shade
+    lit_by = [f"{len(scene.lights)} light(s) of the scene"] * bool(scene.lights) + ["a headlight"] * scene.headlight
+    return True, f"diffuse {shade.diffuse:g} and ambient {shade.ambient:g} under {' and '.join(lit_by)}"
+
+
+def _unshaded(scene: Scene) -> Scene:
+    tf = scene.transfer_function
+    return scene if tf.shade is None else replace(scene, transfer_function=replace(tf, shade=None))
+
+
+def _shaded(scene: Scene) -> Scene:
+    tf = scene.transfer_function
+    shaded = replace(tf, shade=Shade()) if tf.shade is None else tf
+    return replace(scene, transfer_function=shaded, headlight=scene.headlight or not scene.lights)
+
+
+# --- what shines ----------------------------------------------------------------------------------------------------
+
+
+def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
+    if not scene.lights:
+        return False, BAKED if isinstance(scene.volume, StoredVolume) else "the scene has none"
+    reason = _idle_because(scene)
+    kinds = Counter(light.type.lower() for light in scene.lights)
+    return reason is None, reason or ", ".join(f"{number} {kind}" for kind, number in kinds.items())
+
+
+def _headlight(scene: Scene, _: Quality) -> tuple[bool, str]:
+    if not scene.headlight:
+        return False, BAKED if isinstance(scene.volume, StoredVolume) else "the scene does not ask for one"
+    reason = _idle_because(scene)
+    return reason is None, reason or "white and parallel, along the camera's axis"
+
+
+# --- highlights -----------------------------------------------------------------------------------------------------
+
+
+def _specular(scene: Scene, _: Quality) -> tuple[bool, str]:
+    reason = _idle_because(scene)
+    if reason is not None:
+        return False, reason
+    shade = scene.transfer_function.shade
+    if shade.specular == 0.0:
+        return False, "specular 0"
+    return True, f"specular {shade.specular:g}, shininess {shade.shininess:g}"
+
+
+def _without_specular(scene: Scene) -> Scene:
+    shade = scene.transfer_function.shade
+    return scene if shade is None or shade.specular == 0.0 else _with_shade(scene, specular=0.0)
+
+
+def _with_specular(scene: Scene) -> Scene:
+    shade = scene.transfer_function.shade
+    return _with_shade(scene, specular=Shade.specular) if shade is not None and shade.specular == 0.0 else scene
+
+
+SHADING = Kind(
+    "brightness by the angle between the light and the surface that the gradient tells", _shading, _unshaded,
+    stage="shade", with_default=_shaded,
+)
+LIGHTS = Kind(
+    "the light objects of the scene, in place of a headlight", _lights, lambda scene: replace(scene, lights=()),
+    within="shading",
+)
+HEADLIGHT = Kind(
+    "one white parallel light along the camera's axis", _headlight, lambda scene: replace(scene, headlight=False),
+    within="shading", with_default=lambda scene: replace(scene, headlight=True),
+)
+SPECULAR = Kind(
+    "highlights, which follow the eye", _specular, _without_specular, within="shading", with_default=_with_specular
+)

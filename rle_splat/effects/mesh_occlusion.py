@@ -1,0 +1,63 @@
+"""Meshes in the volume: whether any may end a ray in it, and where the rays end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene import Quality, Scene
+from ..view.base_plane import BasePlane
+from ..view.eye import IndexView, index_view
+from ..view.projection import depth_row
+from ..view.ray_limits import pixels_read
+from .camera_clip import slab_depths
+from .depth_layers import HALO, DepthLayers, depth_layers
+from .kind import Kind
+from .mesh_depth import mesh_depth
+
+BEHIND = "no mesh lies in or before the volume"
+
+
+def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:
+    """Where the rays of each pixel end at meshes; None when no mesh ends any ray inside the volume."""
+    if scene.triangles is None or len(scene.triangles) == 0:
+        return None
+    region = _pixels_with_layers(scene, planes)
+    samples = mesh_depth(
+        scene.triangles, scene.camera, scene.width, scene.height, region=region, backend=quality.backend,
+        threads=quality.threads,
+    )
+    nearest_mesh = float(samples.min())
+    if nearest_mesh > slab_depths(scene, view, quality)[1]:
+        return None
+    voxel = float(np.linalg.norm(view.to_world, axis=0).min())
+    return depth_layers(samples, 0.5 * voxel, first_pixel=region[:2])
+
+
+def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int, int, int]:
+    """The part of the frame whose depth layers the wanted pixels depend on, and what those depend on in turn."""
+    if scene.crop is None:
+        return scene.region
+    parts = np.array([scene.crop, *(pixels_read(plane) for plane in planes)])
+    left, top = np.maximum(parts[:, :2].min(axis=0) - HALO, 0).tolist()
+    right, bottom = np.minimum(parts[:, 2:].max(axis=0) + HALO, (scene.width, scene.height)).tolist()
+    return left, top, right, bottom
+
+
+def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+    """By the depth of the nearest corner; what the rays really meet is known when they have been looked at."""
+    if scene.triangles is None or len(scene.triangles) == 0:
+        return False, "the scene has no meshes"
+    row = depth_row(scene.camera)
+    nearest = float((np.asarray(scene.triangles, np.float64) @ row[:3]).min() + row[3])
+    view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
+    if nearest > slab_depths(scene, view, quality)[1]:
+        return False, BEHIND
+    return True, "meshes stand in or before the volume"
+
+
+MESH_OCCLUSION = Kind(
+    "ends each ray at the first mesh it meets", _called_for, lambda scene: replace(scene, triangles=None),
+    stage="occlusion",
+)
