@@ -16,6 +16,7 @@ from .effects.mesh_occlusion import BEHIND, mesh_layers
 from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
+from .exposure import exposure_steps, exposures
 from .jit import NUMBA_PROBLEM, compiled, thread_count
 from .kept import Kept
 from .medium import Medium, classified_scene, medium_steps
@@ -58,6 +59,15 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     an animation needs it.
     """
     kept = kept if kept is not None else Kept(0)
+    pictures = exposures(scene)
+    if len(pictures) == 1:
+        return (yield from _sharp_steps(pictures[0], quality, kept, refuse_empty_view))
+    refuse = refuse_empty_view and not scene.motion  # what moves may come into view
+    return (yield from exposure_steps(pictures, lambda one: _sharp_steps(one, quality, kept, refuse)))
+
+
+def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, refuse_empty_view: bool):
+    """``render_steps`` of a scene without a lens and a shutter."""
     clock = Clock()
     backend = "numba" if compiled(quality.backend) else "numpy"
     quality = replace(quality, backend=backend)

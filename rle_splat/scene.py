@@ -36,6 +36,7 @@ LARGEST_ENTRY = 1e100
 # Lengths of a camera, in whatever unit, and shares of the picture: far beyond any that is meant.
 LEAST_LENGTH, LARGEST_LENGTH = 1e-50, 1e50
 LARGEST_SHARE = 1e6
+MOST_BLADES = 64
 
 
 def as_float(value) -> float:
@@ -116,6 +117,8 @@ class Camera:
     ``matrix_world`` takes camera space to the world; the camera looks along its -Z with +Y up, and scale in
     the matrix is ignored as Blender ignores it.  ``lens`` and the sensor are in mm, ``ortho_scale`` and the
     clip distances in world units, ``shift_x`` and ``shift_y`` in fractions of the larger image side.
+    ``aperture_radius``, world units, is that of the lens, 0 for none; what lies at ``focus_distance``, planar and in
+    world units, is sharp.  ``aperture_blades``, ``aperture_rotation`` (radians) and ``aperture_ratio`` shape its blur.
     """
 
     matrix_world: np.ndarray = field(default_factory=_identity)
@@ -130,6 +133,11 @@ class Camera:
     clip_start: float = 0.1
     clip_end: float = 1000.0
     pixel_aspect: tuple = (1.0, 1.0)
+    aperture_radius: float = 0.0
+    focus_distance: float = 10.0
+    aperture_blades: int = 0
+    aperture_rotation: float = 0.0
+    aperture_ratio: float = 1.0
 
     def __post_init__(self):
         put = partial(object.__setattr__, self)
@@ -153,6 +161,15 @@ class Camera:
             put(name, float(value))
         if self.clip_end <= self.clip_start:
             raise RleSplatError("The camera's clip_end must be larger than its clip_start.")
+        for name in ("focus_distance", "aperture_ratio"):
+            put(name, _positive(getattr(self, name), f"The camera's {name}"))
+        for name, least in (("aperture_radius", 0.0), ("aperture_rotation", -LARGEST_SHARE)):
+            value = getattr(self, name)
+            if not (_is_finite_number(value) and least <= value <= LARGEST_SHARE):
+                raise RleSplatError(f"The camera's {name} must be a number from {least:g} to {LARGEST_SHARE:g}.")
+            put(name, float(value))
+        if not isinstance(self.aperture_blades, (int, np.integer)) or not 0 <= self.aperture_blades <= MOST_BLADES:
+            raise RleSplatError(f"The camera's aperture_blades must be a whole number from 0 to {MOST_BLADES}.")
         aspect = tuple(self.pixel_aspect) if np.iterable(self.pixel_aspect) else ()
         if len(aspect) != 2:
             raise RleSplatError("The camera's pixel_aspect must be two numbers.")
@@ -204,6 +221,18 @@ class Light:
         if not isinstance(entries, list):
             raise RleSplatError(f"The lights file {path} must hold a list of lights.")
         return tuple(from_mapping(cls, entry, "A light of the lights file") for entry in entries)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where the camera and the volume are at one time: their matrices to the world, (4, 4)."""
+
+    camera_matrix: np.ndarray
+    volume_matrix: np.ndarray
+
+    def __post_init__(self):
+        for name in ("camera_matrix", "volume_matrix"):
+            object.__setattr__(self, name, as_matrix(getattr(self, name), f"A pose's {name}"))
 
 
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
@@ -403,6 +432,8 @@ class Scene:
     ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
     top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
     ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
+    ``motion``: Poses from when the shutter opens to when it closes, at equal steps of time; empty for a shutter of no
+    time.  The camera's and the volume's own matrices are then those of what stays sharp: the depth.
     """
 
     volume: object
@@ -418,6 +449,7 @@ class Scene:
     triangles: np.ndarray | None = None
     crop: tuple | None = None
     effects: dict[str, bool] = field(default_factory=dict)
+    motion: tuple = ()
 
     def __post_init__(self):
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
@@ -431,6 +463,8 @@ class Scene:
             object.__setattr__(self, "crop", checked_crop(self.crop, self.width, self.height))
         if not (isinstance(self.effects, dict) and all(isinstance(on, bool) for on in self.effects.values())):
             raise RleSplatError("The scene's effects must name effects, each with true for on or false for off.")
+        if len(self.motion) == 1:
+            raise RleSplatError("Motion takes two poses or more, from when the shutter opens to when it closes.")
 
     @property
     def region(self) -> tuple[int, int, int, int]:

@@ -23,6 +23,18 @@ def depth_row(camera: Camera) -> np.ndarray:
     return -world_to_camera(camera)[2]
 
 
+def fitted_pixels(camera: Camera, width: int, height: int) -> float:
+    """The side of the picture that decides the scale, in widths of a pixel; shifts are fractions of it.
+
+    A vertical fit counts rows by how tall a pixel is.
+    """
+    aspect_x, aspect_y = camera.pixel_aspect
+    fit = camera.sensor_fit
+    if fit == "AUTO":
+        fit = "HORIZONTAL" if width * aspect_x >= height * aspect_y else "VERTICAL"
+    return width if fit == "HORIZONTAL" else height * (aspect_y / aspect_x)
+
+
 def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     """(3, 4) float64: world (x, y, z, 1) to homogeneous pixel (column, row, 1).
 
@@ -33,10 +45,7 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     """
     aspect_x, aspect_y = camera.pixel_aspect
     tallness = aspect_y / aspect_x  # height of a pixel in widths of a pixel
-    fit = camera.sensor_fit
-    if fit == "AUTO":
-        fit = "HORIZONTAL" if width * aspect_x >= height * aspect_y else "VERTICAL"
-    fitted = width if fit == "HORIZONTAL" else height * tallness  # the fitted side, in widths of a pixel
+    fitted = fitted_pixels(camera, width, height)
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
     across = camera.ortho_scale if camera.type == "ORTHO" else sensor / camera.lens
     pixel = across / fitted  # width of a pixel: world units, or per unit of depth

@@ -46,6 +46,7 @@ FLOORS = {
     "rle_splat.scalar_medium": 9.5,  # above the medium of the paper's pipeline, whose light it shares
     "rle_splat.memory_estimate": 8,
     "rle_splat.kept_normals": 8,
+    "rle_splat.exposure": 9,
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
     "rle_splat.cost_of_accuracy": 11,

@@ -1,0 +1,94 @@
+"""Depth of field: pictures through several points of the lens, all of which agree in the plane of focus.
+
+A thin lens blurs a point at depth z to a disk, the picture of its aperture (algorithm.md 4.2).  Each point of the
+aperture sees the scene as a pinhole there would whose sensor is shifted so that the plane of focus stays in place; the
+mean over the aperture is the lens's picture.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene import Camera, Scene
+from ..view.eye import index_view
+from ..view.projection import fitted_pixels
+from ..view.ray_limits import box_depths
+
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+SHARP = 0.5  # pixels: a blur that is no wider is none
+SPACING = 1.5  # pixels between the points of a blurred point; the warp's filter and the medium close such gaps
+MOST_POINTS = 64
+FEWEST_POINTS = 4
+
+
+def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float = 1.0, times=None) -> np.ndarray:
+    """(count, 2) float64 points spread evenly over an aperture of radius 1; mean and second moments are its own.
+
+    They lie on the spiral of golden angles (Vogel 1979).  ``blades``: corners of the aperture, a disk below three;
+    ``rotation``: of its first corner, radians; ``ratio``: how many times less wide than high it is.
+    ``times``: (count,) something else that varies from point to point and must not go with them.
+    """
+    number = np.arange(count)
+    radius, angle = np.sqrt((number + 0.5) / count), GOLDEN_ANGLE * number
+    moment = 0.25
+    if blades >= 3:
+        # A sector of the disk onto the triangle between two corners, area for area.
+        half = math.pi / blades
+        sector = np.floor(angle / (2.0 * half))
+        within = np.arctan((angle / half - 2.0 * sector - 1.0) * math.tan(half))
+        radius = radius * math.cos(half) / np.cos(within)
+        angle = (2.0 * sector + 1.0) * half + within + rotation
+        moment = (2.0 + math.cos(2.0 * half)) / 12.0
+    points = radius[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    points -= points.mean(axis=0)
+    if times is not None:
+        late = times - times.mean()
+        points -= np.outer(late, late @ points / (late @ late))
+    # A few points on a spiral are wider one way than the other: that is evened out.
+    sizes, ways = np.linalg.eigh(points.T @ points / count)
+    points = points @ (ways * np.sqrt(moment / sizes)) @ ways.T
+    return points / (ratio, 1.0)
+
+
+def through_lens(camera: Camera, point: np.ndarray) -> Camera:
+    """The pinhole at ``point`` of the aperture, (2,) in aperture radii to the right and up, focused as the lens is."""
+    placed = np.array(camera.matrix_world)
+    sides = placed[:3, :2] / np.linalg.norm(placed[:3, :2], axis=0)
+    offset = camera.aperture_radius * np.asarray(point, dtype=np.float64)
+    placed[:3, 3] += sides @ offset
+    sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
+    shift = offset / (camera.focus_distance * sensor / camera.lens)
+    return replace(
+        camera, matrix_world=placed, shift_x=camera.shift_x - shift[0], shift_y=camera.shift_y - shift[1],
+        aperture_radius=0.0,
+    )  # fmt: skip
+
+
+def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
+    """Pixels across the disk to which a point at planar ``depth``, world units, is blurred: the thin lens's formula."""
+    sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
+    per_unit = fitted_pixels(camera, width, height) * camera.lens / sensor  # pixels of a length at unit depth
+    spread = 2.0 * camera.aperture_radius * max(1.0, 1.0 / camera.aperture_ratio)
+    return per_unit * spread * abs(depth - camera.focus_distance) / (depth * camera.focus_distance)
+
+
+def widest_blur(scene: Scene) -> float:
+    """The widest blur of anything in the volume's box, pixels; none of an orthographic camera, which has no lens."""
+    camera = scene.camera
+    if camera.type != "PERSP" or camera.aperture_radius == 0.0:
+        return 0.0
+    view = index_view(camera, scene.index_to_world, scene.width, scene.height)
+    nearest, furthest = box_depths(view, scene.volume.shape_xyz)
+    nearest, furthest = (min(max(d, camera.clip_start), camera.clip_end) for d in (nearest, furthest))
+    return max(blur_pixels(camera, scene.width, scene.height, depth) for depth in (nearest, furthest))
+
+
+def lens_pictures(scene: Scene) -> int:
+    """How many points of the lens a picture needs, one for a sharp one."""
+    blur = widest_blur(scene)
+    if blur <= SHARP:
+        return 1
+    return int(np.clip(math.ceil(0.25 * math.pi * (blur / SPACING) ** 2), FEWEST_POINTS, MOST_POINTS))

@@ -1,0 +1,218 @@
+"""What a lens and a shutter blur: against the thin lens's formula, how far things move, and means of sharp pictures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
+from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
+from rle_splat.exposure import exposures
+from rle_splat.render import render
+from rle_splat.scene import Camera, Pose, Quality, RleSplatError, Scene
+from rle_splat.view.projection import world_to_pixel
+from rle_splat.volume.volume import Volume
+
+SIZE = 128
+
+
+def speck(depth, **lens):
+    """A soft blot of matter at ``depth`` before the camera, seen through a lens that is focused at 4."""
+    place = np.arange(-6.0, 7.0)
+    square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
+    volume = Volume(np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), np.diag((0.02, 0.02, 0.02, 1.0)))
+    placed = np.eye(4)
+    placed[:3, 3] = (-0.12, -0.12, -depth - 0.12)
+    function = TransferFunction("speck", None, [(0, 0), (255, 0.05)], [(0, 1, 1, 1), (255, 1, 1, 1)], None, None)
+    camera = Camera(lens=50.0, clip_start=0.01, **{"focus_distance": 4.0, "aperture_radius": 0.1, **lens})
+    return Scene(volume, function, camera, SIZE, SIZE, placed, headlight=False)
+
+
+def pinhole(scene):
+    return replace(scene, camera=replace(scene.camera, aperture_radius=0.0))
+
+
+def spread(alpha):
+    """Mean square distance from the middle of a blot, pixels squared, across and down; and its sum."""
+    alpha = alpha.astype(np.float64)
+    row, column = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
+    total = alpha.sum()
+    return [((place - (alpha * place).sum() / total) ** 2 * alpha).sum() / total for place in (column, row)], total
+
+
+@pytest.mark.parametrize("depth", [2.5, 3.0, 6.0])
+def test_a_speck_is_blurred_to_the_disk_of_the_thin_lens(depth):
+    scene = speck(depth)
+    # Object distance z, focus f, aperture diameter 2R, picture scale per unit depth S: S 2R |z - f| / (z f).
+    expected = SIZE * 50.0 / 36.0 * 0.2 * abs(depth - 4.0) / (depth * 4.0)
+    blurred, total = spread(render(scene, Quality()).rgba[..., 3])
+    sharp, sharp_total = spread(render(pinhole(scene)).rgba[..., 3])
+    # A disk of diameter d has a mean square of d^2/16 along any axis; blurs add theirs.
+    found = 4.0 * np.sqrt(np.array(blurred) - np.array(sharp))
+    assert found == pytest.approx(np.full(2, expected), rel=0.06)
+    assert total == pytest.approx(sharp_total, rel=0.03), "a lens takes no light away"
+    assert blur_pixels(scene.camera, SIZE, SIZE, depth) == pytest.approx(expected, rel=1e-12)
+
+
+def test_what_lies_in_the_plane_of_focus_is_sharp():
+    scene = speck(4.0)
+    assert lens_pictures(scene) == 1
+    forced = replace(scene, camera=replace(scene.camera, aperture_radius=2.0))
+    assert lens_pictures(forced) > 1
+    (across, down), _ = spread(render(forced).rgba[..., 3])
+    (sharp_across, sharp_down), _ = spread(render(pinhole(scene)).rgba[..., 3])
+    assert (across, down) == (pytest.approx(sharp_across, abs=0.15), pytest.approx(sharp_down, abs=0.15))
+
+
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+@pytest.mark.parametrize("point", [(1.0, 0.0), (-0.3, 0.8)])
+def test_every_point_of_the_lens_sees_the_plane_of_focus_at_the_same_pixels(fit, point):
+    turned = np.eye(4)
+    turned[:3, :3] = [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]]
+    turned[:3, 3] = (1.0, -2.0, 3.0)
+    camera = Camera(
+        turned, lens=35.0, sensor_fit=fit, shift_x=0.2, shift_y=-0.1, pixel_aspect=(1.0, 1.5),
+        focus_distance=7.0, aperture_radius=0.4,
+    )  # fmt: skip
+    random = np.random.default_rng(1)
+    points = np.c_[random.uniform(-2.0, 2.0, (20, 2)), np.full(20, -7.0), np.ones(20)] @ turned.T
+    other = np.c_[random.uniform(-2.0, 2.0, (20, 2)), np.full(20, -4.0), np.ones(20)] @ turned.T
+
+    def pixels(of, places):
+        seen = places @ world_to_pixel(of, 160, 90).T
+        return seen[:, :2] / seen[:, 2:]
+
+    moved = through_lens(camera, point)
+    assert np.abs(pixels(moved, points) - pixels(camera, points)).max() < 1e-9
+    assert np.abs(pixels(moved, other) - pixels(camera, other)).max() > 1.0
+
+
+@pytest.mark.parametrize("blades", [0, 3, 6])
+def test_points_fill_the_aperture_evenly(blades):
+    """Second moments of a disk (1/4) and of a regular polygon of corners at 1: (2 + cos(2 pi / n)) / 12."""
+    along = 0.25 if not blades else (2.0 + np.cos(2.0 * np.pi / blades)) / 12.0
+    for count in (4, 9, 4000):
+        points = lens_points(count, blades)
+        assert np.cov(points.T, bias=True) == pytest.approx(along * np.eye(2), abs=1e-12)
+        assert np.abs(points.mean(axis=0)).max() < 1e-12
+    quarters = np.histogram(np.arctan2(*points.T), bins=4)[0]
+    if blades != 3:  # equal by symmetry
+        assert quarters == pytest.approx(np.full(4, 1000), rel=0.02)
+    if blades:
+        inner = np.cos(np.pi / blades)
+        normals = (2.0 * np.arange(blades) + 1.0) * np.pi / blades
+        assert (points @ np.stack((np.cos(normals), np.sin(normals)))).max() < inner + 0.01
+
+
+def test_rotation_and_ratio_shape_the_aperture():
+    plain, turned = lens_points(200, 5), lens_points(200, 5, rotation=0.3)
+    turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
+    assert turned == pytest.approx(plain @ turn.T, abs=1e-12)
+    assert lens_points(200, 0, ratio=2.0) == pytest.approx(lens_points(200) * (0.5, 1.0), abs=1e-12)
+
+
+def test_a_camera_without_a_lens_makes_one_picture_and_the_same_bits():
+    scene = speck(3.0, aperture_radius=0.0)
+    focused = replace(scene, camera=replace(scene.camera, focus_distance=1.0))
+    assert len(exposures(scene)) == 1
+    assert np.array_equal(render(scene).rgba, render(focused).rgba)
+    orthographic = replace(scene, camera=replace(scene.camera, type="ORTHO", aperture_radius=1.0))
+    assert lens_pictures(orthographic) == 1
+
+
+def test_wide_blurs_take_no_more_pictures_than_there_are_points():
+    assert lens_pictures(speck(1.0, aperture_radius=50.0)) == MOST_POINTS
+
+
+@pytest.mark.parametrize("wrong", [
+    {"aperture_radius": -1.0}, {"aperture_radius": np.nan}, {"focus_distance": 0.0}, {"aperture_ratio": 0.0},
+    {"aperture_blades": 2.5}, {"aperture_blades": -1}, {"aperture_rotation": np.inf},
+])  # fmt: skip
+def test_a_lens_that_is_none_is_refused_in_a_sentence(wrong):
+    (name,) = wrong
+    with pytest.raises(RleSplatError, match=name):
+        Camera(**wrong)
+
+
+def moving(dx, poses=2, depth=4.0):
+    """The speck moving ``dx`` to the right while the shutter is open."""
+    scene = speck(depth, aperture_radius=0.0)
+    placed = []
+    for time in np.linspace(0.0, 1.0, poses):
+        matrix = np.array(scene.volume_matrix)
+        matrix[0, 3] += dx * (time - 0.5)
+        placed.append(Pose(scene.camera.matrix_world, matrix))
+    return replace(scene, motion=tuple(placed))
+
+
+@pytest.mark.parametrize("poses", [2, 5])
+def test_a_speck_is_drawn_out_along_its_way(poses):
+    scene = moving(0.5, poses)
+    pixels = 0.5 / 4.0 * SIZE * 50.0 / 36.0
+    assert distance_moved(scene) == pytest.approx(pixels * 4.0 / 3.88, rel=1e-6)  # the box's nearer face
+    (across, down), total = spread(render(scene).rgba[..., 3])
+    (sharp_across, sharp_down), sharp_total = spread(render(replace(scene, motion=())).rgba[..., 3])
+    # A line of length l has a mean square of l^2 / 12.
+    assert np.sqrt(12.0 * (across - sharp_across)) == pytest.approx(pixels, rel=0.03)
+    assert down == pytest.approx(sharp_down, abs=0.05) and total == pytest.approx(sharp_total, rel=0.02)
+
+
+def test_a_moving_camera_blurs_as_a_volume_that_moves_the_other_way():
+    volume_moves = moving(0.4)
+    still = volume_moves.volume_matrix
+    poses = []
+    for pose in volume_moves.motion:
+        matrix = np.array(volume_moves.camera.matrix_world)
+        matrix[0, 3] -= pose.volume_matrix[0, 3] - still[0, 3]
+        poses.append(Pose(matrix, still))
+    camera_moves = replace(volume_moves, motion=tuple(poses))
+    difference = np.abs(render(volume_moves).rgba - render(camera_moves).rgba)
+    assert difference.max() < 0.5 / 255.0
+
+
+def test_the_picture_is_the_mean_of_still_ones():
+    scene = moving(0.3)
+    stills = [render(one).rgba.astype(np.float64) for one in exposures(scene)]
+    assert len(stills) == motion_pictures(scene) > 4
+    assert np.abs(render(scene).rgba - np.mean(stills, axis=0)).max() < 1e-6
+
+
+def test_times_are_spread_evenly_over_the_shutter():
+    places = sorted(one.volume_matrix[0, 3] for one in exposures(moving(0.5)))
+    steps = np.diff(places)
+    assert steps == pytest.approx(np.full(len(steps), 0.5 / len(places)), rel=1e-9)
+
+
+def test_poses_are_followed_in_turn():
+    scene = moving(0.4, poses=5)
+    for time, x in ((0.0, -0.2), (0.1, -0.16), (0.5, 0.0), (1.0, 0.2)):
+        assert at_time(scene, time).volume_matrix[0, 3] == pytest.approx(scene.volume_matrix[0, 3] + x, abs=1e-12)
+
+
+def test_what_stands_still_is_one_picture_of_the_same_bits():
+    scene = moving(0.0)
+    assert motion_pictures(scene) == 1
+    assert np.array_equal(render(scene).rgba, render(replace(scene, motion=())).rgba)
+
+
+def test_lens_and_shutter_share_their_pictures():
+    both = moving(0.2, depth=3.0)
+    both = replace(both, camera=replace(both.camera, aperture_radius=0.1))
+    assert len(exposures(both)) == max(motion_pictures(both), len(exposures(replace(both, motion=()))))
+    lens_alone, _ = spread(render(replace(both, motion=())).rgba[..., 3])
+    shutter_alone, _ = spread(render(pinhole(both)).rgba[..., 3])
+    sharp, _ = spread(render(replace(pinhole(both), motion=())).rgba[..., 3])
+    together, _ = spread(render(both).rgba[..., 3])
+    expected = np.array(lens_alone) + np.array(shutter_alone) - np.array(sharp)  # independent blurs add
+    assert np.array(together) == pytest.approx(expected, rel=0.08)
+
+
+def test_a_long_way_takes_no_more_pictures_than_the_most():
+    assert motion_pictures(moving(100.0)) == MOST_PICTURES
+
+
+def test_a_single_pose_is_refused():
+    scene = moving(0.1)
+    with pytest.raises(RleSplatError, match="two poses"):
+        replace(scene, motion=scene.motion[:1])
