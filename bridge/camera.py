@@ -12,6 +12,8 @@ import numpy as np
 from ..rle_splat.scene import Camera, RleSplatError
 from .decimals import typed, typed_tuple
 
+METRES_PER_MM = 1e-3  # a lens's millimetres are thousandths of a world unit, whatever the scene's unit
+LEAST_FSTOP, LEAST_FOCUS = 1e-5, 1e-5  # Blender's own least
 _PANORAMIC = {"PANO": "panoramic", "CUSTOM": "custom (OSL)"}
 
 
@@ -65,8 +67,37 @@ def read_camera(depsgraph) -> tuple[Camera, int, int]:
         clip_start=typed(data.clip_start),
         clip_end=typed(data.clip_end),
         pixel_aspect=typed_tuple((render.pixel_aspect_x, render.pixel_aspect_y)),
+        **_lens(evaluated, depsgraph),
     )
     return camera, width, height
+
+
+def _lens(evaluated, depsgraph) -> dict:
+    """What of the camera's depth of field a plain Camera holds: the f-number's aperture, as Cycles reckons it."""
+    dof = evaluated.data.dof
+    if not dof.use_dof:
+        return {}
+    fstop = max(typed(dof.aperture_fstop), LEAST_FSTOP)
+    return {
+        "aperture_radius": typed(evaluated.data.lens) * METRES_PER_MM / (2.0 * fstop),
+        "focus_distance": max(_focus_distance(evaluated, dof, depsgraph), LEAST_FOCUS),
+        "aperture_blades": dof.aperture_blades if dof.aperture_blades >= 3 else 0,
+        "aperture_rotation": typed(dof.aperture_rotation),
+        "aperture_ratio": typed(dof.aperture_ratio),
+    }
+
+
+def _focus_distance(evaluated, dof, depsgraph) -> float:
+    """Planar distance of what is in focus: an object, or a bone of it, before the number beside it."""
+    if dof.focus_object is None:
+        return typed(dof.focus_distance)
+    target = dof.focus_object.evaluated_get(depsgraph)
+    place = np.array(target.matrix_world, dtype=np.float64)
+    bone = target.pose.bones.get(dof.focus_subtarget) if target.pose and dof.focus_subtarget else None
+    if bone is not None:
+        place = place @ np.array(bone.matrix, dtype=np.float64)
+    matrix = without_scale(evaluated.matrix_world)
+    return abs(float(matrix[:3, 2] @ (place[:3, 3] - matrix[:3, 3])))
 
 
 def without_scale(matrix_world) -> np.ndarray:

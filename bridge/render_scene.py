@@ -17,6 +17,7 @@ from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .lights import read_lights
 from .meshes import read_triangles
+from .motion import read_poses
 
 KEPT = Kept()  # keyed by content, so it may outlive files and undo
 
@@ -34,11 +35,14 @@ def still_there(name: str):
     return found
 
 
-def read_scene(volume_object, depsgraph, *, with_meshes: bool, in_region: bool = False, warn=None):
+def read_scene(
+    volume_object, depsgraph, *, with_meshes: bool, in_region: bool = False, moving: bool = False, warn=None
+):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
     ``with_meshes``: stop each ray at the first mesh surface.  ``in_region``: only what a cropped render region keeps
-    of the frame.  ``warn``: called with a sentence for what is odd.
+    of the frame.  ``moving``: blur what moves if the scene wants it, which a handler of Blender's cannot: it needs a
+    copy of the scene.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
@@ -60,6 +64,7 @@ def read_scene(volume_object, depsgraph, *, with_meshes: bool, in_region: bool =
         headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
         triangles=triangles if triangles is not None and len(triangles) else None,
         crop=frame_crop(scene.render) if in_region else None,
+        motion=read_poses(depsgraph.scene, volume_object) if moving else (),
     )
     return plain, settings.quality_of(scene)
 

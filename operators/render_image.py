@@ -28,7 +28,7 @@ class RLE_SPLAT_OT_render_image(StepwiseOperator, bpy.types.Operator):
         volume_object = volumes.volume_object(context)
         self._name = volume_object.name
         plain, quality = render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes,
+            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes, moving=True,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas = Canvas(self._name, "color")
         tolerance = tolerance_of(context.scene)

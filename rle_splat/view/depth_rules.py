@@ -90,12 +90,12 @@ def place_sheets(
     slabs = preintegrated_of(rule)
     if eye >= last:
         cells = np.empty(0)
-    elif eye > first:
-        start = eye
+    elif eye > first - NEAREST_SLICE:
+        start = max(eye, first)
         whole = np.floor(eye + NEAREST_SLICE) + 1.0
         for at, weight in FIRST_CELL_NODES:
-            position.append(eye + at * (whole - eye))
-            thickness.append(weight * (whole - eye))
+            position.append(start + at * (whole - start))
+            thickness.append(weight * (whole - start))
         cells = np.arange(whole, last)
     else:
         cells = np.arange(first, last)

@@ -165,3 +165,14 @@ def test_a_flat_matrix_is_refused_in_a_sentence(scale):
 def test_ties_go_to_the_earlier_axis():
     axis, sign = dominant_axis(np.array([[1.0, 1.0, 1.0], [0.0, -1.0, 1.0], [0.0, 0.0, -2.0]]))
     assert axis.tolist() == [0, 1, 2] and sign.tolist() == [1, -1, -1]
+
+
+@pytest.mark.parametrize("away", [0.0, 1e-9, 1e-4, -1e-9])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("rule", ["slice", "preintegrated", "simpson"])
+def test_no_sheet_lies_in_an_eye_on_the_face_of_the_box(rule, sign, away):
+    face = 0.0 if sign > 0 else 4.0
+    sheets = place_sheets(5, sign, rule, face - sign * away, boxed=True)
+    assert (sign * (sheets.position - face)).min() > 0.1
+    assert sheets.thickness.sum() == pytest.approx(4.0, abs=1e-6)
+    assert sheets.begin[0] == pytest.approx(sign * face, abs=1e-6)
