@@ -20,6 +20,7 @@ from .accuracy.truths import truth
 from .effects.analyse import analyse, called_for
 from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
+from .exposure import exposures
 from .kept import Kept
 from .plan.candidates import check_plannable, check_tolerance, name_of
 from .plan.choose import NEARLY_BEST, Choice, Speed, choose, corrected
@@ -140,6 +141,10 @@ def check_measurable(scene: Scene, quality: Quality) -> None:
         raise RleSplatError(
             "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "
             "choose a quality."
+        )
+    if len(exposures(scene)) > 1:
+        raise RleSplatError(
+            "A tolerance is of a sharp picture: turn off depth of field and motion blur, or choose a quality."
         )
 
 

@@ -27,7 +27,7 @@ from .options import (
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import write_report
-from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
 
 ENCODED_SUFFIX = ".rle"
 
@@ -41,6 +41,10 @@ def add_arguments(parser) -> None:
     add_image_options(parser)
     add_report_options(parser)
     add_scene_options(parser)
+    parser.add_argument(
+        "--motion", metavar="FILE.json",
+        help="a list of poses, camera_matrix, volume_matrix or both, from when the shutter opens to when it closes",
+    )
     add_tolerance_options(parser)
     add_quality_options(parser)
 
@@ -60,16 +64,17 @@ def run(args) -> None:
     start = perf_counter()
     writers = [writer_for(path) for path in args.output]
     outputs = [*args.output, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=scene_inputs(args))
+    check_outputs(outputs, inputs=(*scene_inputs(args), args.motion))
     _check_background(args.background)
     check_scene_options(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
+    poses = read_motion(args.motion)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     quality = quality_from(args, "pre" if is_encoded else None)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
         prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
-        prepared = replace(prepared, scene=replace(prepared.scene, crop=crop))
+        prepared = replace(prepared, scene=replace(moving(prepared.scene, poses), crop=crop))
         line.show(0.1, "loading the renderer")
         with line.compiling():
             rendering = line.follow(_steps(args, prepared), start=0.1)

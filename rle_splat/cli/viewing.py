@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Camera, Light, RleSplatError, Scene, as_matrix, read_json
+from ..scene import Camera, Light, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
 from ..view.turntable import turntable
 from .options import effects_from
 
@@ -75,3 +75,19 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
         scene_scale=args.scene_scale, lights=lights, headlight=headlight, effects=effects_from(args),
     )
+
+
+def read_motion(path) -> list[dict]:
+    """What the file of --motion holds: a list of poses, each with one of a Pose's matrices or both."""
+    entries = [] if path is None else read_json(path, "the motion file")
+    if not isinstance(entries, list):
+        raise RleSplatError(f"The motion file {path} must hold a list of poses.")
+    return entries
+
+
+def moving(scene: Scene, poses: list[dict]) -> Scene:
+    """The scene with a shutter that is open during ``poses``; a matrix that one leaves out is the scene's own."""
+    own = {"camera_matrix": scene.camera.matrix_world, "volume_matrix": scene.volume_matrix}
+    what = "A pose of the motion file"
+    motion = [from_mapping(Pose, {**own, **pose} if isinstance(pose, dict) else pose, what) for pose in poses]
+    return replace(scene, motion=tuple(motion))

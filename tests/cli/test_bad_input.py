@@ -121,10 +121,10 @@ def test_transfer_functions_that_say_nothing(render_refused, write_json, change)
 
 
 def test_files_that_are_missing_or_not_json(render_refused, write_json, tmp_path):
-    for option in ("--transfer-function", "--lights", "--camera", "--volume-matrix"):
+    for option in ("--transfer-function", "--lights", "--camera", "--volume-matrix", "--motion"):
         assert "none.json" in render_refused(option, tmp_path / "none.json")
     broken = write_json("{not json", "broken.json")
-    for option in ("--transfer-function", "--lights", "--camera", "--volume-matrix"):
+    for option in ("--transfer-function", "--lights", "--camera", "--volume-matrix", "--motion"):
         assert "JSON" in render_refused(option, broken)
 
 
@@ -164,10 +164,21 @@ def look_at_ball(**change) -> dict:
     [
         {"type": "PANO"}, {"matrix_world": [[1, 0], [0, 1]]}, {"lens": 0}, {"clip_start": 5, "clip_end": 1},
         {"sensor_fit": "BEST"}, {"ortho_scale": -1}, {"focal": 3}, {"pixel_aspect": [1, 0]}, {"shift_x": "a"},
+        {"aperture_radius": "wide"}, {"focus_distance": 0}, {"aperture_blades": -3},
     ],
 )  # fmt: skip
 def test_impossible_cameras(render_refused, write_json, change):
     render_refused("--camera", write_json(look_at_ball(**change)))
+
+
+@pytest.mark.parametrize("poses", [{}, [{}], [4, 4], [{"matrix": []}, {}], [{"volume_matrix": [[1]]}, {}]])
+def test_impossible_motion(render_refused, write_json, poses):
+    render_refused("--motion", write_json(poses))
+
+
+def test_no_tolerance_of_blurred_pictures(render_refused, write_json):
+    lens = {"aperture_radius": 20.0, "focus_distance": 50.0, "type": "PERSP"}
+    assert "depth of field" in render_refused("--camera", write_json(look_at_ball(**lens)), "--tolerance", "1")
 
 
 def test_a_panoramic_camera_is_named(render_refused, write_json):

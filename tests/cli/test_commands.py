@@ -41,6 +41,19 @@ def test_render_is_the_python_interface(picture, raw, shape_xyz, function_file):
     assert np.array_equal(rgba, expected.rgba)
 
 
+def test_a_motion_file_moves_what_it_names_while_the_shutter_is_open(picture, tmp_path):
+    moved = np.eye(4)
+    moved[0, 3] = 6.0
+    path = tmp_path / "motion.json"
+    path.write_text(json.dumps([{}, {"volume_matrix": moved.tolist()}]))
+    (still, _), (blurred, _) = picture(), picture("--motion", path)
+    across = [np.flatnonzero(rgba[..., 3].max(axis=0) > 0.01) for rgba in (still, blurred)]
+    per_unit = 30 / (1.25 * 20)  # pixels: the view is 1.25 times the volume's 20 voxels high
+    # Five pictures, each in the middle of a fifth of the time.
+    assert np.ptp(across[1]) - np.ptp(across[0]) == pytest.approx(0.8 * 6.0 * per_unit, abs=1.01)
+    assert blurred.sum() == pytest.approx(still.sum(), rel=0.02)
+
+
 def test_every_suffix_shows_the_same_picture(call, tmp_path, raw, raw_options, function_file):
     Image, OpenEXR = pytest.importorskip("PIL.Image"), pytest.importorskip("OpenEXR")
     outputs = [tmp_path / name for name in ("p.npy", "p.exr", "p.png", "over.png")]
