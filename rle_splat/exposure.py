@@ -13,6 +13,7 @@ from .steps import Progress
 
 # Spreads times evenly, and apart from the golden angles by which the lens's points turn.
 SILVER = 2.0**0.5 - 1.0
+LENS, SHUTTER = "depth of field", "motion blur"  # their names in the table of effects
 
 
 def exposures(scene: Scene) -> list[Scene]:
@@ -23,7 +24,7 @@ def exposures(scene: Scene) -> list[Scene]:
     through, during = lens_pictures(scene), motion_pictures(scene)
     count = max(through, during)
     if count == 1:
-        return [replace(scene, camera=replace(scene.camera, aperture_radius=0.0), motion=())]
+        return [scene]
     camera = scene.camera
     # The first is near the middle of both.
     times = (np.argsort(np.argsort((np.arange(count) * SILVER + 0.5) % 1.0)) + 0.5) / count
@@ -36,15 +37,15 @@ def exposures(scene: Scene) -> list[Scene]:
     return sharp
 
 
-def exposure_steps(scenes: list[Scene], render_one):
-    """Generator of Progress: the mean of the scenes' pictures as one Rendering.
+def exposure_steps(scene: Scene, scenes: list[Scene], render_one):
+    """Generator of Progress: the mean of the pictures of ``scenes``, the scene's exposures, as one Rendering.
 
     ``render_one``: a scene -> the generator of its Rendering.  Depth and report are those of the first picture, which
     is the one nearest the middle of the lens and of the time; the report's times are those of all.
     """
-    rgba = first = spent = None
-    for number, scene in enumerate(scenes):
-        steps = render_one(scene)
+    rgba, first, reports = None, None, []
+    for number, sharp in enumerate(scenes):
+        steps = render_one(sharp)
         while True:
             try:
                 step = next(steps)
@@ -52,10 +53,23 @@ def exposure_steps(scenes: list[Scene], render_one):
                 one = finished.value
                 break
             yield Progress((number + step.fraction) / len(scenes), step.message)
+        reports.append(one.report)
         if first is None:
-            rgba, first, spent = one.rgba.astype(np.float64), one, dict(one.report["stages_ms"])
-            continue
-        rgba += one.rgba
-        for stage, milliseconds in one.report["stages_ms"].items():
-            spent[stage] += milliseconds
-    return Rendering((rgba / len(scenes)).astype(np.float32), first.depth, {**first.report, "stages_ms": spent})
+            rgba, first = one.rgba.astype(np.float64), one
+        else:
+            rgba += one.rgba
+    report = {**first.report, **_times(scene, reports)}
+    return Rendering((rgba / len(scenes)).astype(np.float32), first.depth, report)
+
+
+def _times(scene: Scene, reports: list[dict]) -> dict:
+    """The stages' and the effects' milliseconds in all pictures; all pictures but the first are the blur's price."""
+    stages = {stage: sum(report["stages_ms"][stage] for report in reports) for stage in reports[0]["stages_ms"]}
+    extra = stages["total"] - reports[0]["stages_ms"]["total"]
+    blur = LENS if lens_pictures(scene) >= motion_pictures(scene) else SHUTTER  # the other shares its pictures
+    effects = []
+    for rows in zip(*(report["effects"] for report in reports)):
+        known = [row["ms"] for row in rows if row["ms"] is not None]
+        spent = sum(known) if known else None
+        effects.append({**rows[0], "ms": extra if rows[0]["name"] == blur else spent})
+    return {"stages_ms": stages, "effects": effects}

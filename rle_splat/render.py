@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from .axes import AXIS_NAMES
-from .effects.analyse import analyse, called_for
+from .effects.analyse import EffectSet, analyse, called_for
 from .effects.camera_clip import is_cut
 from .effects.mesh_occlusion import BEHIND, mesh_layers
 from .encode.scalars import ScalarVolume
@@ -59,22 +59,25 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     an animation needs it.
     """
     kept = kept if kept is not None else Kept(0)
-    pictures = exposures(scene)
-    if len(pictures) == 1:
-        return (yield from _sharp_steps(pictures[0], quality, kept, refuse_empty_view))
-    refuse = refuse_empty_view and not scene.motion  # what moves may come into view
-    return (yield from exposure_steps(pictures, lambda one: _sharp_steps(one, quality, kept, refuse)))
-
-
-def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, refuse_empty_view: bool):
-    """``render_steps`` of a scene without a lens and a shutter."""
-    clock = Clock()
-    backend = "numba" if compiled(quality.backend) else "numpy"
-    quality = replace(quality, backend=backend)
+    quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
         quality = quality.classified("pre")  # its voxels are classified already: a remark says so
     effects = analyse(scene, quality)
     scene = called_for(scene, effects)
+    pictures = exposures(scene)
+    refuse = refuse_empty_view and not scene.motion  # what moves may come into view
+
+    def sharp_steps(one):
+        return _sharp_steps(one, quality, kept, effects, refuse)
+
+    if len(pictures) > 1:
+        return (yield from exposure_steps(scene, pictures, sharp_steps))
+    return (yield from sharp_steps(scene))
+
+
+def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet, refuse_empty_view: bool):
+    """``render_steps`` of a scene without a lens and a shutter, and without the effects that are off."""
+    clock = Clock()
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
@@ -109,8 +112,8 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, refuse_empty_view: 
         "error": {
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
         },
-        "threads": thread_count(quality.threads) if backend == "numba" else 1,
-        "remarks": _remarks(scene, quality, medium, backend),
+        "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
+        "remarks": _remarks(scene, quality, medium),
     }
     job.keep()
     yield Progress(1.0, "Done")
@@ -240,7 +243,7 @@ def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
     return knobs
 
 
-def _remarks(scene: Scene, quality: Quality, medium: Medium, backend: str) -> list[str]:
+def _remarks(scene: Scene, quality: Quality, medium: Medium) -> list[str]:
     remarks = list(scene.volume.remarks)
     if isinstance(scene.volume, StoredVolume) and quality.classification == "pre":
         remarks.append("A .rle file holds voxels that are classified already, so they are splatted as they are: pre.")
@@ -253,7 +256,7 @@ def _remarks(scene: Scene, quality: Quality, medium: Medium, backend: str) -> li
         remarks.append("The transfer function makes every voxel transparent, so the picture is empty.")
     if medium.nan_voxels:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
-    if backend == "numpy":
+    if quality.backend == "numpy":
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
     return remarks

@@ -12,8 +12,10 @@ from ..scene import Quality, RleSplatError, Scene
 from ..steps import Clock
 from .camera_clip import CLIPPING
 from .kind import Kind
+from .lens import DEPTH_OF_FIELD
 from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
 from .mesh_occlusion import MESH_OCCLUSION
+from .motion import MOTION_BLUR
 
 # One table: an effect's name -> its kind, in the order in which people read of them.  What an effect rests on stands
 # before it, as it is asked of a scene from which what is off before it is gone.
@@ -24,6 +26,8 @@ EFFECTS: dict[str, Kind] = {
     "specular": SPECULAR,
     "mesh occlusion": MESH_OCCLUSION,
     "clipping": CLIPPING,
+    "depth of field": DEPTH_OF_FIELD,
+    "motion blur": MOTION_BLUR,
 }
 
 

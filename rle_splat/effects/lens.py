@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Camera, Scene
+from ..scene import Camera, Quality, Scene
 from ..view.eye import index_view
 from ..view.projection import fitted_pixels
 from ..view.ray_limits import box_depths
+from .kind import Kind
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 SHARP = 0.5  # pixels: a blur that is no wider is none
@@ -92,3 +93,23 @@ def lens_pictures(scene: Scene) -> int:
     if blur <= SHARP:
         return 1
     return int(np.clip(math.ceil(0.25 * math.pi * (blur / SPACING) ** 2), FEWEST_POINTS, MOST_POINTS))
+
+
+def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
+    if scene.camera.aperture_radius == 0.0:
+        return False, "the camera has none"
+    if scene.camera.type != "PERSP":
+        return False, "the camera is orthographic, and its picture has no lens"
+    blur = widest_blur(scene)
+    if blur <= SHARP:
+        return False, f"nothing is blurred by more than {SHARP:g} pixels"
+    return True, f"blurs up to {blur:.1f} pixels: {lens_pictures(scene)} pictures through the lens"
+
+
+def _sharp(scene: Scene) -> Scene:
+    if scene.camera.aperture_radius == 0.0:
+        return scene
+    return replace(scene, camera=replace(scene.camera, aperture_radius=0.0))
+
+
+DEPTH_OF_FIELD = Kind("blurs what is out of focus, as the camera's lens does", _called_for, _sharp)

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Scene
+from ..scene import Quality, Scene
 from ..view.eye import index_view
+from .kind import Kind
 
 STILL = 0.5  # pixels: what moves no further is not blurred
 SPACING = 1.5  # pixels that anything moves from one picture to the next
@@ -54,3 +55,19 @@ def motion_pictures(scene: Scene) -> int:
     if moved <= STILL:
         return 1
     return int(np.clip(math.ceil(moved / SPACING), FEWEST_PICTURES, MOST_PICTURES))
+
+
+def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
+    if not scene.motion:
+        return False, "nothing moves while the shutter is open"
+    moved = distance_moved(scene)
+    if moved <= STILL:
+        return False, f"nothing moves by more than {STILL:g} pixels while the shutter is open"
+    return True, f"{moved:.1f} pixels while the shutter is open: {motion_pictures(scene)} pictures"
+
+
+def _still(scene: Scene) -> Scene:
+    return replace(scene, motion=()) if scene.motion else scene
+
+
+MOTION_BLUR = Kind("blurs what moves while the shutter is open", _called_for, _still)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.effects.analyse import analyse
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
 from rle_splat.exposure import exposures
@@ -115,10 +116,40 @@ def test_rotation_and_ratio_shape_the_aperture():
 def test_a_camera_without_a_lens_makes_one_picture_and_the_same_bits():
     scene = speck(3.0, aperture_radius=0.0)
     focused = replace(scene, camera=replace(scene.camera, focus_distance=1.0))
-    assert len(exposures(scene)) == 1
+    assert exposures(scene) == [scene]
     assert np.array_equal(render(scene).rgba, render(focused).rgba)
     orthographic = replace(scene, camera=replace(scene.camera, type="ORTHO", aperture_radius=1.0))
     assert lens_pictures(orthographic) == 1
+
+
+@pytest.mark.parametrize(("more", "on", "words"), [
+    ({}, True, "blurs up to 3.5 pixels"), ({"aperture_radius": 0.0}, False, "the camera has none"),
+    ({"type": "ORTHO"}, False, "orthographic"), ({"aperture_radius": 0.001}, False, "nothing is blurred"),
+])  # fmt: skip
+def test_depth_of_field_says_why(more, on, words):
+    scene = speck(3.0)
+    effect = analyse(replace(scene, camera=replace(scene.camera, **more)), Quality())["depth of field"]
+    assert effect.on == on and words in effect.reason
+
+
+def test_depth_of_field_turned_off_by_hand_is_the_sharp_picture():
+    scene = speck(3.0)
+    by_hand = render(replace(scene, effects={"depth of field": False}))
+    assert np.array_equal(by_hand.rgba, render(pinhole(scene)).rgba)
+    assert "by hand" in next(row["reason"] for row in by_hand.report["effects"] if row["name"] == "depth of field")
+
+
+def test_the_price_of_a_blur_is_that_of_its_further_pictures():
+    def row(report, name):
+        return next(row for row in report["effects"] if row["name"] == name)
+
+    blurred, sharp = render(speck(3.0)).report, render(pinhole(speck(3.0))).report
+    assert 0.0 < row(blurred, "depth of field")["ms"] < blurred["stages_ms"]["total"]
+    assert row(sharp, "depth of field")["ms"] == 0.0
+    both = replace(moving(0.5, depth=3.0), camera=speck(3.0).camera)
+    report = render(both).report
+    assert row(report, "motion blur")["on"] and row(report, "motion blur")["ms"] > 0.0
+    assert row(report, "depth of field")["on"] and not row(report, "depth of field")["ms"]
 
 
 def test_wide_blurs_take_no_more_pictures_than_there_are_points():
