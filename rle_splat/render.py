@@ -17,7 +17,7 @@ from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
 from .exposure import exposure_steps, exposures
-from .jit import NUMBA_PROBLEM, compiled, thread_count
+from .jit import NUMBA_PROBLEM, compiled, noting_kernels, thread_count
 from .kept import Kept
 from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
@@ -58,6 +58,20 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as
     an animation needs it.
     """
+    kernels: set[str] = set()
+    steps = _road_steps(scene, quality, kept, refuse_empty_view)
+    while True:
+        try:
+            with noting_kernels(kernels):
+                step = next(steps)
+        except StopIteration as finished:
+            rendering = finished.value
+            return replace(rendering, report={**rendering.report, "kernels": sorted(kernels)})
+        yield step
+
+
+def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_view: bool):
+    """``render_steps`` but for the kernels that run, which are noted from outside."""
     kept = kept if kept is not None else Kept(0)
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
@@ -95,10 +109,12 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
         encodings[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
     held = dict(scene.volume.axes) if isinstance(scene.volume, StoredVolume) else encodings
 
-    with clock.stage("occlusion"):
-        layers = mesh_layers(scene, view, quality, planes)
-    if layers is None and effects["mesh occlusion"].on:
-        effects = effects.found_off("mesh occlusion", BEHIND)
+    layers = None
+    if effects["mesh occlusion"].on:
+        with clock.stage("occlusion"):
+            layers = mesh_layers(scene, view, quality, planes)
+        if layers is None:
+            effects = effects.found_off("mesh occlusion", BEHIND)
     rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, clock)
 
     report = {

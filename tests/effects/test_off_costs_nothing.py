@@ -1,0 +1,178 @@
+"""What a picture computes and which kernels run for it: told by counters, not by clocks.
+
+A stage or a kernel that an effect brings along and that runs although nothing asks for it makes these lists longer.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.jit import compiled, kernel, noting_kernels
+from rle_splat.kept import Kept
+from rle_splat.kept_normals import kept_normals
+from rle_splat.render import render, render_steps
+from rle_splat.scene import Light, Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+BACKENDS = ("numba", "numpy") if compiled() else ("numpy",)
+needs_kernels = pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
+SIZE = 24
+VOLUME = Volume(np.random.default_rng(3).integers(0, 255, (15, 14, 16)).astype(np.uint8), np.eye(4))
+LOOK = TransferFunction(opacity=((80.0, 0.0), (250.0, 0.5)), color=((0.0, 0.2, 0.5, 0.8),), shade=None)
+MATT = replace(LOOK, shade=Shade(specular=0.0))
+SHINY = replace(LOOK, shade=Shade(specular=0.5))
+MESH = np.array((((-20.0, 6.0, -20.0), (8.0, 6.0, -20.0), (8.0, 6.0, 40.0)),))
+
+# What the plain, unlit picture takes: by classification the stages whose results are kept, and the compiled kernels.
+STAGES = {
+    "pre": {"blocks", "visible", "looks", "runs", "records"},
+    "post": {"blocks", "relevant", "runs", "scalars", "table"},
+}
+SHARED = {
+    "encode.encode_kernels.fill_row_runs", "volume.blocks._extremes", "warp.resample._resample",
+    "warp.spline_prefilter._filter_lines",
+}  # fmt: skip
+KERNELS = {
+    "pre": SHARED | {
+        "classify.classify_kernels.count_by_table", "classify.classify_kernels.fill_by_table",
+        "classify.shading._write_records", "splat.sheet_buffer.splat_rows",
+    },
+    "post": SHARED | {
+        "classify.relevant._count_kept", "classify.relevant._fill_kept", "classify.relevant._mark_relevant",
+        "splat.scalar_sheets.splat_scalar_rows",
+    },
+}  # fmt: skip
+# What light adds to them.
+LIT_STAGES = {"pre": {"normals"}, "post": {"normals", "light", "lights"}}
+LIT_KERNELS = {"pre": {"volume.gradient._sobel"}, "post": {"volume.gradient._sobel", "encode.voxel_light._code_light"}}
+
+
+def scene_of(azimuth=25.0, **more) -> Scene:
+    camera, matrix = turntable(VOLUME, azimuth, 15.0, 1.2, False, 40.0, SIZE, SIZE)
+    return Scene(**{
+        "volume": VOLUME, "transfer_function": LOOK, "camera": camera, "width": SIZE, "height": SIZE,
+        "volume_matrix": matrix, "headlight": False, **more,
+    })  # fmt: skip
+
+
+def worked(scene, classification, backend="auto", **knobs):
+    """(stages made, kernels run) for a first picture."""
+    kept = Kept()
+    report = render(scene, Quality(classification=classification, backend=backend, **knobs), kept=kept).report
+    return set(kept.made), set(report["kernels"])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("classification", KERNELS)
+def test_a_plain_unlit_scene_makes_these_stages_and_no_other(classification, backend):
+    assert worked(scene_of(), classification, backend)[0] == STAGES[classification]
+
+
+@needs_kernels
+@pytest.mark.parametrize("classification", KERNELS)
+def test_a_plain_unlit_scene_runs_these_kernels_and_no_other(classification):
+    assert worked(scene_of(), classification)[1] == KERNELS[classification]
+
+
+@needs_kernels
+@pytest.mark.parametrize("classification", KERNELS)
+@pytest.mark.parametrize("more", [
+    {"headlight": True}, {"lights": (Light("SUN"),)}, {"triangles": MESH + (0.0, 500.0, 0.0)},
+    {"triangles": np.empty((0, 3, 3))},
+])  # fmt: skip
+def test_what_changes_nothing_runs_nothing(more, classification):
+    """Light on what is not shaded, and meshes behind the volume."""
+    assert worked(scene_of(**more), classification) == (STAGES[classification], KERNELS[classification])
+
+
+@needs_kernels
+@pytest.mark.parametrize("classification", KERNELS)
+def test_light_adds_gradients_and_nothing_else(classification):
+    stages, kernels = worked(scene_of(transfer_function=MATT, lights=(Light("SUN"),)), classification)
+    assert stages - STAGES[classification] == LIT_STAGES[classification]
+    assert kernels - KERNELS[classification] == LIT_KERNELS[classification]
+    assert stages >= STAGES[classification] and kernels >= KERNELS[classification]
+
+
+@needs_kernels
+@pytest.mark.parametrize("classification", KERNELS)
+def test_a_mesh_in_the_volume_adds_its_rasteriser_and_nothing_else(classification):
+    stages, kernels = worked(scene_of(triangles=MESH), classification)
+    assert stages == STAGES[classification]
+    assert kernels - KERNELS[classification] == {"effects.mesh_depth.rasterise"}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("classification", KERNELS)
+def test_shading_that_is_off_by_hand_computes_no_gradient(classification, backend, monkeypatch):
+    calls, asked = [], kept_normals
+    for module in ("rle_splat.medium", "rle_splat.scalar_medium"):
+        monkeypatch.setattr(f"{module}.kept_normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
+    lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))
+    assert worked(replace(lit, effects={"shading": False}), classification, backend)[0] == STAGES[classification]
+    assert not calls
+    worked(lit, classification, backend)
+    assert len(calls) == 1
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("classification", KERNELS)
+def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, backend):
+    """What light leaves on a voxel is kept while the camera moves, unless a highlight follows it."""
+    quality = Quality(classification=classification, backend=backend)
+    shaded = {"pre": "records", "post": "light"}[classification]
+    for look, again in ((MATT, 1), (SHINY, 2)):
+        kept = Kept()
+        for azimuth in (25.0, 27.0):
+            render(scene_of(azimuth, transfer_function=look, lights=(Light("SUN"),)), quality, kept=kept)
+        assert kept.made[shaded] == again and kept.made["normals"] == 1
+
+
+@needs_kernels
+def test_a_second_frame_runs_only_what_it_makes_anew():
+    kept, scene = Kept(), scene_of()
+    render(scene, kept=kept)
+    again = render(scene, kept=kept).report["kernels"]
+    assert again == [
+        "splat.scalar_sheets.splat_scalar_rows", "warp.resample._resample", "warp.spline_prefilter._filter_lines",
+    ]  # fmt: skip
+
+
+@needs_kernels
+def test_pictures_made_by_turns_do_not_note_one_anothers_kernels():
+    unlit = render_steps(scene_of(), Quality(classification="pre"))
+    lit = render_steps(scene_of(transfer_function=MATT, headlight=True), Quality(classification="post"))
+    reports = {}
+    while len(reports) < 2:
+        for name, steps in (("unlit", unlit), ("lit", lit)):
+            try:
+                next(steps)
+            except StopIteration as finished:
+                if finished.value is not None:
+                    reports[name] = finished.value.report
+    assert set(reports["unlit"]["kernels"]) == KERNELS["pre"]
+    assert set(reports["lit"]["kernels"]) == KERNELS["post"] | LIT_KERNELS["post"]
+
+
+@kernel
+def _twice(value):
+    return 2.0 * value
+
+
+@needs_kernels
+def test_kernels_are_noted_where_somebody_asks_and_only_there():
+    names, inner = set(), set()
+    _twice(1.0)
+    with noting_kernels(names):
+        with noting_kernels(inner):
+            _twice(1.0)
+        assert not names
+    _twice(1.0)
+    assert not names and {name.rpartition(".")[2] for name in inner} == {"_twice"}
+
+
+def test_without_kernels_none_are_listed():
+    assert worked(scene_of(), "post", "numpy")[1] == set()
