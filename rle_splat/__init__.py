@@ -12,6 +12,7 @@ from types import ModuleType
 _HOME = {
     "Camera": ("scene", "Camera"),
     "Cancelled": ("scene", "Cancelled"),
+    "Clip": ("scene", "Clip"),
     "Light": ("scene", "Light"),
     "Quality": ("scene", "Quality"),
     "Rendering": ("scene", "Rendering"),

@@ -12,6 +12,7 @@ import numpy as np
 from .axes import AXIS_NAMES
 from .effects.analyse import EffectSet, analyse, called_for
 from .effects.camera_clip import is_cut
+from .effects.clips import NOTHING_LEFT, cuts_of
 from .effects.mesh_occlusion import BEHIND, mesh_layers
 from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
@@ -26,6 +27,7 @@ from .scene import Quality, Rendering, RleSplatError, Scene
 from .splat.splat import LOADING
 from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
+from .view.clip_limits import clip_limits
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
@@ -95,7 +97,9 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
+    cuts = cuts_of(scene, quality)
     limited = is_cut(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
+    limited |= cuts is not None
     left, top, right, bottom = scene.region
     picture = picture_bytes(planes, right - left, bottom - top, limited)
     kept.make_room(picture)
@@ -115,7 +119,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
             layers = mesh_layers(scene, view, quality, planes)
         if layers is None:
             effects = effects.found_off("mesh occlusion", BEHIND)
-    rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, clock)
+    rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, cuts, clock)
 
     report = {
         "image": _image_report(scene),
@@ -131,6 +135,8 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
         "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
         "remarks": _remarks(scene, quality, medium),
     }
+    if cuts is not None and medium.visible_voxels and not rgba[..., 3].any():
+        report["remarks"].append(NOTHING_LEFT)
     job.keep()
     yield Progress(1.0, "Done")
     return Rendering(rgba, depth, report)
@@ -163,9 +169,9 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
     return view, planes
 
 
-def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, clock: Clock):
+def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, cuts, clock: Clock):
     """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
-    limited = is_cut(scene, view, quality) or layers is not None
+    limited = is_cut(scene, view, quality) or layers is not None or cuts is not None
     boxed = quality.classification == "refined"
     surfaces, first_pixel = [None], (0, 0)
     if layers is not None:
@@ -185,6 +191,9 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                     )
             if boxed:
                 limits = within_box(plane, scene.volume.shape_xyz, limits)
+            if cuts is not None:
+                with clock.stage("clip objects"):
+                    limits = clip_limits(plane, cuts, limits)
             steps = medium.splat_steps(encodings[plane.axis], plane, limits)
             stage, message = "splat", "Splatting"
             done = 0.0

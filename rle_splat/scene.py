@@ -19,6 +19,8 @@ import numpy as np
 CAMERA_TYPES = ("PERSP", "ORTHO")
 SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
 LIGHT_TYPES = ("SUN", "POINT", "SPOT", "AREA")
+CLIP_KINDS = ("plane", "box")
+CLIP_SIDES = ("inside", "outside")
 
 
 class RleSplatError(Exception):
@@ -235,6 +237,44 @@ class Pose:
             object.__setattr__(self, name, as_matrix(getattr(self, name), f"A pose's {name}"))
 
 
+# The volume that the directions of a clip object's axes span, below which it is flat.
+FLATTEST_CLIP = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A plane or a box that cuts the volume.
+
+    ``matrix_world`` takes its own space to the world.  A box is the cube from -1 to 1 of its own space.  A plane is
+    z = 0 there, and its +Z points out of what is inside, as the normals of a mesh do: what an arrow points at is cut
+    away.  ``keep``: which side stays, "inside" or "outside".
+    """
+
+    kind: str = "box"
+    matrix_world: np.ndarray = field(default_factory=_identity)
+    keep: str = "inside"
+
+    def __post_init__(self):
+        if self.kind not in CLIP_KINDS:
+            raise RleSplatError(f"A clip object's kind must be {' or '.join(CLIP_KINDS)}, not {short(self.kind)}.")
+        if self.keep not in CLIP_SIDES:
+            raise RleSplatError(f"A clip object's keep must be {' or '.join(CLIP_SIDES)}, not {short(self.keep)}.")
+        object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A clip object's matrix_world"))
+        axes = self.matrix_world[:3, :3]
+        lengths = np.linalg.norm(axes, axis=0)
+        if not (lengths > 0.0).all() or abs(np.linalg.det(axes / lengths)) <= FLATTEST_CLIP:
+            raise RleSplatError(
+                f"A clip {self.kind}'s matrix_world is flat; give it a scale other than zero on every axis."
+            )
+
+    @classmethod
+    def list_from_json(cls, path) -> tuple:
+        entries = read_json(path, "the clip file")
+        if not isinstance(entries, list):
+            raise RleSplatError(f"The clip file {path} must hold a list of planes and boxes.")
+        return tuple(from_mapping(cls, entry, "A plane or box of the clip file") for entry in entries)
+
+
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
 # One table of names for the command line, the panel and the reports: what each quality preset sets of PRESET_KNOBS,
 # for sheets of classified voxels, pre and refined, and for post-classified ones.
@@ -429,6 +469,7 @@ class Scene:
     ``lights`` empty and ``headlight`` False means unlit colours.  ``background`` is scene-linear RGB.
     ``triangles`` are the meshes that stand in or around the volume, (n, 3, 3) float64 world coordinates:
     each ray is integrated only as far as the first of them.
+    ``clips``: planes and boxes; what is left of the volume is what each of them keeps.
     ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
     top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
     ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
@@ -450,6 +491,7 @@ class Scene:
     crop: tuple | None = None
     effects: dict[str, bool] = field(default_factory=dict)
     motion: tuple = ()
+    clips: tuple = ()
 
     def __post_init__(self):
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
@@ -465,6 +507,8 @@ class Scene:
             raise RleSplatError("The scene's effects must name effects, each with true for on or false for off.")
         if len(self.motion) == 1:
             raise RleSplatError("Motion takes two poses or more, from when the shutter opens to when it closes.")
+        if not (isinstance(self.clips, tuple) and all(isinstance(clip, Clip) for clip in self.clips)):
+            raise RleSplatError("The scene's clips must be a tuple of Clip, planes and boxes.")
 
     @property
     def region(self) -> tuple[int, int, int, int]:

@@ -90,8 +90,9 @@ def _span(origin, step, low, high, near, far):
     return entry, np.where(beside.any(axis=1), -np.inf, exit_)
 
 
-def _cut(medium, origin, step, speed, near, far) -> _Pieces:
-    """Cut rays given in index space at all voxel planes and at the medium's own kinks; keeps what absorbs."""
+def _cut(medium, origin, step, speed, near, far, clipping=None) -> _Pieces:
+    """Cut rays given in index space at all voxel planes, at the medium's own kinks and where they are clipped; keeps
+    what absorbs."""
     entry, exit_ = _span(origin, step, medium.low, medium.high, near, far)
     hit = np.flatnonzero(exit_ > entry)
     cuts = [entry[hit, None], exit_[hit, None]]
@@ -101,6 +102,9 @@ def _cut(medium, origin, step, speed, near, far) -> _Pieces:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             at = (planes - origin[hit, axis, None]) / along
         cuts.append(np.where(np.isfinite(at), at, entry[hit, None]))
+    if clipping is not None:
+        at = clipping.crossings()[hit]
+        cuts.append(np.where(np.isfinite(at), at, entry[hit, None]))
     depth = np.sort(np.clip(np.concatenate(cuts, axis=1), entry[hit, None], exit_[hit, None]), axis=1)
     row, column = np.nonzero(np.diff(depth, axis=1) > 0.0)
     ray, start, end = hit[row], depth[row, column], depth[row, column + 1]
@@ -109,7 +113,10 @@ def _cut(medium, origin, step, speed, near, far) -> _Pieces:
     cell = np.floor(position + 0.5 * travel).astype(np.int64)
     cell = np.clip(cell, medium.low.astype(np.int64), medium.high.astype(np.int64) - 1)
     corners = medium.cells(cell)
-    kept = np.flatnonzero(medium.occupied(corners))
+    occupied = medium.occupied(corners)
+    if clipping is not None:
+        occupied = occupied & clipping.keeps(ray, 0.5 * (start + end))
+    kept = np.flatnonzero(occupied)
     table = cubics(corners[kept], (position - cell)[kept], travel[kept])
     which, begin, stop, segment = medium.split(table)
     within = kept[which]
@@ -210,13 +217,15 @@ def _compose(medium, pieces: _Pieces, values: np.ndarray, count: int) -> tuple[n
     return rgba, depth
 
 
-def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tolerance: float = TOLERANCE):
+def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tolerance: float = TOLERANCE,
+              clipping=None):  # fmt: skip
     """Premultiplied rgba (N, 4) and depth (N,), both float64, of a medium seen along world rays.
 
     ``near``, ``far``: planar depths, scalars or (N,), outside which nothing is integrated (clip distances, or a
     surface that stops each ray).  ``depth`` is the planar depth at which the transmittance falls to one half,
     1e10 where it never does.  ``tolerance``: largest error estimated for a channel of a ray: the sum over its
-    pieces of how far two halves disagree with their whole; what is returned are the halves.
+    pieces of how far two halves disagree with their whole; what is returned are the halves.  ``clipping``: a
+    ``clips.Clipping`` of these rays; what it does not keep is not integrated.
     """
     to_index = np.linalg.inv(np.asarray(index_to_world, dtype=np.float64))
     origin = rays.origin @ to_index[:3, :3].T + to_index[:3, 3]
@@ -226,7 +235,8 @@ def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tole
     rgba, depth = np.zeros((count, 4)), np.full(count, NO_DEPTH)
     for begin in range(0, count, _RAYS_AT_ONCE):
         part = slice(begin, min(begin + _RAYS_AT_ONCE, count))
-        pieces = _cut(medium, origin[part], step[part], rays.length_per_depth[part], near[part], far[part])
+        clipped = None if clipping is None else clipping[part]
+        pieces = _cut(medium, origin[part], step[part], rays.length_per_depth[part], near[part], far[part], clipped)
         if len(pieces.ray):
             size = part.stop - part.start
             rgba[part], depth[part] = _compose(medium, *_refined(medium, pieces, size, tolerance), size)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import RleSplatError, Scene
+from .clips import Clipping
 from .integrate import TOLERANCE, integrate
 from .medium import ClassifiedMedium, ScalarMedium
 from .rays import camera_rays, pixel_centres
@@ -49,7 +50,8 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
     columns, rows = pixel_centres(scene.width, scene.height) if pixels is None else pixels
     rays = camera_rays(scene.camera, scene.width, scene.height, columns, rows)
     end = np.minimum(np.asarray(far, dtype=np.float64), scene.camera.clip_end)
-    return integrate(medium, rays, scene.index_to_world, scene.camera.clip_start, end, tolerance)
+    clipping = Clipping(scene.clips, rays) if scene.clips else None
+    return integrate(medium, rays, scene.index_to_world, scene.camera.clip_start, end, tolerance, clipping)
 
 
 def truth_steps(scene: Scene, truth_name: str, columns, rows, tolerance=TOLERANCE, **shading):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from ..scene import Quality, RleSplatError, Scene
 from ..steps import Clock
 from .camera_clip import CLIPPING
+from .clips import CLIP_OBJECTS
 from .kind import Kind
 from .lens import DEPTH_OF_FIELD
 from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
@@ -28,6 +29,7 @@ EFFECTS: dict[str, Kind] = {
     "clipping": CLIPPING,
     "depth of field": DEPTH_OF_FIELD,
     "motion blur": MOTION_BLUR,
+    "clip objects": CLIP_OBJECTS,
 }
 
 

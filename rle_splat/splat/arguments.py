@@ -53,8 +53,8 @@ class Rays(NamedTuple):
 
     The length of the ray through pixel (u, v) per voxel of depth is
     ``sqrt(along[u] + across[v] + along_slope[u] * across_slope[v])``, float64, in world units (extinction) or
-    reference distances (opacity).  ``limits``: (2, H, W) float32 where it begins and ends along the viewing
-    direction, voxels, or None for no limits.
+    reference distances (opacity).  ``limits``: (2 + 2 holes, H, W) float32 where it begins and ends along the viewing
+    direction, voxels, and where it goes into and comes out of each hole, none of which overlap; None for no limits.
     """
 
     along: np.ndarray

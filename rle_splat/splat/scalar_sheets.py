@@ -129,7 +129,12 @@ def _inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end
     length_inside[:] = np.float32(0.0)
     for i in range(count):
         enter, leave = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
-        inside = (min(end, leave) - max(begin, enter)) / (end - begin)
+        from_, to = max(begin, enter), min(end, leave)
+        inside = (to - from_) / (end - begin)
+        if limits is not None:
+            for hole in range(2, limits.shape[0], 2):
+                gone = min(to, limits[hole + 1, v, first_pixel + i]) - max(from_, limits[hole, v, first_pixel + i])
+                inside -= max(gone, 0.0) / (end - begin)
         length_inside[i] = lengths[deep + i] * np.float32(min(max(inside, 0.0), 1.0))
 
 

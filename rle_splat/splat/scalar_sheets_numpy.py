@@ -8,7 +8,7 @@ from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .pixel_block import accumulator
 from .scalar_block import SPAN
 from .scalar_scanline import NOT_KEPT
-from .sheet_buffer_numpy import composite_numpy, slab_numpy
+from .sheet_buffer_numpy import composite_numpy, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
 
@@ -143,7 +143,10 @@ def splat_scalar_sheets_numpy(tables, sheets, rays, box, look, matt, gloss, leas
         if gloss:
             color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
         slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
-        inside = np.clip((slab[1] - slab[0]) / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
+        deep = slab[1] - slab[0]
+        if rays.limits is not None:
+            deep = deep - within_holes(rays.limits, *slab)
+        inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
         depth = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet]) * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
         composite_numpy(slab_numpy, classified, depth.astype(numbers, copy=False), least, state, slab, half)

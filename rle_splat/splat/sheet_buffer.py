@@ -145,11 +145,13 @@ def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks,
 
 @inner_loop(forceinline=True)
 def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
-    """Shorten the rays of one block to the part of a slab between the near clip and the first mesh or far clip."""
+    """Shorten the rays of one block to the part of a slab within their limits (see ``arguments.Rays``)."""
     for i in range(count):
-        ahead = max(limits[0, v, first_pixel + i] - begin, 0.0)
-        behind = max(end - limits[1, v, first_pixel + i], 0.0)
-        length_inside[i] = lengths[deep + i] * np.float32(min(max(1.0 - (ahead + behind) / (end - begin), 0.0), 1.0))
+        u = first_pixel + i
+        outside = max(limits[0, v, u] - begin, 0.0) + max(end - limits[1, v, u], 0.0)
+        for hole in range(2, limits.shape[0], 2):
+            outside += max(min(end, limits[hole + 1, v, u]) - max(begin, limits[hole, v, u]), 0.0)
+        length_inside[i] = lengths[deep + i] * np.float32(min(max(1.0 - outside / (end - begin), 0.0), 1.0))
 
 
 @inner_loop(forceinline=True)

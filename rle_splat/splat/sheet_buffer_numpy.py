@@ -86,6 +86,14 @@ def composite_numpy(absorb, samples, depth, least, state, slab, half):
         half[crossed] = begin + part * (end - begin)
 
 
+def within_holes(limits, begin, end):
+    """How much of a slab from ``begin`` to ``end``, numbers or (H, W), lies in the holes of ``limits``."""
+    gone = 0.0
+    for enter, leave in zip(limits[2::2], limits[3::2]):
+        gone = gone + np.maximum(np.minimum(end, leave) - np.maximum(begin, enter), 0.0)
+    return gone
+
+
 def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
@@ -116,9 +124,10 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
         depth = length * np.float32(sheets.thickness[sheet])
         if limits is not None:
             thick = sheets.end[sheet] - sheets.begin[sheet]
-            ahead = np.maximum(limits[0] - sheets.begin[sheet], 0.0)
-            behind = np.maximum(sheets.end[sheet] - limits[1], 0.0)
-            depth = depth * np.clip(1.0 - (ahead + behind) / thick, 0.0, 1.0).astype(np.float32)
+            begin, end = sheets.begin[sheet], sheets.end[sheet]
+            outside = np.maximum(limits[0] - begin, 0.0) + np.maximum(end - limits[1], 0.0)
+            outside += within_holes(limits, begin, end)
+            depth = depth * np.clip(1.0 - outside / thick, 0.0, 1.0).astype(np.float32)
         absorb = slab_numpy if additive_opacity is None else _opacity
         slab = sheets.begin[sheet], sheets.end[sheet]
         composite_numpy(absorb, samples, depth.astype(numbers, copy=False), least, state, slab, half)

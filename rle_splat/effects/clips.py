@@ -1,0 +1,81 @@
+"""Clip objects: which of a scene's planes and boxes cut the volume, and where they lie among its voxels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene import CLIP_KINDS, Clip, Quality, Scene
+from ..view.clip_limits import Cuts
+from ..view.footprints import FOOTPRINTS
+from .kind import Kind
+
+NOTHING_LEFT = "The picture is empty: what the clip objects leave of the volume is transparent, or out of sight."
+
+# A plane this little inside the volume, in voxels, cuts nothing: a box that was fitted to it, rounded.
+TOUCHING = 1e-5
+
+
+def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
+    """What the scene's clip objects cut of the volume, in the indices of its voxels; None when nothing."""
+    cutting = [(clip, sides) for clip, sides in _cutting(scene, quality) if len(sides)]
+    if not cutting:
+        return None
+    kept = [sides for clip, sides in cutting if not _is_hole(clip)]
+    return Cuts(
+        np.concatenate([np.empty((0, 4)), *kept]), tuple(sides for clip, sides in cutting if _is_hole(clip))
+    )  # fmt: skip
+
+
+def _cutting(scene: Scene, quality: Quality):
+    """Each clip object with those of its sides that cut the volume; all or none of a box that is cut away."""
+    footprint = FOOTPRINTS[quality.kernel].radius if quality.classification == "pre" else 0.0
+    ends = ((-footprint, n - 1.0 + footprint) for n in scene.volume.shape_xyz)
+    corners = np.array(np.meshgrid(*ends, (1.0,))).reshape(4, -1)
+    for clip in scene.clips:
+        sides = half_spaces(clip, scene.index_to_world)
+        beyond = sides @ corners
+        if _is_hole(clip):
+            meets = (beyond.min(axis=1) < -TOUCHING).all()  # no side has all of the volume beyond it
+            yield clip, sides if meets else sides[:0]
+        else:
+            yield clip, sides[(beyond > TOUCHING).any(axis=1)]
+
+
+def _is_hole(clip: Clip) -> bool:
+    return clip.kind == "box" and clip.keep == "outside"
+
+
+def half_spaces(clip: Clip, index_to_world) -> np.ndarray:
+    """(n, 4) float64 planes in voxel indices, each at most 0 inside the clip object, or where it keeps the outside of
+    a plane, outside it; in voxels."""
+    to_own = np.linalg.inv(clip.matrix_world) @ index_to_world
+    if clip.kind == "plane":
+        sides = to_own[2:3] if clip.keep == "inside" else -to_own[2:3]
+    else:
+        ahead = np.array((0.0, 0.0, 0.0, 1.0))
+        sides = np.concatenate((to_own[:3] - ahead, -to_own[:3] - ahead))
+    return sides / np.linalg.norm(sides[:, :3], axis=1)[:, None]
+
+
+def _counted(number: int, kind: str) -> str:
+    if number == 1:
+        return f"1 {kind}"
+    return f"{number} {'boxes' if kind == 'box' else f'{kind}s'}"
+
+
+def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+    if not scene.clips:
+        return False, "the scene has no clip object"
+    kinds = [clip.kind for clip, sides in _cutting(scene, quality) if len(sides)]
+    found = [_counted(kinds.count(kind), kind) for kind in CLIP_KINDS if kind in kinds]
+    if not found:
+        return False, f"{_counted(len(scene.clips), 'object')} of the scene to clip by, and none cuts the volume"
+    return True, f"{' and '.join(found)} {'cuts' if len(kinds) == 1 else 'cut'} the volume"
+
+
+CLIP_OBJECTS = Kind(
+    "cuts the volume by the planes and boxes of the scene", _called_for, lambda scene: replace(scene, clips=()),
+    stage="clip objects",
+)
