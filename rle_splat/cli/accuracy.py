@@ -14,6 +14,7 @@ from .appearance import choose_transfer_function, read_transfer_function
 from .flip import mean_flip
 from .images import writer_for
 from .options import (
+    add_clip_option,
     add_quality_options,
     add_report_options,
     add_scene_options,
@@ -50,6 +51,7 @@ def add_arguments(parser) -> None:
     add_size_option(parser)
     add_report_options(parser)
     add_scene_options(parser)
+    add_clip_option(parser)
     add_quality_options(parser)
 
 

@@ -153,9 +153,16 @@ def add_scene_options(parser) -> None:
     add_placement_options(parser)
 
 
+def add_clip_option(parser) -> None:
+    parser.add_argument(
+        "--clip", metavar="FILE.json", help="planes and boxes that cut the volume: a list of {kind, matrix_world, keep}"
+    )
+
+
 def scene_inputs(args) -> tuple:
     """The files that a command with the options of a scene reads; None for each that was not given."""
-    return args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix
+    clip = getattr(args, "clip", None)
+    return args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix, clip
 
 
 def add_size_option(parser) -> None:

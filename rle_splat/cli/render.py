@@ -13,6 +13,7 @@ from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .options import (
+    add_clip_option,
     add_image_options,
     add_quality_options,
     add_report_options,
@@ -45,6 +46,7 @@ def add_arguments(parser) -> None:
         "--motion", metavar="FILE.json",
         help="a list of poses, camera_matrix, volume_matrix or both, from when the shutter opens to when it closes",
     )
+    add_clip_option(parser)
     add_tolerance_options(parser)
     add_quality_options(parser)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Camera, Light, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
+from ..scene import Camera, Clip, Light, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
 from ..view.turntable import turntable
 from .options import effects_from
 
@@ -18,6 +18,7 @@ TURNTABLE_DEFAULTS = {"azimuth": 0.0, "elevation": 0.0, "fit": 1.25, "perspectiv
 def check_scene_options(args) -> None:
     """Refuse contradictory or impossible options of view, lights and effects before anything is read."""
     effects_from(args)
+    read_clips(args)
     given = [name for name in TURNTABLE_DEFAULTS if getattr(args, name) is not None]
     if args.camera is not None and given:
         raise RleSplatError(f"--camera and --{given[0]} contradict each other; give one of the two.")
@@ -68,12 +69,19 @@ def read_lights(args) -> tuple[tuple, bool]:
     return lights, args.lights is None and args.camera is None
 
 
+def read_clips(args) -> tuple:
+    """The planes and boxes of --clip, of commands that have it."""
+    path = getattr(args, "clip", None)
+    return () if path is None else Clip.list_from_json(path)
+
+
 def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Scene:
     """The Scene of the placement options and of what has been read."""
     width, height = args.size
     return Scene(
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
         scene_scale=args.scene_scale, lights=lights, headlight=headlight, effects=effects_from(args),
+        clips=read_clips(args),
     )
 
 
