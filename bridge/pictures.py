@@ -7,7 +7,7 @@ import json
 import bpy
 
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
-from . import images
+from . import effects, images
 
 LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
 SUFFIXES = {
@@ -66,3 +66,4 @@ def note_report(settings, report: dict) -> None:
              if isinstance(value, (int, float))]
     settings.last_report = "\n".join((*report.get("remarks", ()), *_error_lines(report), *lines))
     settings.last_report_json = json.dumps(report, default=str)
+    effects.note_report(settings, report)

@@ -21,6 +21,7 @@ from bpy.props import (
 from ..rle_splat import scene as tables
 from . import box
 from .accuracy import AccuracyRowProperties
+from .effects import EffectOverrideProperties, EffectRowProperties
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
@@ -205,13 +206,16 @@ class SceneSettings(bpy.types.PropertyGroup):
     depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="The depth of the last picture")
     last_report: StringProperty(name="Report", description="What the last picture took, one line each")
     last_report_json: StringProperty(name="Report as JSON", description="The machine-readable report")
+    effect_overrides: PointerProperty(type=EffectOverrideProperties, name="Effects by Hand")
+    effect_rows: CollectionProperty(type=EffectRowProperties, name="Effects")
+    effects_note: StringProperty(name="Effects of", description="What the list of effects was made out from")
     accuracy_rows: CollectionProperty(type=AccuracyRowProperties, name="Measured Plans")
     accuracy_note: StringProperty(name="Measurement", description="What the measured plans were measured on")
     error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last map of errors")
     error_note: StringProperty(name="Errors", description="What the last map of errors holds")
 
 
-CLASSES = (AccuracyRowProperties, VolumeProperties, SceneSettings)
+CLASSES = (EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, VolumeProperties, SceneSettings)
 
 
 def register():

@@ -15,6 +15,7 @@ from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.tolerance import tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
+from .effects import overrides_of
 from .lights import read_lights
 from .meshes import read_triangles
 from .motion import read_poses
@@ -65,6 +66,7 @@ def read_scene(
         triangles=triangles if triangles is not None and len(triangles) else None,
         crop=frame_crop(scene.render) if in_region else None,
         motion=read_poses(depsgraph.scene, volume_object) if moving else (),
+        effects=overrides_of(scene),
     )
     return plain, settings.quality_of(scene)
 

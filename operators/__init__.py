@@ -8,6 +8,7 @@ from . import (
     composite,
     import_volume,
     keyframe_transfer,
+    list_effects,
     own_transfer,
     relocate,
     render_image,
@@ -18,7 +19,7 @@ from . import (
 
 MODULES = (
     import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite, accuracy,
+    set_backdrop, composite, list_effects, accuracy,
 )
 
 

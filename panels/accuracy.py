@@ -63,7 +63,7 @@ def _draw_cells(box, name: str, cells, index: int | None = None, current: bool =
 
 class RLE_SPLAT_PT_accuracy(AccuracyPanel, Sidebar, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_accuracy"
-    bl_order = 5
+    bl_order = 6
 
 
 class RLE_SPLAT_PT_render_accuracy(AccuracyPanel, RenderTab, bpy.types.Panel):

@@ -21,7 +21,7 @@ class ReportPanel:
 
 class RLE_SPLAT_PT_report(ReportPanel, Sidebar, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_report"
-    bl_order = 4
+    bl_order = 5
 
 
 class RLE_SPLAT_PT_render_report(ReportPanel, RenderTab, bpy.types.Panel):

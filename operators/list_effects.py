@@ -1,0 +1,38 @@
+"""List Effects: which effects the scene calls for as it is now, and why, without making a picture."""
+
+import bpy
+
+from ..bridge import effects, render_scene, volumes
+from ..rle_splat.effects.analyse import analyse
+from ..rle_splat.scene import RleSplatError
+from .refusal import refuse
+from .render_image import has_volume_and_camera
+
+
+class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
+    bl_idname = "rle_splat.list_effects"
+    bl_label = "List Effects"
+    bl_description = "Say which effects the scene calls for as it is now, and why, without making a picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume_and_camera(cls, context)
+
+    def execute(self, context):
+        settings = context.scene.rle_splat
+        try:
+            plain, quality = render_scene.read_scene(
+                volumes.volume_object(context), context.evaluated_depsgraph_get(),
+                with_meshes=settings.meshes_occlude, moving=True,
+                warn=lambda sentence: self.report({"WARNING"}, sentence))
+            found = analyse(plain, quality)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
+        effects.note_effects(settings, listed, "As the scene is now; not rendered yet.")
+        self.report({"INFO"}, f"On: {', '.join(found.on) or 'none'}.")
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_list_effects,)
