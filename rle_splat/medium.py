@@ -55,6 +55,7 @@ class Medium:
     ``splat_steps(encoded, plane, limits)``: generator that splats such tables, see ``splat.splat_steps``.
     ``most_color(encodings)``: the largest channel of any unassociated colour in some tables.
     ``visible_voxels``: how many the tables hold.  ``estimate``: None for a `.rle` file.
+    ``picture(rgba, depth)``: of what was warped, where that is not the picture yet.
     """
 
     shape_xyz: tuple[int, int, int]
@@ -64,6 +65,7 @@ class Medium:
     visible_voxels: int
     nan_voxels: int = 0
     estimate: MemoryEstimate | None = None
+    picture: Callable | None = None
 
 
 @dataclass(frozen=True, eq=False)

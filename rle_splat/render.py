@@ -22,6 +22,7 @@ from .jit import NUMBA_PROBLEM, compiled, noting_kernels, thread_count
 from .kept import Kept
 from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
+from .ray_modes import mode_quality, mode_remarks, sheet_rule
 from .scalar_medium import scalar_medium_steps
 from .scene import Quality, Rendering, RleSplatError, Scene
 from .splat.splat import LOADING
@@ -94,6 +95,7 @@ def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_
 def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet, refuse_empty_view: bool):
     """``render_steps`` of a scene without a lens and a shutter, and without the effects that are off."""
     clock = Clock()
+    asked, quality = quality, mode_quality(scene, quality)
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
 
@@ -133,7 +135,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
         },
         "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
-        "remarks": _remarks(scene, quality, medium),
+        "remarks": [*_remarks(scene, quality, medium), *mode_remarks(scene, asked)],
     }
     if cuts is not None and medium.visible_voxels and not rgba[..., 3].any():
         report["remarks"].append(NOTHING_LEFT)
@@ -155,7 +157,8 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
     if furthest > scene.camera.clip_start and nearest < scene.camera.clip_end:
         for axis, sign in candidate_pyramids(view):
             plane = base_plane(
-                view, scene.volume.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density, footprint, boxed
+                view, scene.volume.shape_xyz, axis, sign, sheet_rule(scene, quality), quality.sheet_density, footprint,
+                boxed,
             )
             if plane is not None:
                 planes.append(plane)
@@ -209,7 +212,8 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                 done = done if loading else step
                 yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, message)
         with clock.stage("warp"):
-            pictures.append(warp(images, view, scene.region, quality, most_color))
+            found = warp(images, view, scene.region, quality, most_color)
+            pictures.append(found if medium.picture is None else medium.picture(*found))
     rgba, depth = pictures[0]
     if len(pictures) == 2:
         with clock.stage("warp"):

@@ -30,8 +30,9 @@ from .kept_normals import kept_normals
 from .medium import Medium, array_key, lighting_key, scene_lighting
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, refuse_too_much, scalar_estimate
+from .ray_modes import VALUE_MODES, shown_values, value_look
 from .scene import Quality, Scene, preintegrated_of
-from .splat.scalar_splat import scalar_splat_steps
+from .splat.scalar_splat import scalar_splat_steps, value_splat_steps
 from .steps import Clock, Progress, portion, timed
 from .volume.blocks import Blocks, block_steps
 
@@ -75,12 +76,16 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
     blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
     falling = scene_lighting(scene, scene.index_to_world)
     relevant, needs = yield from _relevant_steps(scene, quality, job, clock, blocks, voxels_key, falling, axes, picture)
+    table = values = None
     with clock.stage("classify"):
         ends, infinite = _value_ends(volume, tf, blocks)
-        table = job.get(
-            "table", (voxels_key, tf.classification_key, length),
-            lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
-        )
+        if scene.mode in VALUE_MODES:
+            values = value_look(volume, tf, scene.mode, ends)
+        else:
+            table = job.get(
+                "table", (voxels_key, tf.classification_key, length),
+                lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
+            )
     key = (voxels_key, relevant.reach.key)
     with clock.stage("shade"):
         light, light_key = _light(scene, relevant.voxels, key, falling, job, machine)
@@ -91,29 +96,34 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         return _axis_steps(volume, lit, axis, infinite, centre, quality, job, clock)
 
     def splat(encoded, plane, limits):
-        return scalar_splat_steps(encoded, table, plane, quality, limits)
+        if values is not None:
+            return value_splat_steps(encoded, values, plane, quality, limits)
+        return scalar_splat_steps(encoded, table, plane, quality, limits, absorbs=scene.mode == "xray")
 
-    shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
-    most_color = refuse_too_bright(table.most_color * shine[0] + shine[1])
     voxels = relevant.voxels
-    return Medium(
-        voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, len(voxels), voxels.nan_voxels, needs
-    )
+    counts = (len(voxels), voxels.nan_voxels, needs)
+    if values is not None:
+        return Medium(
+            voxels.shape_xyz, encode_steps, splat, lambda encodings: values.most, *counts, picture=values.picture
+        )
+    shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
+    most_color = refuse_too_bright(table.most_color * shine[0] + shine[1]) if scene.mode == "composite" else 1.0
+    return Medium(voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, *counts)
 
 
 def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxels_key, falling, axes, picture):
     """Generator of Progress: the RelevantVoxels of a scene, and the MemoryEstimate of all that is to come."""
     volume = scene.volume
     machine = dict(backend=quality.backend, threads=quality.threads)
-    reach = Reach.of(volume, scene.transfer_function)
+    reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
     near = int(np.count_nonzero(reach.of_blocks(blocks)))
 
     def wanted(counted) -> MemoryEstimate:
         return scalar_estimate(volume, counted, axes=axes, lit=falling is not None, picture=picture)
 
     # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen where
-    # the other end is not kept: pictures must not depend on what was shown before.
-    between = preintegrated_of(quality.depth_rule) is not None
+    # the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
+    between = preintegrated_of(quality.depth_rule) is not None or scene.mode in VALUE_MODES
 
     def serves(key, held: RelevantVoxels) -> bool:
         if between or key[0] != voxels_key or not held.reach.covers(reach):

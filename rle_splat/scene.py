@@ -21,6 +21,15 @@ SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
 LIGHT_TYPES = ("SUN", "POINT", "SPOT", "AREA")
 CLIP_KINDS = ("plane", "box")
 CLIP_SIDES = ("inside", "outside")
+# What a pixel shows of its ray: see ray_modes.py.
+MODE_TEXTS = {
+    "composite": "emission and absorption, front to back",
+    "xray": "absorption alone, bone bright",
+    "mip": "the largest value, as the transfer function shows it",
+    "minip": "the smallest value",
+    "average": "the mean value",
+}
+MODES = tuple(MODE_TEXTS)
 
 
 class RleSplatError(Exception):
@@ -475,6 +484,7 @@ class Scene:
     ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
     ``motion``: Poses from when the shutter opens to when it closes, at equal steps of time; empty for a shutter of no
     time.  The camera's and the volume's own matrices are then those of what stays sharp: the depth.
+    ``mode``: one of MODES, what a pixel shows of its ray; see ``ray_modes``.
     """
 
     volume: object
@@ -492,8 +502,11 @@ class Scene:
     effects: dict[str, bool] = field(default_factory=dict)
     motion: tuple = ()
     clips: tuple = ()
+    mode: str = "composite"
 
     def __post_init__(self):
+        if self.mode not in MODES:
+            raise RleSplatError(f"There is no mode called {short(self.mode)}; choose {', '.join(MODES)}.")
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
         object.__setattr__(self, "scene_scale", _positive(self.scene_scale, "The scene scale"))
         for name in ("width", "height"):

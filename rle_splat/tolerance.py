@@ -28,7 +28,7 @@ from .plan.features import Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model, default_classification
 from .plan.need import need_of
 from .render import render_steps, truth_of
-from .scene import Quality, Rendering, RleSplatError, Scene
+from .scene import MODES, Quality, Rendering, RleSplatError, Scene
 from .steps import Progress
 from .view.eye import index_view
 from .view.footprints import FOOTPRINTS
@@ -137,6 +137,8 @@ def tolerance_steps(
 def check_measurable(scene: Scene, quality: Quality) -> None:
     """RleSplatError when nothing can be promised of a scene's picture."""
     check_plannable(quality)
+    if scene.mode != MODES[0]:
+        raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError(
             "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "

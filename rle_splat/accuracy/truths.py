@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..scene import RleSplatError, Scene
@@ -25,11 +27,22 @@ def world_opacity_distance(scene: Scene) -> float:
     return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
 
 
+def check_mode(scene: Scene, truth_name: str) -> None:
+    """RleSplatError when there is no such truth of the scene's mode."""
+    if scene.mode not in ("composite", "xray") or (scene.mode == "xray" and truth_name != "T2"):
+        raise RleSplatError(
+            f"There is no truth {truth_name} of the mode {scene.mode}; choose the mode composite, or xray with T2."
+        )
+
+
 def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=None):
     """What T1 or T2 integrates for a scene; the arguments are those of ``truth``.  Nothing is computed yet."""
     if truth_name not in TRUTHS:
         raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
     volume, transfer_function, distance = scene.volume, scene.transfer_function, world_opacity_distance(scene)
+    check_mode(scene, truth_name)
+    if scene.mode == "xray":  # what is absorbed is white
+        transfer_function, light, highlight = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None, None
     if truth_name == "T2":
         return ScalarMedium(volume.voxels, transfer_function, distance, light, highlight, volume.physical)
     return ClassifiedMedium.of_scalars(volume.voxels, volume.physical, transfer_function, distance, colors)

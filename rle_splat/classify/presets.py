@@ -45,6 +45,7 @@ _ROWS = (
     Preset("mr-brain", "MR Brain", "MR", "grey and white matter of a brain without its skull"),
     Preset("mr-angiography", "MR Angiography", "MR", "bright vessels"),
     Preset("x-ray", "X-Ray", None, "everything, faintly, unshaded, like a radiograph"),
+    Preset("window", "Window", None, "a grey window over all values, for MIP, MinIP and average"),
     Preset("xa-limb", "X-Ray Limb", "XA", "bones in flesh, from a rotational X-ray"),
     Preset("smoke", "Smoke", "SMOKE", "grey smoke from thin to dense"),
 )

@@ -36,7 +36,11 @@ class Reach:
     @classmethod
     def of(cls, volume, tf) -> Reach:
         """``tf``: a TransferFunction."""
-        shown = positive_intervals(pieces(tf.opacity))
+        return cls.of_values(volume, positive_intervals(pieces(tf.opacity)))
+
+    @classmethod
+    def of_values(cls, volume, shown) -> Reach:
+        """``shown``: (k, 2) half-open intervals of physical values, ascending and disjoint."""
         found = [_stored_ends(volume, begin, end) for begin, end in shown]
         kept = [ends for ends in found if ends is not None]
         return cls(np.array(kept, volume.voxels.dtype).reshape(-1, 2))

@@ -16,7 +16,9 @@ from ..scene import (
     FOOTPRINTS,
     KNOB_TEXTS,
     MINIFICATIONS,
+    MODE_TEXTS,
     MODELS,
+    MODES,
     NAMED_DEPTH_RULES,
     QUALITY_PRESETS,
     RECORDS,
@@ -178,6 +180,13 @@ def add_image_options(parser) -> None:
     parser.add_argument(
         "--background", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear, under the picture of a .png; left out, a .png has straight alpha",
+    )
+
+
+def add_mode_option(parser) -> None:
+    parser.add_argument(
+        "--mode", default=MODES[0], metavar="|".join(MODES),
+        help=f"what a pixel shows of its ray: {', '.join(MODE_TEXTS.values())} (default {MODES[0]})",
     )
 
 

@@ -15,6 +15,7 @@ from .images import WRITERS, writer_for
 from .options import (
     add_clip_option,
     add_image_options,
+    add_mode_option,
     add_quality_options,
     add_report_options,
     add_scene_options,
@@ -40,6 +41,7 @@ def add_arguments(parser) -> None:
         help="where the picture goes; may be given several times",
     )
     add_image_options(parser)
+    add_mode_option(parser)
     add_report_options(parser)
     add_scene_options(parser)
     parser.add_argument(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import Camera, Clip, Light, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
+from ..scene import MODES, Camera, Clip, Light, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
 from ..view.turntable import turntable
 from .options import effects_from
 
@@ -82,6 +82,7 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
         scene_scale=args.scene_scale, lights=lights, headlight=headlight, effects=effects_from(args),
         clips=read_clips(args),
+        mode=getattr(args, "mode", MODES[0]),
     )
 
 

@@ -17,10 +17,12 @@ from .lens import DEPTH_OF_FIELD
 from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
 from .mesh_occlusion import MESH_OCCLUSION
 from .motion import MOTION_BLUR
+from .ray_mode import MODE
 
 # One table: an effect's name -> its kind, in the order in which people read of them.  What an effect rests on stands
 # before it, as it is asked of a scene from which what is off before it is gone.
 EFFECTS: dict[str, Kind] = {
+    "mode": MODE,
     "shading": SHADING,
     "lights": LIGHTS,
     "headlight": HEADLIGHT,

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from ..classify.transfer_function import Shade
 from ..encode.store import StoredVolume
-from ..scene import Quality, Scene
+from ..scene import MODES, Quality, Scene
 from .kind import Kind
+from .ray_mode import MODE_NAMES
 
 BAKED = "baked into the .rle file"
 
@@ -17,6 +18,8 @@ def _unlit_because(scene: Scene) -> str | None:
     """Why nothing is shaded; None where something is."""
     if isinstance(scene.volume, StoredVolume):
         return BAKED
+    if scene.mode != MODES[0]:
+        return f"nothing is lit in the mode {MODE_NAMES[scene.mode]}"
     if scene.transfer_function.shade is None:
         return "the transfer function does not shade"
     return None if scene.lights or scene.headlight else "the scene has no light"

@@ -24,7 +24,7 @@ from ..medium import Look, look_steps
 from ..memory import available_bytes
 from ..memory_estimate import SPARE
 from ..render import render_steps
-from ..scene import Quality, Rendering, RleSplatError, Scene
+from ..scene import MODES, Quality, Rendering, RleSplatError, Scene
 from ..steps import Clock, portion
 from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import index_view
@@ -120,6 +120,7 @@ def progressive_steps(
     scene = called_for(scene, analyse(scene, quality))
     levels = preview_levels(scene.volume.shape_xyz)
     possible = levels and kept.keeps and quality.model == "extinction" and not isinstance(scene.volume, StoredVolume)
+    possible = possible and scene.mode == MODES[0]  # averages of what absorbs tell no values
     planes = seen_planes(scene, scene.index_to_world, scene.volume.shape_xyz, quality) if possible else []
     if planes:
         settled = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")

@@ -17,6 +17,8 @@ from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .half_depth import half_way
 from .pixel_block import BLOCK, CLEAR
+from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
+from .ray_sums import add_depths, gather_values, sheet_depth
 from .scalar_block import (
     classify_spans,
     classify_values,
@@ -30,8 +32,6 @@ from .scalar_scanline import NOT_KEPT, put_scanline
 from .scratch import BAND, SPREAD
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
-
-NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
 
 
 @inner_loop(forceinline=True)
@@ -114,50 +114,18 @@ def _resample_scanlines(
 
 
 @inner_loop(forceinline=True)
-def _end_in_box(box_columns, box_rows, limits, v, first_pixel, i):
-    """Where the ray of pixel ``first_pixel + i`` of row ``v`` begins and ends, along the viewing direction."""
-    u = first_pixel + i
-    enter, leave = max(box_columns[0, u], box_rows[0, v]), min(box_columns[1, u], box_rows[1, v])
-    if limits is not None:
-        enter, leave = max(enter, limits[0, v, u]), min(leave, limits[1, v, u])
-    return enter, leave
-
-
-@inner_loop(forceinline=True)
-def _inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
-    """Shorten the rays of one block to the part of a slab that lies in the box and within the limits."""
-    length_inside[:] = np.float32(0.0)
-    for i in range(count):
-        enter, leave = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
-        from_, to = max(begin, enter), min(end, leave)
-        inside = (to - from_) / (end - begin)
-        if limits is not None:
-            for hole in range(2, limits.shape[0], 2):
-                gone = min(to, limits[hole + 1, v, first_pixel + i]) - max(from_, limits[hole, v, first_pixel + i])
-                inside -= max(gone, 0.0) / (end - begin)
-        length_inside[i] = lengths[deep + i] * np.float32(min(max(inside, 0.0), 1.0))
-
-
-@inner_loop(forceinline=True)
-def _block_at(marks, slot, b, planes, blocks, absent):
-    """Where block ``b`` of a slot's scanline begins; ``absent`` where it holds nothing."""
-    if (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
-        return absent
-    return planes * BLOCK * (slot * blocks + b)
-
-
-@inner_loop(forceinline=True)
 def _composite_sheet(
-    kind, begin, end, thickness, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look,
-    least_light, sheet, planes, matt, gloss, marks, row_slot, row_line, row_place, sheet_before, marks_before,
-    slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries, spans, shares, looks,
-    length_inside, before, half,
+    kind, begin, end, thickness, depth, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look,
+    sign, absorbs, least_light, sheet, planes, matt, gloss, marks, row_slot, row_line, row_place, sheet_before,
+    marks_before, slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries, spans, shares,
+    looks, length_inside, before, half,
 ):
     """One sheet over the rows of a band: scanlines mixed, classified, composited; whether a block became opaque.
 
-    ``kind``: see ``view.depth_rules``.  ``box_blocks`` (4, blocks): of each block's columns the first and the last
-    entry into the box, and the first and the last exit.  ``look``: the value table as ``splat_scalar_rows`` has it.
-    ``sheet_before`` and what follows it: the sheet before.  The others: see ``sheet_buffer``.
+    ``kind``: see ``view.depth_rules``.  ``depth``: where the sheet lies along the viewing direction.  ``box_blocks``
+    (4, blocks): of each block's columns the first and the last entry into the box, and the first and the last exit.
+    ``look``, ``sign``, ``absorbs``: as ``splat_scalar_rows`` has them.  ``sheet_before`` and what follows it: the sheet
+    before.  The others: see ``sheet_buffer``.
     """
     table, sums, origin, rate, least, low, high, nearest, furthest, last = look
     absent = sheet.size - planes * BLOCK  # a block without samples
@@ -186,28 +154,25 @@ def _composite_sheet(
                     continue
                 upper = lower = upper_before = lower_before = absent
                 if slot != NO_ROW:
-                    upper = _block_at(marks, slot, b, planes, blocks, absent)
-                    lower = _block_at(marks, slot + 1, b, planes, blocks, absent)
-                if kind == OWN:
-                    if look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares) == 0:
+                    upper = block_at(marks, slot, b, planes, blocks, absent)
+                    lower = block_at(marks, slot + 1, b, planes, blocks, absent)
+                seen = 0
+                if sign is not None:
+                    pass  # values are not looked up
+                elif kind == OWN:
+                    seen = look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
+                    if seen == 0:
                         continue
-                    classify_values(table, entries, looks)
                 else:
                     if earlier != NO_ROW:
-                        upper_before = _block_at(marks_before, earlier, b, planes, blocks, absent)
-                        lower_before = _block_at(marks_before, earlier + 1, b, planes, blocks, absent)
+                        upper_before = block_at(marks_before, earlier, b, planes, blocks, absent)
+                        lower_before = block_at(marks_before, earlier + 1, b, planes, blocks, absent)
                     seen = look_between(
                         sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before, least, low,
                         high, nearest, furthest, origin, rate, last, entries, spans, shares,
                     )
                     if seen == 0:
                         continue
-                    if seen & 255 > seen >> 8:
-                        classify_values(table, entries, looks)
-                    else:
-                        looks[:] = np.float32(0.0)
-                    if seen >> 8 > 0:
-                        classify_spans(sums, spans, shares, looks)
                 at = r * blocks + b
                 first_pixel = b * BLOCK
                 count = min(BLOCK, image_width - first_pixel)
@@ -215,11 +180,29 @@ def _composite_sheet(
                 whole = begin >= max(box_blocks[1, b], enter) and end <= min(box_blocks[2, b], leave)
                 cut = limits is not None or not whole
                 if cut:
-                    _inside_box(
+                    inside_box(
                         box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside
                     )
                     length, deep = length_inside, 0
                 row = 4 * BLOCK * at
+                if sign is not None:
+                    gather_values(
+                        sheet, upper, lower, down, sign, origin, least, length, deep, thickness, state, row, depth, cut,
+                        box_columns, box_rows, limits, v, first_pixel, count, looks, half,
+                    )
+                    continue
+                if absorbs is not None:
+                    add_depths(
+                        table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end, cut,
+                        box_columns, box_rows, limits, v, first_pixel, count, before, half,
+                    )
+                    continue
+                if seen & 255 > seen >> 8:
+                    classify_values(table, entries, looks)
+                else:
+                    looks[:] = np.float32(0.0)
+                if seen >> 8 > 0:
+                    classify_spans(sums, spans, shares, looks)
                 pixels = composite_classified(
                     looks, shares, sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
                     matt, gloss, length, deep, thickness, least_light, state, row, before,
@@ -234,7 +217,7 @@ def _composite_sheet(
                         while halved != NO_BITS:
                             i = lowest_bit(halved)
                             halved &= halved - ONE_BIT
-                            from_, to = _end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+                            from_, to = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
                             from_, to = max(begin, from_), min(end, to)
                             half[v, first_pixel + i] = from_ + looks[i] * (to - from_)
                 live_pixels = pixels & 255
@@ -250,7 +233,7 @@ def _composite_sheet(
 
 @inner_loop
 def _splat_band(
-    tables, sheets, rays, box, look, matt, gloss, least, top_row, rows, worker, scratch, out, half
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, top_row, rows, worker, scratch, out, half
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_scalar_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
@@ -309,10 +292,11 @@ def _splat_band(
         if kind[sheet] == BEGINS or not (found or before_counts):
             continue
         died = _composite_sheet(
-            kind[sheet], begin[sheet], end[sheet], np.float32(thickness[sheet]), top_row, rows, image_width,
-            box_columns, box_rows, box_blocks, limits, look, least, here, planes, matt, gloss, marks, row_slot,
-            row_line, row_place, there, marks_before, slot_before, line_before, place_before, state, length, alive,
-            bright, blocks, entries, spans, shares, looks, length_inside, before, half,
+            kind[sheet], begin[sheet], end[sheet], np.float32(thickness[sheet]),
+            sheet_depth(first_slice[sheet] + slice_weights[sheet, 1], begin[sheet], end[sheet]), top_row, rows,
+            image_width, box_columns, box_rows, box_blocks, limits, look, sign, absorbs, least, here, planes, matt,
+            gloss, marks, row_slot, row_line, row_place, there, marks_before, slot_before, line_before, place_before,
+            state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, before, half,
         )
         if died:
             band_alive[:] = NO_BITS
@@ -324,8 +308,8 @@ def _splat_band(
 
 @inner_loop
 def _splat_bands(
-    first_worker, last_worker, tables, sheets, rays, box, look, matt, gloss, least, first_row, last_row, next_band,
-    scratch, out, half,
+    first_worker, last_worker, tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, first_row, last_row,
+    next_band, scratch, out, half,
 ):
     """What a worker does: bands, one after another, as long as there are any; see ``splat_scalar_rows``."""
     bands = (last_row - first_row + BAND - 1) // BAND
@@ -334,25 +318,32 @@ def _splat_bands(
         while band < bands:
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, box, look, matt, gloss, least, top_row, min(BAND, last_row - top_row), worker,
-                scratch, out, half,
+                tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, top_row,
+                min(BAND, last_row - top_row), worker, scratch, out, half,
             )
             band = taken(next_band)
 
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, look, matt, gloss, least, first_row, last_row, workers, next_band, scratch, out, half
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, first_row, last_row, workers, next_band,
+    scratch, out, half,
 ):
-    """Rows [first_row, last_row) of the intermediate image, post-classified.
+    """Rows [first_row, last_row) of the intermediate image, post-classified; or what ``ray_sums`` makes of the rays.
 
     ``tables``, ``sheets``, ``rays``, ``box``: see ``arguments``.  ``look``: the value table, flat, and its sums; its
     origin and rate; what is below the least is no sample; low, high, nearest, furthest
-    and the last entry.  ``matt``, ``gloss``: see
-    ``scalar_block.composite_classified``.  The others, and what is written: see ``sheet_buffer.splat_rows``.
+    and the last entry.  ``sign``: None, or, float32, which value of a ray is wanted: 1 the largest, -1 the smallest, 0
+    the mean; of ``look`` only origin and least count then.  ``absorbs``: None, or anything where the sum of optical
+    depths is wanted; the table has one channel then.  (What is None is left out of the compiled kernel.)
+    ``matt``, ``gloss``: see ``scalar_block.composite_classified``.  The others, and what is written: see
+    ``sheet_buffer.splat_rows``.
     """
     share_out(
         _splat_bands, workers,
-        (tables, sheets, rays, box, look, matt, gloss, least, first_row, last_row, next_band, scratch, out, half),
+        (
+            tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, first_row, last_row, next_band, scratch,
+            out, half,
+        ),
     )
 

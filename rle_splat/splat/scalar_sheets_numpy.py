@@ -6,6 +6,7 @@ import numpy as np
 
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .pixel_block import accumulator
+from .ray_sums import HALF
 from .scalar_block import SPAN
 from .scalar_scanline import NOT_KEPT
 from .sheet_buffer_numpy import composite_numpy, slab_numpy, within_holes
@@ -64,11 +65,11 @@ def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
 
 
 def _own_looks(here, look):
-    """(H, W, 4) looks of the samples of one sheet, and the share of the slab that counts: all of it."""
+    """(H, W, channels) looks of the samples of one sheet, and the share of the slab that counts: all of it."""
     table, _, origin, rate, _, low, high, _, _, last = look
     value = here[..., 0]
     inside = (value >= low) & (value <= high)
-    return table.reshape(-1, 4)[_entry(value, inside, origin, rate, last)], ONE, here[..., 1:]
+    return table.reshape(last + 1, -1)[_entry(value, inside, origin, rate, last)], ONE, here[..., 1:]
 
 
 def _entry(value, inside, origin, rate, last):
@@ -89,7 +90,7 @@ def _looks_between(here, there, look):
     with np.errstate(over="ignore"):
         middle = (smallest + largest) * np.float32(0.5)
     inside = (middle >= low) & (middle <= high) & some
-    looks = table.reshape(-1, 4)[_entry(middle, inside, origin, rate, last)]
+    looks = table.reshape(last + 1, -1)[_entry(middle, inside, origin, rate, last)]
     with np.errstate(over="ignore", invalid="ignore"):
         width = (largest - smallest) * rate
         wide = (width >= SPAN) & shown
@@ -97,13 +98,42 @@ def _looks_between(here, there, look):
             np.clip((end - origin) * rate + np.float32(0.5), 0.0, last).astype(np.int64)[wide]
             for end in (smallest, largest)
         )
-    total = sums.reshape(-1, 4)
+    total = sums.reshape(last + 1, -1)
     looks[wide] = np.maximum((total[to] - total[from_]) / np.maximum(width[wide], ONE)[:, None], 0.0)
     light = np.where(both, np.float32(0.5), is_here.astype(np.float32))[..., None]
     return looks, np.where(both, ONE, np.float32(0.5)), here[..., 1:] * light + there[..., 1:] * (ONE - light)
 
 
-def splat_scalar_sheets_numpy(tables, sheets, rays, box, look, matt, gloss, least, pixels, half):
+def _gather_numpy(value, length, sign, origin, least, depth, ends, state, half):
+    """Twin of ``ray_sums.gather_values``: ``value`` and ``length`` (H, W); ``ends``: of the rays."""
+    kept = value >= least
+    if sign == 0.0:
+        weight = np.where(kept, length, np.float32(0.0))
+        state[..., 0] += (value - origin) * weight
+        state[..., 1] += weight
+        state[..., 3] = np.where(weight > 0.0, 0.0, state[..., 3])
+        return
+    counts = kept & (length > 0.0)
+    over = sign * value - origin
+    more = counts & (over > state[..., 0])
+    state[..., 0] = np.where(more, over, state[..., 0])
+    state[..., 3] = np.where(counts, 0.0, state[..., 3])
+    half[...] = np.where(more, np.clip(depth, *ends), half)
+
+
+def _add_depths_numpy(depth, slab, state, half):
+    """Twin of ``ray_sums.add_depths``: optical ``depth`` (H, W) of a slab between the ends ``slab``."""
+    before = state[..., 0].copy()
+    state[..., 0] += depth
+    after = state[..., 0]
+    crossed = (before < HALF) & (after >= HALF)
+    part = (HALF - before[crossed]) / (after - before)[crossed]
+    half[crossed] = slab[0][crossed] + part * (slab[1] - slab[0])[crossed]
+
+
+def splat_scalar_sheets_numpy(
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, pixels, half
+):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_scalar_rows`` does."""
     height, width = half.shape
     length = rays.lengths()
@@ -134,20 +164,29 @@ def splat_scalar_sheets_numpy(tables, sheets, rays, box, look, matt, gloss, leas
             here = _resampled(along.transpose(1, 0, 2), height, scale_v, offset_v)
         if sheets.kind[sheet] == BEGINS or (here is absent and there is absent):
             continue
-        looks, counted, light = (
-            _own_looks(here, look) if sheets.kind[sheet] == OWN else _looks_between(here, there, look)
-        )
-        color, sigma = looks[..., :3], looks[..., 3]
-        if matt:
-            color = color * light[..., [plane - 1 for plane in matt]]
-        if gloss:
-            color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
         slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
         deep = slab[1] - slab[0]
         if rays.limits is not None:
             deep = deep - within_holes(rays.limits, *slab)
         inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
-        depth = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet]) * counted
+        in_slab = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet])
+        if sign is not None:
+            place = first + sheets.slice_weights[sheet, 1]
+            place = place if sheets.begin[sheet] <= place <= sheets.end[sheet] else -place
+            _gather_numpy(here[..., 0], in_slab, sign, look[2], look[4], place, (enter, leave), state, half)
+            continue
+        looks, counted, light = (
+            _own_looks(here, look) if sheets.kind[sheet] == OWN else _looks_between(here, there, look)
+        )
+        if absorbs is not None:
+            _add_depths_numpy(looks[..., 0] * (in_slab * counted), slab, state, half)
+            continue
+        color, sigma = looks[..., :3], looks[..., 3]
+        if matt:
+            color = color * light[..., [plane - 1 for plane in matt]]
+        if gloss:
+            color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
+        depth = in_slab * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
         composite_numpy(slab_numpy, classified, depth.astype(numbers, copy=False), least, state, slab, half)
     pixels[...] = state

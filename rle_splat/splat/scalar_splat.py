@@ -20,9 +20,60 @@ from .splat import OPAQUE, row_steps, sheet_list
 
 
 def scalar_splat_steps(
-    encoded: ScalarVolume, table: ValueTable, plane: BasePlane, quality: Quality, limits=None
+    encoded: ScalarVolume, table: ValueTable, plane: BasePlane, quality: Quality, limits=None, absorbs: bool = False
 ):
-    """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by."""
+    """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
+
+    ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
+    """
+    least, low, high, nearest, furthest, origin = _from_centre(
+        encoded, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
+    )
+    entries, sums = table.entries.reshape(-1), table.sums.reshape(-1)
+    if absorbs:
+        entries, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
+    look = (
+        entries, sums, origin, np.float32(table.rate), least, low, high, nearest, furthest,
+        np.int32(len(table.entries) - 1),
+    )  # fmt: skip
+    image = yield from _steps(encoded, look, None, absorbs or None, plane, quality, limits)
+    if absorbs:
+        depths = image.pixels[..., 0].copy()
+        image.pixels[..., :3] = -np.expm1(-depths)[..., None]
+        np.exp(-depths, out=image.pixels[..., 3])
+    return image
+
+
+def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: Quality, limits=None):
+    """As ``splat.splat_steps``, for the largest, smallest or mean values of rays: ``values``, a ``ValueLook``.
+
+    The image's first channel is the count of the value, times how much of the pixel lies inside the box of the volume,
+    and the last one is one less that: they can be warped as colour and transmittance are.
+    """
+    sign = values.sign or 1.0
+    origin, least = values.origin - sign * encoded.centre, values.least - encoded.centre
+    zero, nothing = np.float32(0.0), np.zeros(4, np.float32)
+    look = (nothing, nothing, np.float32(origin), zero, np.float32(least), zero, zero, zero, zero, np.int32(0))
+    image = yield from _steps(encoded, look, np.float32(values.sign), None, plane, quality, limits)
+    pixels, box = image.pixels, box_of(plane, encoded.tables.shape_xyz, BLOCK)
+    if values.sign == 0.0:
+        pixels[..., 0] /= np.maximum(pixels[..., 1], np.float32(1e-30))
+    if values.hollow:
+        enter, leave = (reduce(column, row[:, None]) for reduce, column, row in
+                        zip((np.maximum, np.minimum), box.columns, box.rows))
+        if limits is not None:
+            enter, leave = np.maximum(enter, limits[0]), np.minimum(leave, limits[1])
+        pixels[..., 3] = ~(enter < leave)
+    pixels[..., 1:3] = 0.0
+    return image
+
+
+def _from_centre(encoded: ScalarVolume, *stored) -> list:
+    return [np.float32(np.clip(value - encoded.centre, -1e38, 1e38)) for value in stored]
+
+
+def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality: Quality, limits):
+    """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
     tables = ScalarTables(
         encoded.tables.scanline_pointers, encoded.tables.scanline_data_pointers, encoded.tables.runs, encoded.scalars,
         encoded.lights, np.float32(encoded.light_unit), encoded.width,
@@ -30,19 +81,11 @@ def scalar_splat_steps(
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    least, low, high, nearest, furthest, origin = (
-        np.float32(np.clip(end - encoded.centre, -1e38, 1e38))
-        for end in (table.least, table.low, table.high, table.nearest, table.furthest, table.origin)
-    )
-    look = (
-        table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high,
-        nearest, furthest, np.int32(len(table.entries) - 1),
-    )  # fmt: skip
     matt, gloss = ((), ()) if encoded.lights is None else light_planes(encoded.lights.shape[1])
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
-    arguments = (tables, sheets, rays, box, look, matt, gloss, least)
+    arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least)
     if not compiled(quality.backend):
         yield from splat_scalar_sheets_numpy(*arguments, pixels, half)
         return IntermediateImage(plane, pixels, half)

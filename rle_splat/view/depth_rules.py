@@ -27,9 +27,26 @@ assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "the table of names in scene.py 
 
 
 def cell_nodes(rule: str) -> tuple:
-    """The nodes of a rule by its name: one of NAMED_NODES, or midpoint-M for M midpoints of equal weight."""
+    """The nodes of a rule by its name: one of NAMED_NODES; midpoint-M for M midpoints of equal weight; or planes-M, of
+    ``value_rule``."""
     m = midpoints_of(rule)
-    return NAMED_NODES[rule] if m is None else tuple(((i + 0.5) / m, 1.0 / m) for i in range(m))
+    if m is not None:
+        return tuple(((i + 0.5) / m, 1.0 / m) for i in range(m))
+    if rule.startswith(PLANES):
+        m = int(rule.removeprefix(PLANES))
+        return tuple((i / m, (0.5 if i in (0, m) else 1.0) / m) for i in range(m + 1))
+    return NAMED_NODES[rule]
+
+
+PLANES = "planes-"
+
+
+def value_rule(rule: str) -> str:
+    """The rule for the largest, smallest or mean value along a ray that is about as dear as ``rule``: planes-M, the
+    slices themselves, where voxels have their own values, and M - 1 sheets between each two."""
+    slabs, midpoints = preintegrated_of(rule), midpoints_of(rule)
+    between = {"slice": 1}.get(rule, 2) if slabs is None else 2 * slabs
+    return f"{PLANES}{midpoints or between}"
 
 
 # The cell that the eye lies in is integrated from the eye on, and no sheet may lie in the eye itself.

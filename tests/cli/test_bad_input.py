@@ -85,12 +85,17 @@ def test_impossible_volume_options(render_refused, options):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("glitter=on", "no effect called 'glitter'; choose shading"), ("specular", "NAME=off"),
+        ("glitter=on", "no effect called 'glitter'; choose mode, shading"), ("specular", "NAME=off"),
         ("specular=maybe", "NAME=auto"), ("mesh occlusion=on", "the scene has no meshes"),
     ],
 )  # fmt: skip
 def test_effects_that_cannot_be_forced(render_refused, given, said):
     assert said in render_refused("--effect", given)
+
+
+def test_a_mode_there_is_none_of(render_refused):
+    assert "no mode called 'xrays'; choose composite, xray, mip" in render_refused("--mode", "xrays")
+    assert "the mode mip" in render_refused("--mode", "mip", "--tolerance", "2")
 
 
 def test_nothing_but_nan(render_refused, tmp_path, voxels):

@@ -139,6 +139,18 @@ def test_an_effect_is_forced_by_its_name(picture):
     assert np.array_equal(picture("--effect", "specular=auto")[0], picture()[0])
 
 
+def test_a_mode_shows_what_it_says_whatever_the_classification(picture):
+    composite, _ = picture()
+    largest, report = picture("--mode", "mip")
+    effect = report["effects"][0]
+    assert effect["name"] == "mode" and effect["on"] and effect["reason"] == "mode MIP" and effect["ms"] > 0.0
+    assert report["stages_ms"]["shade"] < 1.0 and not np.array_equal(largest, composite)
+    by_pre, report = picture("--mode", "mip", "--classification", "pre", "--depth-rule", "slice")
+    assert report["plan"]["classification"] == "post" and any("by post, not by pre" in r for r in report["remarks"])
+    assert np.array_equal(by_pre, picture("--mode", "mip", "--classification", "post", "--depth-rule", "slice")[0])
+    assert np.array_equal(picture("--mode", "mip", "--effect", "mode=off")[0], composite)
+
+
 def test_qualities_reach_the_plan(picture):
     assert picture("--quality", "draft")[1]["plan"]["sheet_density"] == 0.7
     assert picture("--quality", "draft", "--classification", "pre")[1]["plan"]["depth_rule"] == "slice"

@@ -1,0 +1,45 @@
+"""Which part of a slab the rays of a block of pixels cross inside the box, and where a block's samples are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import inner_loop
+from .pixel_block import BLOCK
+from .voxel_scanline import ONE_BIT, WORD
+
+NO_BITS = np.uint64(0)
+NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
+
+
+@inner_loop(forceinline=True)
+def end_in_box(box_columns, box_rows, limits, v, first_pixel, i):
+    """Where the ray of pixel ``first_pixel + i`` of row ``v`` begins and ends, along the viewing direction."""
+    u = first_pixel + i
+    enter, leave = max(box_columns[0, u], box_rows[0, v]), min(box_columns[1, u], box_rows[1, v])
+    if limits is not None:
+        enter, leave = max(enter, limits[0, v, u]), min(leave, limits[1, v, u])
+    return enter, leave
+
+
+@inner_loop(forceinline=True)
+def inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
+    """Shorten the rays of one block to the part of a slab that lies in the box and within the limits."""
+    length_inside[:] = np.float32(0.0)
+    for i in range(count):
+        enter, leave = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+        from_, to = max(begin, enter), min(end, leave)
+        inside = (to - from_) / (end - begin)
+        if limits is not None:
+            for hole in range(2, limits.shape[0], 2):
+                gone = min(to, limits[hole + 1, v, first_pixel + i]) - max(from_, limits[hole, v, first_pixel + i])
+                inside -= max(gone, 0.0) / (end - begin)
+        length_inside[i] = lengths[deep + i] * np.float32(min(max(inside, 0.0), 1.0))
+
+
+@inner_loop(forceinline=True)
+def block_at(marks, slot, b, planes, blocks, absent):
+    """Where block ``b`` of a slot's scanline begins; ``absent`` where it holds nothing."""
+    if (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
+        return absent
+    return planes * BLOCK * (slot * blocks + b)
