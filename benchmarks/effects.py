@@ -1,0 +1,387 @@
+"""What each effect costs: alone, over what it rests on, and all together, on three scenes, off for nothing.
+
+"first" is a picture from an empty store, everything made; "frame" is the next one after the camera has turned a little,
+what the camera does not touch being kept.  Each effect is measured in turns with the base it is added to, and its
+milliseconds and ratios are from those turns; "made by a frame" lists the stages that the camera's turn made anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from devtools.phantom import SPACING_MM, head_phantom
+from rle_splat.classify.presets import preset
+from rle_splat.classify.transfer_function import Shade
+from rle_splat.effects.analyse import EFFECTS, analyse, called_for
+from rle_splat.kept import Kept
+from rle_splat.render import render
+from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Clip, Light, Pose, Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+from .frames import Neighbours, circumstances, describe
+from .scenes import scenes as volumes_of
+from .scenes import shells, smoke
+
+AZIMUTH, ELEVATION, STEP = 35.0, 20.0, 0.5  # degrees; how far the camera turns from frame to frame
+REPEATS = 5
+MATT, SHINY = Shade(0.2, 0.8, 0.0, 20.0), 0.4
+SUN_STRENGTH, LAMP_STRENGTH = 3.0, 20.0  # W/m^2; W for each squared length of the volume's half diagonal
+FRAME_TARGET, LIGHT_TARGET = 250.0, 150.0  # milliseconds: the lit CT's frame at 512 x 512; a light pass on 256^3
+
+
+# --- what a scene is given ----------------------------------------------------------------------------------------
+
+
+def _box(scene: Scene) -> tuple[np.ndarray, float]:
+    """Middle of the volume's box and half its diagonal, world."""
+    ends = np.array(scene.volume.shape_xyz) - 1.0
+    low, high = ((scene.index_to_world @ np.append(part * ends, 1.0))[:3] for part in (0.0, 1.0))
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def _shining(along) -> np.ndarray:
+    """(4, 4) pose of a light that shines along a direction."""
+    back = -np.asarray(along, float) / np.linalg.norm(along)
+    side = np.cross((0.0, 0.0, 1.0), back)
+    side /= np.linalg.norm(side)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
+    return matrix
+
+
+def _lights(scene: Scene) -> tuple[Light, ...]:
+    """A sun over the camera's shoulder and a lamp from the side."""
+    middle, reach = _box(scene)
+    lamp = _shining((-1.0, 0.2, -0.4))
+    lamp[:3, 3] = middle - 1.6 * reach * np.array((-1.0, 0.2, -0.4))
+    return (
+        Light("SUN", energy=SUN_STRENGTH, matrix_world=_shining((0.6, 0.9, -0.7))),
+        Light("POINT", color=(1.0, 0.8, 0.6), energy=LAMP_STRENGTH * reach**2, matrix_world=lamp),
+    )
+
+
+def _with_shade(scene: Scene, **more) -> Scene:
+    function = scene.transfer_function
+    shade = replace(function.shade or MATT, **more)
+    return replace(scene, transfer_function=replace(function, shade=shade), headlight=not scene.lights)
+
+
+def _implant(scene: Scene) -> np.ndarray:
+    """(n, 3, 3) triangles of a plate bent over a quarter of the volume's middle, 16 x 16 squares."""
+    middle, reach = _box(scene)
+    across, along = np.meshgrid(np.linspace(-0.9, 0.9, 17), np.linspace(-0.3, 0.3, 17))
+    corners = middle + 0.55 * reach * np.stack((np.sin(across), -np.cos(across), along), axis=-1)
+    one, two, three, four = corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]
+    return np.concatenate([np.stack(t, axis=2).reshape(-1, 3, 3) for t in ((one, two, three), (one, three, four))])
+
+
+def _clip_box(scene: Scene) -> tuple[Clip, ...]:
+    middle, reach = _box(scene)
+    matrix = np.diag((0.3 * reach,) * 3 + (1.0,))
+    matrix[:3, 3] = middle + reach * np.array((0.2, -0.3, 0.2))
+    return (Clip("box", matrix, "outside"),)
+
+
+def _distance(scene: Scene) -> float:
+    """Planar, from the camera to the middle of the volume."""
+    middle, _ = _box(scene)
+    return float(-(np.linalg.inv(scene.camera.matrix_world) @ np.append(middle, 1.0))[2])
+
+
+def _seen(scene: Scene, **more) -> Scene:
+    return replace(scene, camera=replace(scene.camera, **more))
+
+
+def _moving(scene: Scene) -> Scene:
+    """The volume slides by a fiftieth of its diagonal."""
+    poses = []
+    for part in (-0.5, 0.5):
+        slid = np.array(scene.volume_matrix)
+        slid[0, 3] += part * 0.02 * _box(scene)[1]
+        poses.append(Pose(scene.camera.matrix_world, slid))
+    return replace(scene, motion=tuple(poses))
+
+
+@dataclass(frozen=True)
+class Price:
+    """Something to be priced: the ``effect`` of the table it is, the price it is added ``over``, None for a scene's
+    base, and what it gives a scene."""
+
+    effect: str
+    over: str | None
+    give: Callable
+
+
+# Label -> Price.  What is in the table of effects and has no row here is named at the end of the report.
+PRICES = {
+    "shading": Price("shading", None, _with_shade),
+    "specular": Price("specular", "shading", lambda scene: _with_shade(scene, specular=SHINY)),
+    "lights": Price("lights", "shading", lambda scene: replace(scene, lights=_lights(scene), headlight=False)),
+    "shadows": Price("shadows", "lights", lambda scene: replace(scene, volume_shadows=True)),
+    "world light": Price("world light", "lights", lambda scene: replace(scene, world=(0.2, 0.25, 0.3))),
+    "ambient occlusion": Price("ambient occlusion", "lights", lambda scene: replace(scene, ambient_occlusion=1.0)),
+    "mesh occlusion": Price("mesh occlusion", None, lambda scene: replace(scene, triangles=_implant(scene))),
+    "clipping": Price("clipping", None, lambda scene: _seen(scene, clip_start=0.95 * _distance(scene))),
+    "clip objects": Price("clip objects", None, lambda scene: replace(scene, clips=_clip_box(scene))),
+    "depth of field": Price(
+        "depth of field", None,
+        lambda scene: _seen(scene, aperture_radius=0.01 * _box(scene)[1], focus_distance=_distance(scene)),
+    ),
+    "motion blur": Price("motion blur", None, _moving),
+    **{
+        f"mode {name}": Price("mode", None, lambda scene, name=name: replace(scene, mode=name))
+        for name in ("xray", "mip", "minip", "average")
+    },
+}  # fmt: skip
+
+
+def given(scene: Scene, label: str) -> Scene:
+    """The scene with a price, and with what that rests on."""
+    price = PRICES[label]
+    return price.give(scene if price.over is None else given(scene, price.over))
+
+
+# --- the scenes ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A volume and its look, seen in perspective; ``lit`` by two matt lights from the start, and what is ``priced``
+    on it, each alone and, but for modes, all together."""
+
+    name: str
+    volume: Volume
+    function: object
+    lit: bool
+    priced: tuple[str, ...]
+
+    def at(self, azimuth: float, size: int) -> Scene:
+        camera, matrix = turntable(
+            self.volume, azimuth, ELEVATION, perspective=True, width=size, height=size
+        )
+        function = replace(self.function, shade=None)
+        scene = Scene(self.volume, function, camera, size, size, matrix, headlight=False)
+        return given(scene, "lights") if self.lit else scene
+
+
+def _ct_head():
+    """The scan where it is at hand, else a head made of numbers."""
+    found = next(volumes_of(["CT head"]), None)
+    if found is not None:
+        return found[1:]
+    affine = np.diag((*(SPACING_MM,) * 3, 1.0))
+    return Volume(head_phantom(), affine, unit="mm", value_unit="HU", name="CT head"), preset("ct-bone")
+
+
+def settings() -> tuple[Setting, ...]:
+    known = [label for label, price in PRICES.items() if price.effect in EFFECTS]
+    on_lights = (
+        "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects"
+    )  # fmt: skip
+    cloud = smoke()
+    head, bone = _ct_head()
+    return (
+        Setting("plain CT", head, bone, False, tuple(
+            n for n in known if n in ("shading", "specular", "clipping", "clip objects") or n.startswith("mode ")
+        )),
+        Setting("lit CT", head, bone, True, tuple(n for n in known if n in on_lights)),
+        Setting("smoke", cloud, preset("smoke"), False, tuple(n for n in known if not n.startswith("mode "))),
+    )  # fmt: skip
+
+
+# --- measuring ----------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Runs:
+    """A variant of a scene, in turns with another: its least milliseconds."""
+
+    make: Callable  # azimuth -> Scene
+    quality: Quality
+    first: float = np.inf
+    frame: float = np.inf
+    report: dict | None = None
+    made: frozenset = frozenset()
+
+    def __post_init__(self):
+        self.kept = Kept()
+
+    def begin(self) -> None:
+        self.kept.clear()
+        self._taken(render(self.make(AZIMUTH), self.quality, kept=self.kept).report, "first")
+
+    def turn(self, number: int) -> None:
+        before = dict(self.kept.made)
+        report = render(self.make(AZIMUTH + STEP * number), self.quality, kept=self.kept).report
+        self.made |= {stage for stage, count in self.kept.made.items() if count > before.get(stage, 0)}
+        if self._taken(report, "frame"):
+            self.report = report
+
+    def _taken(self, report: dict, what: str) -> bool:
+        spent = report["stages_ms"]["total"]
+        is_least = spent < getattr(self, what)
+        if is_least:
+            setattr(self, what, spent)
+            if what == "first":
+                self.first_report = report
+        return is_least
+
+
+def compare(base: Callable, other: Callable, quality: Quality, repeats: int) -> tuple[_Runs, _Runs]:
+    """Two variants, functions of an azimuth, in turns."""
+    both = _Runs(base, quality), _Runs(other, quality)
+    for runs in both:
+        render(runs.make(AZIMUTH), quality)  # whatever compiles or loads on first use
+    for _ in range(repeats):
+        for runs in both:
+            runs.begin()
+    for number in range(1, repeats + 1):
+        for runs in both:
+            runs.turn(number)
+    return both
+
+
+def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list[dict]:
+    """JSON-ready rows: each effect of a setting alone, all together, and all off by hand."""
+
+    def base(azimuth):
+        return setting.at(azimuth, size)
+
+    def priced(label):
+        return lambda azimuth: given(base(azimuth), label)
+
+    def everything(azimuth):
+        scene = base(azimuth)
+        for label in together:
+            scene = given(scene, label)
+        return scene
+
+    def forced_off(azimuth):
+        return replace(everything(azimuth), effects={PRICES[label].effect: False for label in together})
+
+    def never_heard_of(azimuth):
+        scene = forced_off(azimuth)
+        return replace(called_for(scene, analyse(scene, quality)), effects={})
+
+    together = [label for label in setting.priced if PRICES[label].effect != "mode"]
+    rows = []
+    for label in setting.priced:
+        over = None if setting.lit else PRICES[label].over  # a lit scene has all that an effect rests on
+        below = base if over is None else priced(over)
+        rows.append(_row(setting, label, over or "base", *compare(below, priced(label), quality, repeats)))
+    rows.append(_row(setting, "all together", "base", *compare(base, everything, quality, repeats)))
+    rows.append(_row(setting, "all off by hand", "never", *compare(never_heard_of, forced_off, quality, repeats)))
+    return rows
+
+
+def _row(setting: Setting, label: str, over: str, below: _Runs, runs: _Runs) -> dict:
+    listed = {effect["name"]: effect for effect in runs.first_report["effects"]}
+    in_frame = {effect["name"]: effect for effect in runs.report["effects"]}
+    return {
+        "scene": setting.name, "effect": label, "over": over,
+        "first_ms": runs.first, "frame_ms": runs.frame, "over_first_ms": below.first, "over_frame_ms": below.frame,
+        "first_ratio": runs.first / below.first, "frame_ratio": runs.frame / below.frame,
+        "on": [name for name, effect in listed.items() if effect["on"]],
+        "own_first_ms": {name: effect["ms"] for name, effect in listed.items() if effect["on"]},
+        "own_frame_ms": {name: effect["ms"] for name, effect in in_frame.items() if effect["on"]},
+        "off_ms": sum(effect["ms"] for effect in (*listed.values(), *in_frame.values()) if not effect["on"]),
+        "made_by_a_frame": sorted(runs.made),
+        "more_kernels": sorted(set(runs.first_report["kernels"]) - set(below.first_report["kernels"])),
+        "fewer_kernels": sorted(set(below.first_report["kernels"]) - set(runs.first_report["kernels"])),
+    }
+
+
+def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict | None:
+    """Milliseconds of the shadows of one light and of two on a volume of ``side``^3 voxels; None before there are
+    any."""
+    if "shadows" not in EFFECTS:
+        return None
+    setting = Setting("shells", *shells(side), False, ())
+    spent = {}
+    for lights in (1, 2):
+        def cast(azimuth, lights=lights):
+            scene = given(setting.at(azimuth, size), "shadows")
+            return replace(scene, lights=scene.lights[:lights])
+
+        runs, _ = compare(cast, cast, quality, repeats)
+        listed = next(effect for effect in runs.first_report["effects"] if effect["name"] == "shadows")
+        spent[lights] = listed["ms"]
+        redone = "shadows" in runs.made
+    return {
+        "side": side, "one_light_ms": spent[1], "two_lights_ms": spent[2], "a_light_ms": max(spent[1], spent[2] / 2.0),
+        "target_ms": LIGHT_TARGET, "made_again_by_a_turn_of_the_camera": redone,
+    }  # fmt: skip
+
+
+# --- the report ---------------------------------------------------------------------------------------------------
+
+
+def header() -> str:
+    return (
+        f"{'scene':<10}{'effect':<19}{'over':<10}{'first ms':>10}{'x':>7}{'frame ms':>10}{'x':>7}"
+        f"{'own, first':>12}{'off ms':>8}  made by a frame"
+    )
+
+
+def line(row: dict) -> str:
+    """One line of the table."""
+    price = PRICES.get(row["effect"])
+    own = row["own_first_ms"].get(price.effect) if price else None
+    return (
+        f"{row['scene']:<10}{row['effect']:<19}{row['over']:<10}{row['first_ms']:10.1f}{row['first_ratio']:7.2f}"
+        f"{row['frame_ms']:10.1f}{row['frame_ratio']:7.2f}{'-' if own is None else f'{own:.1f}':>12}"
+        f"{row['off_ms']:8.1f}  {', '.join(row['made_by_a_frame']) or '-'}"
+    )
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench effects", description=__doc__)
+    parser.add_argument("--scene", nargs="*", choices=("plain CT", "lit CT", "smoke"), help="instead of all three")
+    parser.add_argument("--size", type=int, default=512)
+    parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the light pass's volume")
+    parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
+    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
+    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    print(
+        f"{describe(where)}\n{options.size} x {options.size}, {options.quality}, classification "
+        f"{options.classification}; the least of {options.repeats} runs\n\n{header()}"
+    )
+    for setting in settings():
+        if options.scene and setting.name not in options.scene:
+            continue
+        for row in measure(setting, quality, options.size, options.repeats):
+            table.append(row)
+            print(line(row), flush=True)
+    unpriced = [name for name in EFFECTS if name not in {price.effect for price in PRICES.values()} | {"headlight"}]
+    print(f"\nNot priced: {', '.join(unpriced) or 'none'}.")
+    lit = next((row for row in table if (row["scene"], row["effect"]) == ("lit CT", "all together")), None)
+    if lit is not None:
+        print(
+            f"Lit CT, all effects: {lit['frame_ms']:.0f} ms a frame at {options.size}; the target is {FRAME_TARGET:g} "
+            f"at 512. A turn of the camera makes anew: {', '.join(lit['made_by_a_frame']) or 'nothing'}."
+        )
+    passed = light_pass(quality, options.side, options.size, options.repeats)
+    if passed is not None:
+        print(
+            f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
+            f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
+        )
+    print(neighbours.describe())
+    where["others_busy_cores"] = neighbours.cores()
+    if options.json:
+        found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
+                 "classification": options.classification, "not_priced": unpriced, "light_pass": passed}
+        options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    return 0

@@ -1,0 +1,53 @@
+"""The prices of effects, at a tiny size: each turns its effect on and nothing else, and off costs nothing."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import effects
+from benchmarks.scenes import shells
+from rle_splat.effects.analyse import EFFECTS, analyse
+from rle_splat.scene import Quality
+
+QUALITY = Quality.preset("draft", threads=1)
+PLAIN = effects.Setting("shells", *shells(24), False, ("shading", "clip objects"))
+LIT = effects.Setting("shells", *shells(24), True, ("specular", "mesh occlusion"))
+KNOWN = [label for label, price in effects.PRICES.items() if price.effect in EFFECTS]
+
+
+def test_every_effect_of_the_table_has_a_price():
+    """The headlight has none of its own: shading is priced under it."""
+    assert set(EFFECTS) - {price.effect for price in effects.PRICES.values()} <= {"headlight"}
+
+
+@pytest.mark.parametrize("setting", [PLAIN, LIT], ids=["plain", "lit"])
+@pytest.mark.parametrize("label", KNOWN)
+def test_a_price_turns_its_effect_on(label, setting):
+    base, price = setting.at(effects.AZIMUTH, 512), effects.PRICES[label]
+    with_it = analyse(effects.given(base, label), QUALITY)
+    assert with_it[price.effect].on
+    over = base if price.over is None else effects.given(base, price.over)
+    gone = set(analyse(over, QUALITY).on) ^ set(with_it.on)
+    assert gone <= {price.effect, "headlight", "shading", "specular", "lights"}
+
+
+def test_rows_say_what_was_made_and_that_off_is_nothing():
+    rows = {row["effect"]: row for row in effects.measure(LIT, QUALITY, 16, 1)}
+    assert list(rows) == ["specular", "mesh occlusion", "all together", "all off by hand"]
+    assert rows["specular"]["made_by_a_frame"] == ["light", "lights"]
+    assert rows["mesh occlusion"]["made_by_a_frame"] == []
+    assert rows["all off by hand"]["more_kernels"] == rows["all off by hand"]["fewer_kernels"] == []
+    for row in rows.values():
+        assert row["off_ms"] == 0.0 and np.isfinite([row["first_ms"], row["frame_ms"]]).all()
+
+
+def test_table_and_report(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(effects, "settings", lambda: (PLAIN,))
+    report = tmp_path / "effects.json"
+    arguments = ["--size", "16", "--repeats", "1", "--side", "24", "--quality", "draft", "--json", str(report)]
+    assert effects.main(arguments) == 0
+    rows = json.loads(report.read_text())["rows"]
+    assert [row["effect"] for row in rows] == ["shading", "clip objects", "all together", "all off by hand"]
+    said = capsys.readouterr().out
+    assert "Not priced: none." in said and all(row["effect"] in said for row in rows)
