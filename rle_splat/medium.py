@@ -7,7 +7,8 @@ What depends on what, so that a change redoes no more than it must:
     looks     visible, and the transfer function's points
     normals   visible, and how the volume lies in the world
     runs      visible, and the principal axis
-    records   runs, looks, normals, lights; the view too if a highlight or a headlight follows it
+    shadows   looks, where a light is, meshes: one for each light that casts them
+    records   runs, looks, normals, lights, shadows; the view too if a highlight or a headlight follows it
 """
 
 from __future__ import annotations
@@ -32,11 +33,13 @@ from .classify.shading import (
 )
 from .classify.transfer_function import TransferFunction
 from .classify.visible import Visibility, count_steps, fill_steps
+from .effects.shadows import Matter
 from .encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
 from .encode.records import decoding_of
 from .encode.store import StoredVolume
 from .kept import Job, Kept
 from .kept_normals import kept_normals
+from .kept_shadows import shadow_count, shadow_steps
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
 from .scene import Quality, RleSplatError, Scene
@@ -159,7 +162,8 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     shaded = falling is not None
 
     def wanted(counted):
-        return estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture)
+        needs = estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture)
+        return needs.with_shadows(shadow_count(scene) if shaded else 0)
 
     if not job.has("visible", visible_key):
         steps = job.steps("blocks", voxels_key, lambda: value_block_steps(volume, **machine))
@@ -189,6 +193,22 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         else:
             directions = kept_normals(job, normals_key, voxels, volume, lit_matrix, **machine)
         key = (looks_key, *lighting_key(scene, lit_matrix, falling))
+    if shadow_count(scene):
+        if refinement > 1:
+            raise RleSplatError(
+                "The classification refined has no shadows and no ambient occlusion; choose post or pre, or leave them "
+                "out."
+            )
+
+        def tables_of(axis):
+            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, **machine))
+
+        matter = Matter(
+            voxels, lambda: found.extinction, tables_of, matrix, scene.triangles, looks_key, boxed=False, **machine
+        )
+        steps = shadow_steps(scene, matter, job, clock)
+        shadows, shadows_key = yield from portion(steps, 0.1, 0.1, "Casting shadows")
+        falling, key = replace(falling, shadows=shadows), (key, shadows_key)
     return Look(found, directions, falling, visible_key, key, needs, refinement)
 
 
@@ -199,14 +219,15 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
     if scene.camera.type == "PERSP":
         eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
     headlight = -to_camera[2, :3] if scene.headlight else None
-    return lighting(matrix, scene.transfer_function.shade, scene.lights, headlight_direction=headlight, eye=eye)
+    shade = scene.transfer_function.shade
+    return lighting(matrix, shade, scene.lights, headlight_direction=headlight, eye=eye, world=scene.world)
 
 
 def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:
     """Names all that the light on each voxel depends on beside its normal: the eye only where there are highlights."""
     seen_from = array_key(falling.eye) if falling.material[2] > 0.0 else None
     shade = tuple(asdict(scene.transfer_function.shade).values())
-    return (array_key(matrix), shade, array_key(falling.rows), seen_from)
+    return (array_key(matrix), shade, array_key(falling.rows, falling.material), seen_from)
 
 
 def axes_steps(look: Look, quality: Quality, axes, job: Job, clock: Clock):

@@ -36,6 +36,7 @@ WRITTEN = 48  # what putting it into a file takes meanwhile
 LIT = 3 + NORMAL + 2 * 12 + 16
 FINE_VOXELS_AT_ONCE = 1 << 23  # fine voxels that are made together, whole blocks of planes; classify's own number
 BLOCK = 8 * 8 * 32  # fine voxels of which the least and the largest are kept
+SHADOW, CASTING = 4, 10  # bytes of a voxel for each light that casts shadows, and while they are made
 SPARE = 0.9  # of what is free may be asked for: the system and Python want some too
 
 
@@ -80,6 +81,10 @@ class MemoryEstimate:
         return replace(
             self, axes=axes, runs=self.runs // self.axes * axes, records=self.records // self.axes * axes
         )
+
+    def with_shadows(self, count: int) -> MemoryEstimate:
+        """The same with what ``count`` lights leave to each voxel, the ambient light among them."""
+        return replace(self, normals=self.normals + (SHADOW * count + CASTING) * self.visible_voxels) if count else self
 
     def three_axes(self) -> MemoryEstimate:
         """The same with every principal axis held."""

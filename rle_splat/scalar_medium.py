@@ -6,7 +6,8 @@ What depends on what, so that a change redoes no more than it must:
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
               a wider one that is kept
     normals   relevant, and how the volume lies in the world
-    light     normals and lights; the view too if a highlight or a headlight follows it
+    shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them
+    light     normals, lights and shadows; the view too if a highlight or a headlight follows it
     runs      relevant, and the principal axis
     scalars   relevant, and the principal axis
     table     the transfer function: nothing else depends on it
@@ -14,19 +15,21 @@ What depends on what, so that a change redoes no more than it must:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .classify.classification import opacity_distance, unit_length
 from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
 from .classify.shading import Lighting, refuse_too_bright
-from .classify.value_table import value_table
+from .classify.value_table import extinction_of, value_table
 from .classify.visible import VisibleVoxels
+from .effects.shadows import Matter
 from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
 from .encode.voxel_light import VoxelLight, voxel_light
 from .kept import Job
 from .kept_normals import kept_normals
+from .kept_shadows import shadow_count, shadow_steps
 from .medium import Medium, array_key, lighting_key, scene_lighting
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, refuse_too_much, scalar_estimate
@@ -87,8 +90,24 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
                 lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
             )
     key = (voxels_key, relevant.reach.key)
+    shadows_key = ()
+    if falling is not None and shadow_count(scene):
+        voxels = relevant.voxels
+
+        def tables_of(axis):
+            return job.get("runs", (key, axis), lambda: scalar_tables(voxels, axis, **machine))
+
+        def extinction():
+            return extinction_of(table, voxels.stored, volume.voxels.dtype, infinite)
+
+        look = (key, tf.classification_key, length)
+        matrix = scene.index_to_world
+        matter = Matter(voxels, extinction, tables_of, matrix, scene.triangles, look, boxed=True, **machine)
+        steps = shadow_steps(scene, matter, job, clock)
+        shadows, shadows_key = yield from portion(steps, 0.08, 0.1, "Casting shadows")
+        falling = replace(falling, shadows=shadows)
     with clock.stage("shade"):
-        light, light_key = _light(scene, relevant.voxels, key, falling, job, machine)
+        light, light_key = _light(scene, relevant.voxels, key, falling, shadows_key, job, machine)
     lit = _Lit(relevant.voxels, key, light, light_key, needs)
     centre = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
 
@@ -119,7 +138,8 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     near = int(np.count_nonzero(reach.of_blocks(blocks)))
 
     def wanted(counted) -> MemoryEstimate:
-        return scalar_estimate(volume, counted, axes=axes, lit=falling is not None, picture=picture)
+        needs = scalar_estimate(volume, counted, axes=axes, lit=falling is not None, picture=picture)
+        return needs.with_shadows(shadow_count(scene) if falling is not None else 0)
 
     # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen where
     # the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
@@ -152,13 +172,13 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     return relevant, needs
 
 
-def _light(scene: Scene, voxels: VisibleVoxels, key, falling: Lighting | None, job: Job, machine):
-    """The VoxelLight of the voxels, and its key; None where nothing shines."""
+def _light(scene: Scene, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key, job: Job, machine):
+    """The VoxelLight of the voxels, and its key; None where nothing shines.  ``shadows_key``: of falling's shadows."""
     if falling is None:
         return None, ()
     matrix = scene.index_to_world
     directions = kept_normals(job, (key, array_key(matrix[:3, :3])), voxels, scene.volume, matrix, **machine)
-    light_key = (key, *lighting_key(scene, matrix, falling))
+    light_key = (key, *lighting_key(scene, matrix, falling), shadows_key)
     return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **machine)), light_key
 
 

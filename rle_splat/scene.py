@@ -479,6 +479,10 @@ class Scene:
     ``triangles`` are the meshes that stand in or around the volume, (n, 3, 3) float64 world coordinates:
     each ray is integrated only as far as the first of them.
     ``clips``: planes and boxes; what is left of the volume is what each of them keeps.
+    ``volume_shadows``: whether lights that cast shadows cast them in the volume: its own, and those of the meshes.
+    ``world``: scene-linear RGB radiance that comes from everywhere, None for none.  ``ambient_occlusion``: how much of
+    the light from everywhere, the transfer function's ambient light with it, is taken away where the volume or a mesh
+    hides the sky; 0 to 1.
     ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
     top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
     ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
@@ -503,6 +507,9 @@ class Scene:
     motion: tuple = ()
     clips: tuple = ()
     mode: str = "composite"
+    volume_shadows: bool = False
+    world: tuple | None = None
+    ambient_occlusion: float = 0.0
 
     def __post_init__(self):
         if self.mode not in MODES:
@@ -522,6 +529,13 @@ class Scene:
             raise RleSplatError("Motion takes two poses or more, from when the shutter opens to when it closes.")
         if not (isinstance(self.clips, tuple) and all(isinstance(clip, Clip) for clip in self.clips)):
             raise RleSplatError("The scene's clips must be a tuple of Clip, planes and boxes.")
+        if self.world is not None:
+            world = tuple(as_float(c) for c in self.world) if np.iterable(self.world) else ()
+            if len(world) != 3 or not np.isfinite(world).all() or min(world) < 0.0:
+                raise RleSplatError("The world's light must be three finite numbers, none below zero.")
+            object.__setattr__(self, "world", world)
+        if not (_is_finite_number(self.ambient_occlusion) and 0.0 <= self.ambient_occlusion <= 1.0):
+            raise RleSplatError("The strength of ambient occlusion must be a number from 0 to 1.")
 
     @property
     def region(self) -> tuple[int, int, int, int]:

@@ -7,7 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 # "kernels" is loading the splat kernel, and compiling it the first time ever: once in a process, not per picture.
-STAGES = ("classify", "shade", "encode", "occlusion", "clipping", "clip objects", "kernels", "splat", "warp")
+STAGES = (
+    "classify", "shadows", "ambient occlusion", "shade", "encode", "occlusion", "clipping", "clip objects", "kernels",
+    "splat", "warp",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
 from .exposure import exposures
 from .kept import Kept
+from .kept_shadows import shadow_count
 from .plan.candidates import check_plannable, check_tolerance, name_of
 from .plan.choose import NEARLY_BEST, Choice, Speed, choose, corrected
 from .plan.features import Features, doubtful_pixels, features_of, pilots
@@ -143,6 +144,11 @@ def check_measurable(scene: Scene, quality: Quality) -> None:
         raise RleSplatError(
             "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "
             "choose a quality."
+        )
+    if shadow_count(called_for(scene, analyse(scene, quality))):
+        raise RleSplatError(
+            "A tolerance is of light without shadows, as the truths have it: turn off shadows and ambient occlusion, "
+            "or choose a quality."
         )
     if len(exposures(scene)) > 1:
         raise RleSplatError(

@@ -2,13 +2,17 @@
 
 A voxel is lit by its own normal, and the light, not the normal, is interpolated between voxels: that is part of what
 both truths promise (algorithm.md 1.14).  The normals are the volume's.  Only voxels next to rays are ever lit.
+
+The truths have no shadows and no ambient occlusion: what reaches a voxel would take a ray from each of them to each
+light.  So no tolerance is promised of a picture with shadows, and nothing is measured against a truth without them;
+shadows are held against truths of their own (tests/truths/test_shadows.py).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..scene import Scene
+from ..scene import RleSplatError, Scene
 from ..volume.gradient import unit_normals
 from .rays import rigid
 from .transfer import extinction_and_color
@@ -20,9 +24,12 @@ HARDEST_EDGE = 1e-4  # of a spot's cone, in cosines
 
 def shading_of(scene: Scene, truth_name: str) -> dict:
     """What ``truths.truth`` and ``measure`` take as ``shading`` for a scene: ``colors`` for T1, ``light`` and
-    ``highlight`` for T2; nothing where the transfer function does not shade or nothing shines."""
-    if scene.transfer_function.shade is None or not (scene.lights or scene.headlight):
+    ``highlight`` for T2; nothing where the transfer function does not shade or nothing shines.  RleSplatError for a
+    scene with shadows or ambient occlusion, which the truths do not have."""
+    if scene.transfer_function.shade is None or not (scene.lights or scene.headlight or scene.world):
         return {}
+    if scene.ambient_occlusion or (scene.volume_shadows and any(light.casts_shadow for light in scene.lights)):
+        raise RleSplatError("The truths have no shadows: turn off shadows and ambient occlusion to measure an error.")
     lit = VoxelLight(scene)
     if truth_name == "T1":
         return {"colors": _Looked(lit.color)}
@@ -45,7 +52,7 @@ class _Looked:
 class VoxelLight:
     """The light on the voxels of a scene: shaded colour = c * light + highlight, two-sided Blinn-Phong.
 
-    light = ambient + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the lights; 1 and 0 where
+    light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the lights; 1 and 0 where
     there is no normal.  ``places`` are index arrays (z, y, x) of any shape that they broadcast to.
     """
 
@@ -86,7 +93,8 @@ class VoxelLight:
         normal = unit_normals(scene.volume, row_start, x, self._matrix, backend="numpy").astype(np.float64)
         at = np.stack((x, y, z), axis=1) @ self._matrix[:3, :3].T + self._matrix[:3, 3]
         to_eye = self._towards_camera if self._eye is None else _unit(self._eye - at)
-        light, highlight = np.full((len(x), 3), shade.ambient), np.zeros((len(x), 3))
+        world = np.zeros(3) if self._scene.world is None else np.array(self._scene.world)
+        light, highlight = np.full((len(x), 3), shade.ambient) + shade.diffuse * world, np.zeros((len(x), 3))
         for towards, strength in self._lights(at):
             light += shade.diffuse * np.abs((normal * towards).sum(axis=1, keepdims=True)) * strength
             facing = np.abs((normal * _unit(towards + to_eye)).sum(axis=1, keepdims=True))

@@ -16,42 +16,75 @@ from ..scene import RleSplatError
 from ..volume.gradient import CHUNK, KnownNormals, unit_normals
 from .classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN, light_rows
-from .limits import BRIGHTEST
+from .limits import BRIGHTEST, STRONGEST_LIGHT
 from .placing import Places, find_targets
 
 SHARPEST = 1e9  # a larger shininess is a highlight of no width; the whole part must also fit an integer
 DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # column of the looks that weights a colour
 
+FULL_CODE = 65535  # of a Shadows' codes: all of the light
+
 # Voxels shaded together: their scratch stays in the first cache, and loops are long enough.
 LANES = 256
 # Planes of the float32 scratch: unit vectors to the light and to the eye; cosine, its power and the light's
-# falloff; light gathered by the matt colour and by the highlight.
-LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB = (LANES * plane for plane in range(15))
-SCRATCH = 15 * LANES
+# falloff; light gathered by the matt colour and by the highlight; how much of all light arrives.
+LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB, SHARE, ALL = (LANES * p for p in range(17))
+SCRATCH = 17 * LANES
 PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
 PLACES = 3 * LANES
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_PER_CODE = np.float32(1.0 / FULL_CODE)
 _FAINT = np.float32(1e-18)  # the product of two such is still a normal number
+
+
+@dataclass(frozen=True, eq=False)
+class Shadows:
+    """What of the lights and of the ambient light reaches each voxel.
+
+    ``codes``: (k, m) uint16, FULL_CODE times the share that arrives.  ``row_of``: (n + 1,) int64, the row of ``codes``
+    for each of n lights and for the ambient light; -1 for what is in no shadow.
+    """
+
+    codes: np.ndarray
+    row_of: np.ndarray
+
+    def share(self, which: int, part: slice) -> np.ndarray | float:
+        """(k,) float64 of light number ``which``, -1 the ambient light, that reaches the voxels ``part``."""
+        row = self.row_of[which]
+        return 1.0 if row < 0 else self.codes[row, part] / FULL_CODE
 
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """What falls on the voxels of a volume.
 
-    ``matrix``: (4, 4) index to world.  ``material``: (4,) ambient, diffuse, specular, shininess.  ``rows``: the lights,
-    see ``light_rows``.  ``eye``: (4,) homogeneous world eye, its last component 0 for parallel rays.
+    ``matrix``: (4, 4) index to world.  ``material``: (7,) ambient, diffuse, specular, shininess; RGB of the light that
+    comes from everywhere, ambient and the world's together.  ``rows``: the lights, see ``light_rows``.  ``eye``: (4,)
+    homogeneous world eye, its last component 0 for parallel rays.  ``shadows``: of the same voxels, None without any.
     """
 
     matrix: np.ndarray
     material: np.ndarray
     rows: np.ndarray
     eye: np.ndarray
+    shadows: Shadows | None = None
 
     @property
     def is_far(self) -> bool:
-        """Whether it does not matter where a voxel is: parallel light, and parallel rays where highlights are seen."""
+        """Whether it does not matter where a voxel is, nor which it is: parallel light without shadows, and parallel
+        rays where highlights are seen."""
+        if self.shadows is not None:
+            return False
         sees_highlights = self.material[2] > 0.0 and self.eye[3] != 0.0
         return not (sees_highlights or (self.rows[:, KIND] != SUN).any())
+
+    @property
+    def near(self) -> tuple | None:
+        """What ``add_near`` takes of it; None where ``rays`` will do."""
+        if self.is_far:
+            return None
+        shadows = None if self.shadows is None else (read_only(self.shadows.codes), read_only(self.shadows.row_of))
+        return self.matrix, self.rows, self.eye, shadows
 
     def rays(self) -> np.ndarray:
         """(n, 9) float32 of lights that are far: unit vectors to the light, and half-way to the eye; RGB."""
@@ -60,9 +93,9 @@ class Lighting:
         return np.ascontiguousarray(np.hstack((towards, halfway, self.rows[:, RGB:NEAREST])), dtype=np.float32)
 
 
-def is_shaded(shading, lights, headlight_direction=None) -> bool:
+def is_shaded(shading, lights, headlight_direction=None, world=None) -> bool:
     """Whether normals are needed at all: the transfer function shades and something shines."""
-    return bool(shading) and (len(lights) > 0 or headlight_direction is not None)
+    return bool(shading) and (len(lights) > 0 or headlight_direction is not None or world is not None)
 
 
 def follows_view(shading, lights, headlight_direction=None) -> bool:
@@ -72,18 +105,23 @@ def follows_view(shading, lights, headlight_direction=None) -> bool:
     return shading.specular > 0.0 or headlight_direction is not None
 
 
-def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, eye=None) -> Lighting | None:
+def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, world=None) -> Lighting | None:
     """The Lighting of a Shade and scene.Light objects, or None when nothing shades or nothing shines.
 
     ``headlight_direction``: (3,) the way the camera looks, world, or None.  ``eye``: (4,) homogeneous world eye; its
     last component is 0 for parallel rays and the rest then points from the scene to the eye.  Only highlights need it.
+    ``world``: (3,) radiance that shines from everywhere, or None.
     """
-    if not is_shaded(shading, lights, headlight_direction):
+    if not is_shaded(shading, lights, headlight_direction, world):
         return None
     matrix = np.ascontiguousarray(index_to_world, dtype=np.float64)
     eye = np.zeros(4) if eye is None else np.asarray(eye, dtype=np.float64) * (-1.0 if eye[3] < 0.0 else 1.0)
     shininess = min(shading.shininess, SHARPEST)
-    material = np.array([shading.ambient, shading.diffuse, shading.specular, shininess], dtype=np.float64)
+    # A matt surface under a sky of radiance W has the radiance W times its colour, whichever way it faces.
+    everywhere = np.full(3, shading.ambient, np.float64)
+    if world is not None:
+        everywhere += shading.diffuse * np.minimum(np.asarray(world, np.float64), STRONGEST_LIGHT)
+    material = np.array([shading.ambient, shading.diffuse, shading.specular, shininess, *everywhere], np.float64)
     rows = light_rows(lights, headlight_direction, matrix)
     return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 
@@ -108,7 +146,8 @@ def shade(
     """(m, 3) float32 shaded, unassociated, scene-linear colours of the visible voxels.
 
     c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I over the lights, I an RGB scale (see
-    ``lights.py``); c itself where there is no normal, and everywhere when nothing shades or nothing shines.
+    ``lights.py``); c itself where there is no normal, and everywhere when nothing shades or nothing shines.  Shadows
+    dim the ambient term and each I; where there is no normal, c by the share of all I and ambient light that arrives.
 
     ``normals``: (m, 3) of ``normals()``, None when ``is_shaded`` is False.  ``shading``: a Shade, or None.
     The others: see ``lighting``.
@@ -137,7 +176,8 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
         return most
     if (falling.rows[:, KIND] != SUN).any():
         return None
-    ambient, diffuse, specular, _ = falling.material
+    diffuse, specular = falling.material[1:3]
+    ambient = falling.material[4:].max()
     strongest = float(falling.rows[:, RGB:NEAREST].sum(axis=0).max())
     return min(max(most, most * (ambient + diffuse * strongest) + specular * strongest), BRIGHTEST)
 
@@ -164,7 +204,7 @@ def light_records(
     else:
         light = (None, None, None, None)
         if falling is not None:
-            near = None if falling.is_far else (falling.matrix, falling.rows, falling.eye)
+            near = falling.near
             normals = read_only(np.asfortranarray(normals))  # as they come: one component after the other
             light = (normals, falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
@@ -189,7 +229,7 @@ def refuse_too_bright(brightest: float) -> float:
 def _write_records(places, look_of, looks, density_column, normals, material, rays, near, records, most):
     """``places``: Places.arguments.  ``look_of``: (m,) index into ``looks`` (n, 5), None where it is the voxel's own
     number.  ``normals`` (m, 3) and ``material``: None where nothing shines.  Then either ``rays``, see
-    ``Lighting.rays``, or ``near``, (matrix, rows, eye) of a Lighting, is None: what is not wanted is not compiled."""
+    ``Lighting.rays``, or ``near``, see ``Lighting.near``, is None: what is not wanted is not compiled."""
     arguments = (places, look_of, looks, density_column, normals, material, rays, near, records, most)
     share_out(_write_planes, places[5].shape[0], arguments)
 
@@ -229,6 +269,10 @@ def _write_planes(
                         red = red * s[DR + i] + s[SR + i]
                         green = green * s[DG + i] + s[SG + i]
                         blue = blue * s[DB + i] + s[SB + i]
+                    else:
+                        red *= s[SHARE + i]
+                        green *= s[SHARE + i]
+                        blue *= s[SHARE + i]
                 density = looks[look, density_column]
                 to = targets[i]
                 records[to, 0] = density * red
@@ -242,10 +286,13 @@ def _write_planes(
 
 @kernel(inline="always")
 def clear_light(material, s):
-    """A chunk in the ambient light."""
-    ambient = np.float32(material[0])
-    for i in range(3 * LANES):
-        s[DR + i] = ambient
+    """A chunk in the light that comes from everywhere."""
+    for channel in range(3):
+        everywhere = np.float32(material[4 + channel])
+        for i in range(LANES):
+            s[DR + channel * LANES + i] = everywhere
+    for i in range(LANES):
+        s[SHARE + i] = _ONE
     for i in range(3 * LANES):
         s[SR + i] = _ZERO
 
@@ -303,14 +350,62 @@ def add_rays(rays, normals, material, count, s):
 @kernel(inner=True)
 def add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
     """As ``add_rays``, for lights and eyes that may stand among the voxels; the chunk's first is in ``row``."""
-    matrix, lights, eye = near
+    matrix, lights, eye, shadows = near
     places = np.empty(PLACES, np.float64)
     _place_voxels(n_y, row, row_start, column, matrix, begin, count, places)
     if material[2] > 0.0:
         _view_voxels(eye, count, places, s)
+    _shade_ambient(shadows, material, begin, count, s)
     for k in range(lights.shape[0]):
         _towards(lights[k], count, places, s)
+        _shade_light(shadows, k, lights[k], material, begin, count, s)
         _add_light(lights[k], normals, material, count, s)
+    _divide_shares(shadows, count, s)
+
+
+@kernel(inner=True)
+def _shade_ambient(shadows, material, begin, count, s):
+    """What shadows leave of the light from everywhere; begins the sums SHARE and ALL of light that arrives and would.
+    Nothing without ``shadows``, here and in the two below: (codes, row_of) of a Shadows."""
+    if shadows is not None:
+        codes, row_of = shadows
+        everywhere = np.float32(material[4] + material[5] + material[6])
+        for i in range(count):
+            s[SHARE + i] = everywhere
+            s[ALL + i] = everywhere
+        row = row_of[row_of.size - 1]
+        if row >= 0:
+            left = codes[row, begin : begin + count]
+            for i in range(count):
+                share = np.float32(left[i]) * _PER_CODE
+                s[DR + i] *= share
+                s[DG + i] *= share
+                s[DB + i] *= share
+                s[SHARE + i] *= share
+
+
+@kernel(inner=True)
+def _shade_light(shadows, k, light, material, begin, count, s):
+    """What shadows leave of light number ``k``, in FALLOFF."""
+    if shadows is not None:
+        codes, row_of = shadows
+        strength = np.float32(material[1] * (light[RGB] + light[RGB + 1] + light[RGB + 2]))
+        for i in range(count):
+            s[ALL + i] += strength * s[FALLOFF + i]
+        if row_of[k] >= 0:
+            left = codes[row_of[k], begin : begin + count]
+            for i in range(count):
+                s[FALLOFF + i] *= np.float32(left[i]) * _PER_CODE
+        for i in range(count):
+            s[SHARE + i] += strength * s[FALLOFF + i]
+
+
+@kernel(inner=True)
+def _divide_shares(shadows, count, s):
+    """SHARE becomes the share of all light that arrives, 1 where there is none."""
+    if shadows is not None:
+        for i in range(count):
+            s[SHARE + i] = s[SHARE + i] / s[ALL + i] if s[ALL + i] > _ZERO else _ONE
 
 
 @kernel(inline="always")
@@ -432,22 +527,31 @@ def _write_numpy(places, look_of, looks, density_column, normals, falling, recor
 
 def lit_numpy(falling, voxels, part, n, colors):
     """(k, 3) float32 shaded colours of voxels ``part``, a slice, with normals ``n`` and their own ``colors``."""
+    own = colors
     n_y, matrix = voxels.shape_xyz[1], falling.matrix
-    ambient, diffuse, specular, shininess = falling.material
+    _, diffuse, specular, shininess = falling.material[:4]
+    shadows = falling.shadows or Shadows(np.empty((0, 0), np.uint16), np.full(len(falling.rows) + 1, -1))
     row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
     index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
     points = index @ matrix[:3, :3].T + matrix[:3, 3]
     view = _unit_numpy(falling.eye[:3] - falling.eye[3] * points)
-    matt = np.full((len(points), 3), ambient)
+    everywhere, sky = falling.material[4:], shadows.share(-1, part)
+    matt = np.full((len(points), 3), everywhere) * np.reshape(sky, (-1, 1))
     gloss = np.zeros((len(points), 3))
-    for light in falling.rows:
+    arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
+    for number, light in enumerate(falling.rows):
         towards, falloff = _towards_numpy(light, points)
+        every += diffuse * falloff * light[RGB:NEAREST].sum()
+        falloff = falloff * shadows.share(number, part)
+        arrives += diffuse * falloff * light[RGB:NEAREST].sum()
         strength = falloff[:, None] * light[RGB:NEAREST]
         matt += diffuse * np.abs((n * towards).sum(axis=1))[:, None] * strength
         if specular > 0.0:
             half = _unit_numpy(towards + view)
             gloss += specular * np.abs((n * half).sum(axis=1))[:, None] ** shininess * strength
-    return np.where(n.any(axis=1)[:, None], colors * matt + gloss, colors).astype(np.float32)
+    if falling.shadows is not None:
+        colors = colors * np.divide(arrives, every, out=np.ones_like(every), where=every > 0.0)[:, None]
+    return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)
 
 
 def _unit_numpy(vectors) -> np.ndarray:

@@ -18,6 +18,7 @@ from .points import pieces, positive_intervals
 
 FEWEST, MOST = 1 << 10, 1 << 14  # entries; what is in use of the larger still fits the second cache
 FINEST = 1.0 / 512.0  # of opacity, from one entry to the next on the steepest ramp, if there is room
+AT_ONCE = 1 << 16  # values of large types that are looked up together
 BEYOND = 2.0  # times the distance between a function's first and last point: how far a table goes beyond these
 ROUNDING = 1e-6  # of the largest value: what float32 sums of it may be off by
 
@@ -89,6 +90,29 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     np.cumsum(made[:count], axis=0, dtype=np.float64, out=sums[1:])
     sums, below = sums.astype(np.float32), least - slack - 1e-6
     return ValueTable(made, sums, first - 0.5 / rate, rate, below, low, high, nearest, furthest, most_color)
+
+
+def extinction_of(table: ValueTable, stored, kind, infinite=()) -> np.ndarray:
+    """(m,) float32 extinction by ``table`` of ``stored`` values (m,) of type ``kind``; 8- and 16-bit ones may come as
+    unsigned bit patterns.  ``infinite``: what stands for minus and plus infinity, no numbers where nothing does."""
+    kind = np.dtype(kind)
+    if kind.kind in "iu" and kind.itemsize <= 2:
+        patterns = np.arange(1 << (8 * kind.itemsize), dtype=f"u{kind.itemsize}")
+        return _looked_up(table, patterns.view(kind).astype(np.float64))[stored.view(patterns.dtype)]
+    found = np.empty(len(stored), np.float32)
+    for first in range(0, len(stored), AT_ONCE):
+        values = stored[first : first + AT_ONCE].astype(np.float64)
+        found[first : first + AT_ONCE] = _looked_up(table, np.clip(values, *infinite) if infinite else values)
+    return found
+
+
+def _looked_up(table: ValueTable, values) -> np.ndarray:
+    """(n,) float32 extinction of float64 stored values."""
+    shown = (values >= table.low) & (values <= table.high)
+    place = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate
+    last = len(table.entries) - 1  # the transparent one
+    place = np.where(shown, np.clip(np.nan_to_num(place), 0.0, last - 1.0), last)
+    return table.entries[place.astype(np.int64), 3]
 
 
 def _within_reach(volume, tf, first: float, last: float):

@@ -12,6 +12,7 @@ from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
+from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
 from .options import (
     add_clip_option,
     add_image_options,
@@ -49,6 +50,7 @@ def add_arguments(parser) -> None:
         help="a list of poses, camera_matrix, volume_matrix or both, from when the shutter opens to when it closes",
     )
     add_clip_option(parser)
+    add_light_effect_options(parser)
     add_tolerance_options(parser)
     add_quality_options(parser)
 
@@ -71,6 +73,7 @@ def run(args) -> None:
     check_outputs(outputs, inputs=(*scene_inputs(args), args.motion))
     _check_background(args.background)
     check_scene_options(args)
+    check_light_effects(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
     poses = read_motion(args.motion)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
@@ -124,7 +127,7 @@ def _prepare_voxels(args, quality) -> Prepared:
     check_values(volume)
     function, reason = choose_transfer_function(args, volume, given_function)
     camera, matrix = place(args, volume, camera, matrix)
-    scene = make_scene(args, volume, function, camera, matrix, lights, headlight)
+    scene = with_light_effects(args, make_scene(args, volume, function, camera, matrix, lights, headlight))
     remarks = quality_remarks(args, quality)
     return Prepared(scene, quality, read_ms, {"name": function.name, "reason": reason}, remarks)
 
@@ -138,6 +141,7 @@ def _prepare_tables(args, quality) -> Prepared:
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
     lights, _ = read_lights(args)
+    refuse_light_effects(args)
     if volume_options(args):
         option = next(iter(volume_options(args))).replace("_", "-")
         raise RleSplatError(f"A .rle file says itself how its voxels lie; leave --{option} out.")

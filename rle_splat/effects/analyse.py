@@ -18,6 +18,7 @@ from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
 from .mesh_occlusion import MESH_OCCLUSION
 from .motion import MOTION_BLUR
 from .ray_mode import MODE
+from .shadow_kinds import AMBIENT_OCCLUSION, SHADOWS, WORLD
 
 # One table: an effect's name -> its kind, in the order in which people read of them.  What an effect rests on stands
 # before it, as it is asked of a scene from which what is off before it is gone.
@@ -27,6 +28,9 @@ EFFECTS: dict[str, Kind] = {
     "lights": LIGHTS,
     "headlight": HEADLIGHT,
     "specular": SPECULAR,
+    "world light": WORLD,
+    "shadows": SHADOWS,
+    "ambient occlusion": AMBIENT_OCCLUSION,
     "mesh occlusion": MESH_OCCLUSION,
     "clipping": CLIPPING,
     "depth of field": DEPTH_OF_FIELD,

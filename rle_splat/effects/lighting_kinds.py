@@ -22,10 +22,10 @@ def _unlit_because(scene: Scene) -> str | None:
         return f"nothing is lit in the mode {MODE_NAMES[scene.mode]}"
     if scene.transfer_function.shade is None:
         return "the transfer function does not shade"
-    return None if scene.lights or scene.headlight else "the scene has no light"
+    return None if scene.lights or scene.headlight or scene.world else "the scene has no light"
 
 
-def _idle_because(scene: Scene) -> str | None:
+def idle_because(scene: Scene) -> str | None:
     """Why what belongs to shading is not done; None where it is."""
     reason = _unlit_because(scene)
     return reason if reason in (None, BAKED) else "nothing is shaded"
@@ -45,6 +45,7 @@ def _shading(scene: Scene, _: Quality) -> tuple[bool, str]:
         return False, reason
     shade = scene.transfer_function.shade
     lit_by = [f"{len(scene.lights)} light(s) of the scene"] * bool(scene.lights) + ["a headlight"] * scene.headlight
+    lit_by += ["the world"] * bool(scene.world)
     return True, f"diffuse {shade.diffuse:g} and ambient {shade.ambient:g} under {' and '.join(lit_by)}"
 
 
@@ -56,7 +57,7 @@ def _unshaded(scene: Scene) -> Scene:
 def _shaded(scene: Scene) -> Scene:
     tf = scene.transfer_function
     shaded = replace(tf, shade=Shade()) if tf.shade is None else tf
-    return replace(scene, transfer_function=shaded, headlight=scene.headlight or not scene.lights)
+    return replace(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
 
 
 # --- what shines ----------------------------------------------------------------------------------------------------
@@ -65,7 +66,7 @@ def _shaded(scene: Scene) -> Scene:
 def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.lights:
         return False, BAKED if isinstance(scene.volume, StoredVolume) else "the scene has none"
-    reason = _idle_because(scene)
+    reason = idle_because(scene)
     kinds = Counter(light.type.lower() for light in scene.lights)
     return reason is None, reason or ", ".join(f"{number} {kind}" for kind, number in kinds.items())
 
@@ -73,7 +74,7 @@ def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
 def _headlight(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.headlight:
         return False, BAKED if isinstance(scene.volume, StoredVolume) else "the scene does not ask for one"
-    reason = _idle_because(scene)
+    reason = idle_because(scene)
     return reason is None, reason or "white and parallel, along the camera's axis"
 
 
@@ -81,7 +82,7 @@ def _headlight(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def _specular(scene: Scene, _: Quality) -> tuple[bool, str]:
-    reason = _idle_because(scene)
+    reason = idle_because(scene)
     if reason is not None:
         return False, reason
     shade = scene.transfer_function.shade

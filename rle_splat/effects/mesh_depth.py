@@ -37,8 +37,12 @@ def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: in
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all():
         raise RleSplatError("The scene's triangles must be finite numbers of shape (n, 3, 3).")
     corners = np.concatenate((triangles, np.ones((*triangles.shape[:2], 1))), axis=2)
-    pixels = corners @ world_to_pixel(camera, width, height).T  # (n, 3 vertices, 3)
-    depths = corners @ depth_row(camera)
+    return edges_of(corners @ world_to_pixel(camera, width, height).T, corners @ depth_row(camera))
+
+
+def edges_of(pixels: np.ndarray, depths: np.ndarray):
+    """The same from homogeneous ``pixels`` (n, 3 vertices, 3) and ``depths`` (n, 3): any number that is affine in the
+    world, and in homogeneous pixels with it."""
     size = np.abs(pixels).max(axis=(1, 2))
     determinant = np.linalg.det(pixels / np.where(size > 0.0, size, 1.0)[:, None, None])
     in_front = (pixels[..., 2] > 0.0).any(axis=1)
@@ -120,11 +124,22 @@ def mesh_depth(
     edges, depths, bounds = edge_functions(triangles, camera, width, height)
     left, top, right, bottom = region or (0, 0, width, height)
     out = np.full((bottom - top, right - left, SAMPLES), np.inf, np.float32)
-    clips = camera.clip_start, camera.clip_end
+    _rasterise(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, backend, threads)
+    return out
+
+
+def sheet_depth(pixels, depths, clips, width: int, height: int, *, backend="auto", threads=0) -> np.ndarray:
+    """(height, width, SAMPLES) float32, the least of ``depths`` within ``clips`` on each ray of a picture given by its
+    homogeneous ``pixels``; both are of triangles, see ``edges_of``.  inf where there is none."""
+    out = np.full((height, width, SAMPLES), np.inf, np.float32)
+    _rasterise(*edges_of(pixels, depths), clips, 0, 0, out, backend, threads)
+    return out
+
+
+def _rasterise(edges, depths, bounds, clips, left: int, top: int, out, backend, threads) -> None:
     arguments = (edges, depths, bounds, *clips, SAMPLE_COLUMNS, SAMPLE_ROWS, left, top, out)
     if compiled(backend):
         with parallel_call(threads):
             rasterise(*arguments)
     else:
         rasterise_numpy(*arguments)
-    return out

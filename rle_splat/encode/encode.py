@@ -139,6 +139,20 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, back
         _place(places, words[first:last], target, backend, threads)
 
 
+def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, backend: str = "auto", threads: int = 0):
+    """Generator: yields the fraction done; copies records back from ``source``, in the order of ``tables``, to
+    ``words``, in the voxels' own order; both (m, w)."""
+    for fraction, first_plane, last_plane in _slabs(voxels):
+        yield fraction
+        places = _places(tables, voxels, first_plane, last_plane)
+        first, last = places.span
+        if compiled(backend):
+            with parallel_call(threads):
+                passes.fetch_records(*places.arguments, words[first:last], read_only(source))
+        else:
+            words[first:last] = source[places.targets_numpy()]
+
+
 def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     """Generator: yields the fraction done; returns the largest channel of any colour.  ``write``: see
     ``record_steps``; what it writes is thrown away."""

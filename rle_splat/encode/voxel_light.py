@@ -20,6 +20,7 @@ from ..classify.shading import (
     DR,
     LANES,
     SCRATCH,
+    SHARE,
     SR,
     Lighting,
     add_near,
@@ -34,7 +35,7 @@ from ..parallel import share_out
 from ..volume.gradient import CHUNK
 from .records import UNBIAS, code_of, codes_numpy
 
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ZERO = np.float32(0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,14 @@ def light_planes(channels: int) -> tuple[tuple, tuple]:
 def voxel_light(
     voxels: VisibleVoxels, normals, falling: Lighting, *, backend: str = "auto", threads: int = 0
 ) -> VoxelLight:
-    """What ``falling`` sheds on voxels with ``normals`` (m, 3) float32; 1 and 0 where there is no normal."""
+    """What ``falling`` sheds on voxels with ``normals`` (m, 3) float32; where there is no normal, 0 of highlight and of
+    light 1, or what shadows leave of that."""
     strengths = falling.rows[:, RGB:NEAREST]
-    white = bool((strengths == strengths[:, :1]).all())
+    everywhere = falling.material[4:]
+    white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
     glossy = bool(falling.material[2] > 0.0)
     each = 1 if white else 3
-    ambient, diffuse, specular, _ = falling.material
+    ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
     strongest = float((strengths / _nearest(falling, voxels.shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
     bound = refuse_too_bright(max(1.0, ambient + diffuse * strongest, specular * strongest))
     scale = 2.0 ** math.ceil(math.log2(bound))
@@ -75,7 +78,7 @@ def voxel_light(
     _, ny, nz = voxels.shape_xyz
     most = np.zeros((max(nz, 1), 2), np.uint16)
     if compiled(backend):
-        near = None if falling.is_far else (falling.matrix, falling.rows, falling.eye)
+        near = falling.near
         light = (read_only(np.asfortranarray(normals)), falling.material, None if near else falling.rays(), near)
         rows = (ny, read_only(voxels.row_start), read_only(voxels.column))
         with parallel_call(threads):
@@ -128,7 +131,7 @@ def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse,
             for i in range(count):
                 if normals[at + i, 0] == _ZERO and normals[at + i, 1] == _ZERO and normals[at + i, 2] == _ZERO:
                     for channel in range(each):
-                        s[DR + channel * LANES + i] = _ONE
+                        s[DR + channel * LANES + i] = s[SHARE + i]
                         s[SR + channel * LANES + i] = _ZERO
             for part in range(codes.shape[1] // each):
                 for channel in range(each):

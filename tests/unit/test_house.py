@@ -48,6 +48,7 @@ FLOORS = {
     "rle_splat.memory_estimate": 8,
     "rle_splat.kept_normals": 8,
     "rle_splat.exposure": 9,
+    "rle_splat.kept_shadows": 8,
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
     "rle_splat.cost_of_accuracy": 11,

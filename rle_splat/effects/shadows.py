@@ -1,0 +1,153 @@
+"""What reaches each voxel of a light, and of the sky: volumetric shadows, those of meshes, ambient occlusion.
+
+Each is one number a voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives.
+The extinction that casts shadows is that of the voxels, interpolated, whatever the classification.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..classify.visible import VisibleVoxels
+from ..encode.encode import fetch_slabs
+from ..encode.scalars import in_scanlines
+from ..encode.tables import RunTables
+from ..steps import drain
+from .light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
+from .light_sheets import Sweep, point_sweeps, sun_sweeps
+from .light_sweep import FULL, sweep_light
+from .mesh_depth import sheet_depth
+
+# Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.
+BEHIND_MESHES = 0.5
+# Slices before a voxel that do not hide its sky: they are of the same surface, whose rounding by voxels would show.
+NEAR_SKY = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Matter:
+    """What stands in the way of light.
+
+    ``voxels``, and ``find_extinction()``: (m,) float32 of theirs, 1 / world length, in their own order; asked once.
+    ``tables_of(axis)``: their RunTables.  ``matrix``: (4, 4) index to world.  ``triangles``: (n, 3, 3) world, or None.
+    ``look``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
+    outermost voxels' centres.
+    """
+
+    voxels: VisibleVoxels
+    find_extinction: Callable[[], np.ndarray]
+    tables_of: Callable[[int], RunTables]
+    matrix: np.ndarray
+    triangles: np.ndarray | None
+    look: tuple
+    boxed: bool
+    backend: str = "auto"
+    threads: int = 0
+
+    @cached_property
+    def key(self) -> tuple:
+        """Names all that shadows depend on beside the light."""
+        triangles = () if self.triangles is None else hashlib.blake2b(self.triangles.tobytes()).digest()
+        return self.look, self.matrix.tobytes(), triangles, self.boxed
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(8, 3) world corners of the box of voxel centres."""
+        index = np.indices((2, 2, 2)).reshape(3, 8).T * (np.array(self.voxels.shape_xyz) - 1.0)
+        return index @ self.matrix[:3, :3].T + self.matrix[:3, 3]
+
+    @property
+    def voxel(self) -> float:
+        """World length of a voxel, of a cube of the same volume."""
+        return float(np.cbrt(abs(np.linalg.det(self.matrix[:3, :3]))))
+
+    @cached_property
+    def extinction(self) -> np.ndarray:
+        return self.find_extinction()
+
+    @cached_property
+    def extinction_across(self) -> np.ndarray:
+        """The same in the order of principal x."""
+        machine = dict(backend=self.backend, threads=self.threads)
+        return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, **machine))
+
+
+def light_steps(light, matter: Matter):
+    """Generator: yields the fraction done; returns (m,) uint16, what arrives at each voxel of a scene.Light."""
+    samples = light_samples(light, matter.corners, matter.voxel)
+    make = sun_sweeps if light.type == "SUN" else point_sweeps
+    passes = [make(sample, matter.matrix, matter.voxels.shape_xyz, matter.boxed) for sample in samples]
+    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), matter)
+
+
+def sky_steps(matter: Matter):
+    """The same of light from everywhere, seen in fourteen directions; what is nearer than NEAR_SKY slices hides none
+    of it."""
+    shape = matter.voxels.shape_xyz
+    passes = [
+        [sweep.without_nearest(NEAR_SKY) for sweep in sun_sweeps(direction, matter.matrix, shape, matter.boxed)]
+        for direction in SKY_DIRECTIONS
+    ]
+    return mean_steps(passes, SKY_WEIGHTS, matter)
+
+
+def mean_steps(passes: list[list[Sweep]], weights, matter: Matter):
+    """Generator: yields the fraction done; returns (m,) uint16, the weighted mean of what several lights without size
+    leave; each has its Sweeps."""
+    total = np.zeros(len(matter.voxels) if len(passes) > 1 else 0, np.float32)
+    for n, (sweeps, weight) in enumerate(zip(passes, weights)):
+        yield n / len(passes)
+        codes = _swept(sweeps, matter)
+        if len(passes) == 1:
+            return codes
+        total += np.float32(weight) * codes
+    return np.minimum(total + np.float32(0.5), np.float32(FULL)).astype(np.uint16)
+
+
+def _swept(sweeps: list[Sweep], matter: Matter) -> np.ndarray:
+    """(m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
+    voxels = matter.voxels
+    machine = dict(backend=matter.backend, threads=matter.threads)
+    codes = np.full(len(voxels), FULL, np.uint16)  # of voxels that no sweep is for: at the light itself
+    _, ny, nz = voxels.shape_xyz
+    rows = voxels.row_start[:-1].reshape(nz, ny)
+    # Along x voxels are in another order; all that come back from there replace what was there before.
+    across = [sweep for sweep in sweeps if sweep.axis == 0]
+    if across:
+        tables, found = matter.tables_of(0), codes.copy()
+        starts, extinction = tables.scanline_data_pointers, matter.extinction_across
+        for sweep in across:
+            sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, matter), found, **machine)
+        as_bytes = (each.view(np.uint8).reshape(-1, 2) for each in (codes, found))
+        drain(fetch_slabs(tables, voxels, *as_bytes, **machine))
+    for sweep in sweeps:
+        if sweep.axis != 0:
+            starts = rows if sweep.axis == 2 else np.ascontiguousarray(rows.T)
+            meshes = _meshes_before(sweep, matter)
+            sweep_light(sweep, matter.tables_of(sweep.axis), starts, matter.extinction, meshes, codes, **machine)
+    return codes
+
+
+def _meshes_before(sweep: Sweep, matter: Matter) -> np.ndarray | None:
+    """(height, width, samples) float32 slices, ascending, from the sweep's first to the meshes on the light's rays,
+    as ``sweep_light`` takes them; None when no mesh shades any of the voxels."""
+    if matter.triangles is None or len(matter.triangles) == 0:
+        return None
+    corners = np.concatenate((matter.triangles, np.ones((*matter.triangles.shape[:2], 1))), axis=2)
+    placed = corners @ sweep.to_sheet.T
+    pixels, depths = placed[..., :3], placed[..., 3]
+    pixels[..., :2] += 0.5 * pixels[..., 2:]  # the rays of a pixel lie all round the pixel's own
+    clips = (-np.inf, float(len(sweep.slices)))
+    found = sheet_depth(
+        pixels, depths, clips, sweep.width, sweep.height, backend=matter.backend, threads=matter.threads
+    )
+    met = np.isfinite(found).any(axis=2)
+    if not met.any():
+        return None
+    found[met] = np.sort(found[met], axis=1) + np.float32(BEHIND_MESHES)
+    return found
