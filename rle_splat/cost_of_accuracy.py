@@ -21,6 +21,7 @@ from .accuracy.truths import check_mode, truth_steps
 from .effects.analyse import analyse, called_for
 from .encode.store import StoredVolume
 from .kept import Kept
+from .kept_shadows import shadow_count
 from .plan.candidates import check_plannable
 from .plan.choose import Choice, Speed, choose
 from .plan.features import features_of, pilots
@@ -382,6 +383,8 @@ def _measurable(scene: Scene, quality: Quality) -> Scene:
     check_mode(scene, truth_of(mode_quality(scene, quality)))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
+    if shadow_count(scene):
+        raise RleSplatError("Accuracy is measured without shadows; turn off shadows and ambient occlusion.")
     return replace(scene, crop=None)
 
 

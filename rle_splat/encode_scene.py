@@ -84,7 +84,7 @@ def describe_lighting(scene: Scene) -> dict:
     camera, looking = scene.camera, looking_direction(scene.camera)
     parallel = camera.type == "ORTHO"
     return {
-        "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights)),
+        "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights or scene.world)),
         "lights": [describe_light(light) for light in scene.lights],
         "headlight_direction": looking.tolist() if scene.headlight else None,
         "eye": [*(-looking).tolist(), 0.0] if parallel else [*camera.matrix_world[:3, 3].tolist(), 1.0],
