@@ -204,7 +204,8 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
             return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, **machine))
 
         matter = Matter(
-            voxels, lambda: found.extinction, tables_of, matrix, scene.triangles, looks_key, boxed=False, **machine
+            voxels, lambda: found.extinction, tables_of, matrix, scene.triangles, scene.clips, looks_key, boxed=False,
+            **machine,
         )
         steps = shadow_steps(scene, matter, job, clock)
         shadows, shadows_key = yield from portion(steps, 0.1, 0.1, "Casting shadows")

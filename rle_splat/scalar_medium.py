@@ -101,8 +101,8 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
             return extinction_of(table, voxels.stored, volume.voxels.dtype, infinite)
 
         look = (key, tf.classification_key, length)
-        matrix = scene.index_to_world
-        matter = Matter(voxels, extinction, tables_of, matrix, scene.triangles, look, boxed=True, **machine)
+        around = scene.index_to_world, scene.triangles, scene.clips
+        matter = Matter(voxels, extinction, tables_of, *around, look, boxed=True, **machine)
         steps = shadow_steps(scene, matter, job, clock)
         shadows, shadows_key = yield from portion(steps, 0.08, 0.1, "Casting shadows")
         falling = replace(falling, shadows=shadows)

@@ -53,7 +53,8 @@ class VoxelLight:
     """The light on the voxels of a scene: shaded colour = c * light + highlight, two-sided Blinn-Phong.
 
     light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the
-    lights; 1 and 0 where there is no normal.  ``places`` are index arrays (z, y, x) of any shape that they broadcast to.
+    lights; 1 and 0 where there is no normal.  ``places`` are index arrays (z, y, x) of any shape that they broadcast
+    to.
     """
 
     def __init__(self, scene: Scene):

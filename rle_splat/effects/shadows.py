@@ -18,6 +18,7 @@ from ..encode.encode import fetch_slabs
 from ..encode.scalars import in_scanlines
 from ..encode.tables import RunTables
 from ..steps import drain
+from .cut_matter import cover
 from .light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from .light_sheets import Sweep, point_sweeps, sun_sweeps
 from .light_sweep import FULL, sweep_light
@@ -35,6 +36,7 @@ class Matter:
 
     ``voxels``, and ``find_extinction()``: (m,) float32 of theirs, 1 / world length, in their own order; asked once.
     ``tables_of(axis)``: their RunTables.  ``matrix``: (4, 4) index to world.  ``triangles``: (n, 3, 3) world, or None.
+    ``clips``: what they cut away casts no shadow.
     ``look``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
     outermost voxels' centres.
     """
@@ -44,6 +46,7 @@ class Matter:
     tables_of: Callable[[int], RunTables]
     matrix: np.ndarray
     triangles: np.ndarray | None
+    clips: tuple
     look: tuple
     boxed: bool
     backend: str = "auto"
@@ -53,7 +56,8 @@ class Matter:
     def key(self) -> tuple:
         """Names all that shadows depend on beside the light."""
         triangles = () if self.triangles is None else hashlib.blake2b(self.triangles.tobytes()).digest()
-        return self.look, self.matrix.tobytes(), triangles, self.boxed
+        clips = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in self.clips)
+        return self.look, self.matrix.tobytes(), triangles, clips, self.boxed
 
     @property
     def corners(self) -> np.ndarray:
@@ -68,7 +72,9 @@ class Matter:
 
     @cached_property
     def extinction(self) -> np.ndarray:
-        return self.find_extinction()
+        """(m,) float32 of what clips leave of each voxel, 1 / world length, in the voxels' own order."""
+        whole = self.find_extinction()
+        return whole * cover(self.clips, self.voxels, self.matrix) if self.clips else whole
 
     @cached_property
     def extinction_across(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from rle_splat.effects.shadows import NEAR_SKY
 from rle_splat.kept import Kept
 from rle_splat.medium import classify_and_shade
 from rle_splat.render import render
-from rle_splat.scene import Light, Quality, RleSplatError, Scene
+from rle_splat.scene import Clip, Light, Quality, RleSplatError, Scene
 from rle_splat.steps import Clock
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -178,6 +178,20 @@ def test_kernels_say_the_same_as_their_twin_on_any_number_of_threads(light):
     np.testing.assert_array_equal(alone, both)
     assert np.ptp(twin) > 0.5
     np.testing.assert_allclose(alone, twin, atol=2.5 * CODE)
+
+
+@pytest.mark.parametrize("keep", ["inside", "outside"])
+def test_what_a_clip_cuts_away_casts_no_shadow(keep):
+    """Beer and Lambert through what is left of a box between two heights, cut between two slices and at one."""
+    clip = Clip("box", np.diag((100.0, 100.0, 3.25, 1.0)) + np.outer((0, 0, 8.25, 0), (0, 0, 0, 1)), keep)  # 5 to 11.5
+    voxels, found = reaching(scene_of(np.full((20, 7, 7), 0.2), None, [sun((0, 0, -1))], clips=(clip,)), "post")
+    z = voxels[:, 2]
+    within = np.clip(11.5 - np.maximum(z, 5), 0.0, None)
+    way = within if keep == "inside" else 19 - z - within
+    assert np.ptp(way) > 5
+    np.testing.assert_allclose(np.log(found), -0.2 * way, atol=0.2 * 0.55)
+    past = (z < 4) | (z > 12)  # half a voxel at a cut is more or less its own
+    np.testing.assert_allclose(found[past], np.exp(-0.2 * way[past]), atol=3 * CODE)
 
 
 # --- meshes and penumbras -------------------------------------------------------------------------------------------

@@ -1,0 +1,33 @@
+"""What clip objects leave of each voxel, for the shadows that it casts: what is cut away casts none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..classify.visible import VisibleVoxels
+from ..scene import Clip
+
+AT_ONCE = 1 << 20  # voxels looked at together
+
+
+def cover(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix) -> np.ndarray:
+    """(m,) float32 how much of each voxel every clip keeps, 0 to 1: a cut within half a voxel of it leaves a part.
+
+    ``matrix``: (4, 4) index to world.
+    """
+    ny, left = voxels.shape_xyz[1], np.ones(len(voxels), np.float32)
+    for first in range(0, len(voxels), AT_ONCE):
+        part = slice(first, min(first + AT_ONCE, len(voxels)))
+        row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
+        index = np.stack((voxels.column[part].astype(np.float64), row % ny, row // ny, np.ones(len(row))))
+        for clip in clips:
+            own = np.linalg.inv(clip.matrix_world) @ matrix
+            # Of a plane what lies below z = 0, of a box what lies within 1 of the middle along each axis.
+            rows = own[2:3] if clip.kind == "plane" else own[:3]
+            inside = np.ones(len(row))
+            for sided in (rows,) if clip.kind == "plane" else (rows, -rows):
+                for plane in sided:
+                    beyond = plane @ index - (0.0 if clip.kind == "plane" else 1.0)
+                    inside *= np.clip(0.5 - beyond / np.linalg.norm(plane[:3]), 0.0, 1.0)
+            left[part] *= inside if clip.keep == "inside" else 1.0 - inside
+    return left
