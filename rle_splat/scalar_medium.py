@@ -35,7 +35,7 @@ from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, refuse_too_much, scalar_estimate
 from .ray_modes import VALUE_MODES, shown_values, value_look
 from .scene import Quality, Scene, preintegrated_of
-from .splat.scalar_splat import scalar_splat_steps, value_splat_steps
+from .splat.scalar_splat import scalar_splat_steps, scalar_trace, value_splat_steps
 from .steps import Clock, Progress, portion, timed
 from .volume.blocks import Blocks, block_steps
 
@@ -119,6 +119,9 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
             return value_splat_steps(encoded, values, plane, quality, limits)
         return scalar_splat_steps(encoded, table, plane, quality, limits, absorbs=scene.mode == "xray")
 
+    def trace(encoded, rays, sign, slabs):
+        return scalar_trace(encoded, table, rays, sign, slabs, quality)
+
     voxels = relevant.voxels
     counts = (len(voxels), voxels.nan_voxels, needs)
     if values is not None:
@@ -127,7 +130,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         )
     shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
     most_color = refuse_too_bright(table.most_color * shine[0] + shine[1]) if scene.mode == "composite" else 1.0
-    return Medium(voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, *counts)
+    return Medium(voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, *counts, trace=trace)
 
 
 def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxels_key, falling, axes, picture):

@@ -9,58 +9,60 @@ for the others.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .accuracy.lighting import shading_of
-from .accuracy.measure import PROBES, TOLERANCE
-from .accuracy.probes import choose_probes, judge, probe_errors
-from .accuracy.truths import truth
+from .accuracy.measure import PROBES
 from .effects.analyse import analyse, called_for
-from .effects.mesh_depth import mesh_depth
 from .encode.store import StoredVolume
 from .exposure import exposures
+from .judge import Judge
 from .kept import Kept
 from .kept_shadows import shadow_count
 from .plan.candidates import check_plannable, check_tolerance, name_of
-from .plan.choose import NEARLY_BEST, Choice, Speed, choose, corrected
-from .plan.features import Features, doubtful_pixels, features_of, pilots
+from .plan.choose import CAUTION, NEARLY_BEST, Choice, Speed, choose, choose_with_rays, corrected
+from .plan.doubt import MOST_SLABS, Doubt, RayCost, largest_of
+from .plan.features import LEVELS, PILOT_TERMINATION, Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model, default_classification
 from .plan.need import need_of
 from .render import render_steps, truth_of
+from .retrace import can_retrace, retrace_steps
 from .scene import MODES, Quality, Rendering, RleSplatError, Scene
-from .steps import Progress
-from .view.eye import index_view
-from .view.footprints import FOOTPRINTS
-from .view.ray_limits import box_depths
+from .steps import Progress, portion
 
 MOST_ESCALATIONS = 2
 # Probes that pass by less than this leave too much to luck, as other pixels err more: the next finer plan is taken.
 CLEAR = 0.9
-DOUBTFUL_SHARE = 0.5  # as many probes more, of the ordinary ones, go to where half the density makes a difference
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # of a frame's expected time
 STRICTEST = 0.05  # levels; float32 sheets and an eye see no less
-PIXELS_FROM_MESHES = 6  # that the warp's filter and its prefilter may reach from a pixel whose ray ends at a mesh
-RAYS_AT_ONCE = 256  # of a truth: a tenth of a second or so between two looks at the user's Esc
+TRIED_RAYS, FEW_SLABS = 256, 4  # single rays that tell what rays err and take, and slabs of a voxel's depth
 # Shares of the work after which the pilots and each of the rounds end.
 PILOTED = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """One plan's picture; ``measured``: levels, None without probes."""
+    """One picture: what was chosen for it, how many of its pixels are had by ``rays`` of their own and the ``rays_ms``
+    that these took; ``measured``: levels, None without probes."""
 
     choice: Choice
     rendering: Rendering
+    rays: int
+    rays_ms: float
     measured: float | None
     judged: dict | None
 
+    @property
+    def milliseconds(self) -> float:
+        return frame_ms(self.rendering) + self.rays_ms
+
     def report(self) -> dict:
         return {
-            "plan": name_of(self.choice.plan), "predicted": self.choice.errors.total, "measured": self.measured,
-            "predicted_ms": self.choice.milliseconds, "ms": frame_ms(self.rendering),
+            "plan": plan_text(self.choice), "predicted": self.choice.errors.total, "measured": self.measured,
+            "predicted_ms": self.choice.milliseconds, "ms": self.milliseconds,
         }  # fmt: skip
 
 
@@ -74,8 +76,9 @@ def render_within(
     ``probes``: ordinary probe pixels that the picture is measured at, 0 for a prediction alone.  ``progress``,
     ``kept``: as ``render`` has them.
     The report's ``error`` says what was predicted and measured, against which truth, on how many probes, whether the
-    tolerance is ``kept`` and, if not, which ``floor`` there is.  Raises RleSplatError for a tolerance that is none, and
-    for scenes and qualities of which none can be promised.
+    tolerance is ``kept`` and, if not, which ``floor`` there is; and in milliseconds what the picture and what planning
+    and measuring took.  Raises RleSplatError for a tolerance that is none, and for scenes and qualities of which none
+    can be promised.
     """
     quality = quality or Quality(classification=default_classification())
     steps = tolerance_steps(scene, tolerance, quality, kept, probes=probes, seed=seed)
@@ -93,6 +96,7 @@ def tolerance_steps(
     probes: int = PROBES, seed: int = 0,
 ):  # fmt: skip
     """Generator form of ``render_within``: yields Progress, returns the Rendering."""
+    began = time.perf_counter()
     tolerance = check_tolerance(tolerance)
     check_measurable(scene, quality)
     kept = Kept() if kept is None else kept
@@ -103,36 +107,159 @@ def tolerance_steps(
         drawn[name] = yield from _rendered(scene, plan, kept, refuse_empty_view, *ends, "Looking at the scene")
         frames.append((plan, drawn[name].report["stages_ms"]))
     features = features_of(scene, quality, drawn)
-    judge_of = _Judge(called_for(scene, analyse(scene, quality)), quality, probes, seed) if probes else None
+    seen = called_for(scene, analyse(scene, quality))
+    judge = Judge(seen, quality, probes, seed) if probes else None
+    wanted = _Wanted(scene, seen, tolerance, quality, kept, refuse_empty_view, model, features, frames[1:])
+    if can_retrace(seen, quality):
+        rounds = yield from _rounds_with_rays(wanted, Doubt.of(drawn), judge)
+    else:
+        rounds = yield from _rounds(wanted, judge)
+    yield Progress(1.0, "Done")
+    spent = 1e3 * (time.perf_counter() - began)
+    return _finished(scene, tolerance, quality, features, rounds, spent)
 
-    rounds: list[_Round] = []
-    correction, slack, frames = 1.0, NEARLY_BEST, frames[1:]  # the first one also filled the caches
-    while True:
-        choice = choose(features, quality, tolerance, model, Speed.of(model, features, frames), correction, slack)
-        begin, end = _span(len(rounds))
-        middle = 0.5 * (begin + end)
-        text = f"Rendering {name_of(choice.plan)}"
+
+@dataclass(frozen=True, eq=False)
+class _Wanted:
+    """What all rounds have in common.  ``frames``: pairs of a plan and the ``stages_ms`` of a frame by it; the first
+    frame of all filled the caches, and is not among them.  ``seen``: the scene without the effects that are off."""
+
+    scene: Scene
+    seen: Scene
+    tolerance: float
+    quality: Quality
+    kept: Kept
+    refuse_empty_view: bool
+    model: Model
+    features: Features
+    frames: list
+
+    @property
+    def speed(self) -> Speed:
+        return Speed.of(self.model, self.features, self.frames)
+
+    def drawn(self, choice: Choice, begin: float, end: float, text: str = ""):
+        """Generator of Progress: the Rendering of a plan, its rays left out."""
+        text = text or f"Rendering {name_of(choice.plan)}"
         if choice.milliseconds > WORTH_SAYING_MS:
             text += f", about {choice.milliseconds / 1e3:.0f} s"
-        rendering = yield from _rendered(scene, choice.plan, kept, refuse_empty_view, begin, middle, text)
+        found = yield from _rendered(
+            self.scene, choice.plan, self.kept, self.refuse_empty_view, begin, end, text
+        )  # fmt: skip
+        self.frames.append((choice.plan, found.report["stages_ms"]))
+        return found
+
+    def traced(self, columns, rows, slabs: int, termination: float, begin: float, end: float):
+        """Generator of Progress: (n, 4) values of pixels of the picture by rays of their own, and milliseconds."""
+        left, top = self.scene.region[:2]
+        quality = replace(self.quality, termination=termination)
+        steps = retrace_steps(self.seen, quality, columns + left, rows + top, slabs, self.kept)
+        return (yield from portion(steps, begin, end, "Following single rays"))
+
+
+def _rounds(wanted: _Wanted, judge: Judge | None):
+    """Generator of Progress: rounds of ever finer plans, until one keeps the tolerance or none is expected to."""
+    rounds: list[_Round] = []
+    tolerance, correction, slack = wanted.tolerance, 1.0, NEARLY_BEST
+    chosen = wanted.features, wanted.quality, tolerance, wanted.model
+    while True:
+        choice = choose(*chosen, wanted.speed, correction, slack)
+        begin, end = _span(len(rounds))
+        middle = 0.5 * (begin + end)
+        rendering = yield from wanted.drawn(choice, begin, middle)
         measured, judged = None, None
-        if judge_of is not None:
-            halved = replace(choice.plan, sheet_density=HALF * choice.plan.sheet_density)
-            text = "Rendering a coarser one beside it"
-            other = yield from _rendered(scene, halved, kept, refuse_empty_view, middle, middle, text)
-            judged = yield from judge_of.steps(rendering, other, tolerance, middle, end)
+        if judge is not None:
+            halved = replace(choice, plan=replace(choice.plan, sheet_density=HALF * choice.plan.sheet_density))
+            other = yield from wanted.drawn(halved, middle, middle, "Rendering a coarser one beside it")
+            wanted.frames.pop()
+            doubtful = doubtful_pixels(rendering, other, judge.doubtful)
+            judged = yield from judge.steps(rendering.rgba, doubtful, tolerance, middle, end)
             measured = judged["largest"] if judged else None
-        rounds.append(_Round(choice, rendering, measured, judged))
-        frames = [*frames, (choice.plan, rendering.report["stages_ms"])]
+        rounds.append(_Round(choice, rendering, 0, 0.0, measured, judged))
         if measured is None or measured <= CLEAR * tolerance or len(rounds) > MOST_ESCALATIONS:
-            break
+            return rounds
         correction = corrected(choice.errors, measured, correction)
         slack = 1.0 if not choice.keeps else NEARLY_BEST
-        following = choose(features, quality, tolerance, model, correction=correction, slack=slack)
+        following = choose(*chosen, correction=correction, slack=slack)
         if following.plan == choice.plan or (measured <= tolerance and not following.keeps):
-            break
-    yield Progress(1.0, "Done")
-    return _finished(scene, tolerance, quality, features, rounds)
+            return rounds
+
+
+def _rounds_with_rays(wanted: _Wanted, doubt: Doubt, judge: Judge | None):
+    """Generator of Progress: rounds in which ever more pixels are had by rays of their own, of ever more slabs."""
+    rounds: list[_Round] = []
+    tolerance, correction = wanted.tolerance, 1.0
+    chosen = wanted.features, wanted.quality, tolerance, wanted.model, doubt
+    cost = yield from _tried_rays(wanted, doubt)
+    choice = choose_with_rays(*chosen, cost, wanted.speed)
+    begin, end = _span(0)
+    rendering = yield from wanted.drawn(choice, begin, 0.5 * (begin + end))
+    rgba, traced, rays_ms = rendering.rgba.copy(), np.zeros(rendering.rgba.shape[:2], bool), 0.0
+    while True:
+        begin, end = _span(len(rounds))
+        middle = 0.5 * (begin + end)
+        modelled = doubt.modelled(wanted.model, choice.plan, correction)
+        new = (modelled > choice.allowed) & ~traced
+        if new.any():
+            rows, columns = np.nonzero(new)
+            arguments = columns, rows, choice.slabs, choice.plan.termination
+            values, spent = yield from wanted.traced(*arguments, 0.5 * (begin + middle), middle)
+            rgba[rows, columns] = values
+            rays_ms += spent
+            traced |= new
+        picture = replace(rendering, rgba=rgba.copy())
+        measured, judged = None, None
+        if judge is not None:
+            doubtful = _still_doubtful(modelled, traced, judge.doubtful)
+            judged = yield from judge.steps(picture.rgba, doubtful, tolerance, middle, end)
+            measured = judged["largest"] if judged else None
+        rounds.append(_Round(choice, picture, int(traced.sum()), rays_ms, measured, judged))
+        if measured is None or measured <= CLEAR * tolerance or len(rounds) > MOST_ESCALATIONS:
+            return rounds
+        errors, by_ray = judge.errors_of(rgba), traced[judge.rows, judge.columns]
+        finer = errors[by_ray].max(initial=0.0) > CLEAR * tolerance
+        if finer:
+            if choice.slabs >= MOST_SLABS:
+                return rounds
+            cost = cost.found(errors[by_ray].max(), choice.slabs)
+        wrong = ~by_ray & (errors > CLEAR * tolerance)
+        if wrong.any():
+            beyond = errors[wrong] / modelled[judge.rows[wrong], judge.columns[wrong]]
+            correction *= CAUTION * max(float(beyond.max()), 1.0)
+        following = choose_with_rays(*chosen, cost, wanted.speed, correction, only=choice.plan)
+        if finer:
+            traced[:], rays_ms = False, 0.0
+        choice = following
+
+
+def _tried_rays(wanted: _Wanted, doubt: Doubt):
+    """Generator of Progress: the RayCost of the scene: what rays err from the most doubtful pixels, what they take
+    from pixels anywhere."""
+    termination = PILOT_TERMINATION / 16.0
+    apart, spent = {}, []
+    for places in (doubt.most_doubtful(TRIED_RAYS), doubt.anywhere(TRIED_RAYS)):
+        # Once before, for the kernel may have to be loaded.
+        for slabs in (1, FEW_SLABS, 2 * FEW_SLABS):
+            values, took = yield from wanted.traced(*places, slabs, termination, PILOTED, PILOTED)
+            apart.setdefault(slabs, []).append(values)
+            spent.append(took)
+    few, many = (np.concatenate(apart[slabs]) for slabs in (FEW_SLABS, 2 * FEW_SLABS))
+    return RayCost.of(FEW_SLABS, LEVELS * float(np.abs(few - many).max(initial=0.0)), spent[-2:], len(places[0]))
+
+
+def _still_doubtful(modelled, traced, count: int):
+    """Columns and rows of pixels to look at: mostly those of sheets that are most likely to be wrong, and some that
+    rays were followed to."""
+    by_ray = largest_of(modelled, count // 4, ~traced) if traced.any() else (np.empty(0, np.int64),) * 2
+    by_sheets = largest_of(modelled, count - len(by_ray[0]), traced)
+    return tuple(np.concatenate(both) for both in zip(by_sheets, by_ray, strict=True))
+
+
+def plan_text(choice: Choice) -> str:
+    """A plan's name for people, with what of the picture it has by single rays."""
+    if not choice.rays:
+        return name_of(choice.plan)
+    return f"{name_of(choice.plan)} + {choice.slabs}-slab rays"
 
 
 def check_measurable(scene: Scene, quality: Quality) -> None:
@@ -180,77 +307,12 @@ def _rendered(scene, plan, kept, refuse_empty_view, begin, end, text):
         yield Progress(begin + (end - begin) * step.fraction, message)
 
 
-class _Judge:
-    """Probe pixels of a scene and their truth, each looked up once for all rounds."""
-
-    def __init__(self, scene: Scene, quality: Quality, count: int, seed: int):
-        self._scene, self._name = scene, truth_of(quality)
-        self._count, self._seed = count, seed
-        self._free = _free_of_meshes(scene, quality)
-        self._shading = shading_of(scene, self._name)
-        self._random = 0  # of the probes, the first ones
-        self._columns, self._rows, self._true = np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 4))
-
-    def steps(self, rendering: Rendering, coarser: Rendering, tolerance: float, begin: float, end: float):
-        """Generator of Progress; returns what ``probes.judge`` says of the picture, None without a pixel to look at.
-
-        ``coarser``: the same with half the density, which tells where to look.
-        """
-        if not len(self._columns):
-            probes = choose_probes(rendering.rgba, self._count, self._seed)
-            free = self._free[probes.rows, probes.columns]
-            self._random = int(free[: probes.random].sum())
-            yield from self._look_up(probes.columns, probes.rows, begin, 0.5 * (begin + end))
-        doubtful = doubtful_pixels(rendering, coarser, int(DOUBTFUL_SHARE * self._count))
-        yield from self._look_up(*doubtful, 0.5 * (begin + end), end)
-        if not len(self._columns):
-            return None
-        errors = probe_errors(rendering.rgba[self._rows, self._columns], self._true)
-        return judge(errors, self._random, tolerance)
-
-    def _look_up(self, columns, rows, begin: float, end: float):
-        """Generator of Progress: more probes, where no mesh has a part in them."""
-        free = self._free[rows, columns]
-        columns, rows = columns[free], rows[free]
-        left, top = self._scene.region[:2]
-        found = [self._true]
-        for first in range(0, len(columns), RAYS_AT_ONCE):
-            yield Progress(begin + (end - begin) * first / len(columns), "Measuring the error at probe pixels")
-            part = slice(first, first + RAYS_AT_ONCE)
-            centres = columns[part] + left + 0.5, rows[part] + top + 0.5
-            found.append(truth(self._scene, self._name, pixels=centres, tolerance=TOLERANCE, **self._shading)[0])
-        self._columns, self._rows = np.concatenate((self._columns, columns)), np.concatenate((self._rows, rows))
-        self._true = np.concatenate(found)
-
-
-def _free_of_meshes(scene: Scene, quality: Quality) -> np.ndarray:
-    """(H, W) bool: pixels whose picture no mesh has any part in."""
-    left, top, right, bottom = scene.region
-    if scene.triangles is None or len(scene.triangles) == 0:
-        return np.ones((bottom - top, right - left), dtype=bool)
-    view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    furthest = box_depths(view, scene.volume.shape_xyz, FOOTPRINTS[quality.kernel].radius)[1]
-    reach = PIXELS_FROM_MESHES
-    around = (
-        max(left - reach, 0), max(top - reach, 0), min(right + reach, scene.width), min(bottom + reach, scene.height)
-    )  # fmt: skip
-    samples = mesh_depth(
-        scene.triangles, scene.camera, scene.width, scene.height, region=around, backend=quality.backend,
-        threads=quality.threads,
-    )  # fmt: skip
-    ended = (samples < furthest).any(axis=-1)
-    padded = np.pad(ended, reach)
-    near = np.zeros_like(ended)
-    for down in range(2 * reach + 1):
-        for across in range(2 * reach + 1):
-            near |= padded[down : down + ended.shape[0], across : across + ended.shape[1]]
-    return ~near[top - around[1] : bottom - around[1], left - around[0] : right - around[0]]
-
-
 # --- the report -----------------------------------------------------------------------------------------------
 
 
-def _finished(scene: Scene, tolerance: float, quality: Quality, features: Features, rounds: list[_Round]) -> Rendering:
+def _finished(
+    scene: Scene, tolerance: float, quality: Quality, features: Features, rounds: list[_Round], spent: float
+) -> Rendering:  # fmt: skip
     best = min(rounds, key=_badness)
     rendering, choice = best.rendering, best.choice
     kept = best.measured <= tolerance if best.measured is not None else choice.keeps
@@ -264,7 +326,12 @@ def _finished(scene: Scene, tolerance: float, quality: Quality, features: Featur
         "kept": bool(kept),
         "floor": None if kept else (best.measured if best.measured is not None else choice.errors.total),
         "predicted_ms": choice.milliseconds,
-        "ms": frame_ms(rendering),
+        "ms": best.milliseconds,
+        "planning_ms": max(spent - frame_ms(rendering) - best.rays_ms, 0.0),
+        "rays": {
+            "pixels": best.rays, "share": best.rays / max(features.pixels, 1),
+            "slabs": choice.slabs if best.rays else 0, "ms": best.rays_ms,
+        },
         "budget": choice.errors.report(),
         "rounds": [one.report() for one in rounds],
         "features": features.report(),
@@ -275,7 +342,7 @@ def _finished(scene: Scene, tolerance: float, quality: Quality, features: Featur
         error["statement"] = best.judged["sentence"]
     error["sentence"] = sentence(error)
     remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, quality, error)]
-    plan = {**rendering.report["plan"], "name": name_of(choice.plan)}
+    plan = {**rendering.report["plan"], "name": plan_text(choice)}
     return replace(rendering, report={**rendering.report, "plan": plan, "error": error, "remarks": remarks})
 
 
@@ -286,11 +353,12 @@ def _badness(one: _Round) -> float:
 
 def sentence(error: dict) -> str:
     """Prediction and measurement of an ``error`` report for people: ``predicted 0.4, measured 0.31 on 1000 probes,
-    84 ms``, in levels."""
+    84 ms and 2.1 s for planning``, in levels."""
     parts = [f"predicted {error['predicted']:.2g}"]
     if error["measured"] is not None:
         parts.append(f"measured {error['measured']:.2g} on {error['probes']} probes")
-    return f"{', '.join(parts)}, {error['ms']:.0f} ms"
+    planning = error["planning_ms"] / 1e3
+    return f"{', '.join(parts)}, {error['ms']:.0f} ms and {planning:.1f} s for planning and measuring"
 
 
 def _remarks(scene: Scene, tolerance: float, quality: Quality, error: dict) -> list[str]:

@@ -10,6 +10,7 @@ from ..memory import available_bytes
 from ..memory_estimate import SHEET_PIXEL, SPARE, WARPED
 from ..scene import Quality
 from .candidates import candidates
+from .doubt import Doubt, RayCost
 from .features import LEVELS, Features
 from .model import ErrorBudget, Model
 
@@ -22,22 +23,30 @@ LEAST_TERMINATION = 1e-7
 CAUTION = 1.15
 # What no plan keeps is rendered by the quickest plan that errs hardly more than the most accurate one.
 NEARLY_BEST = 1.25
+RAY_SHARE = 0.5  # of what a plan may err is what single rays may
 
 
 @dataclass(frozen=True)
 class Choice:
     """A plan, what it is expected to err and to take (splat and warp), and whether it is expected to keep the
-    tolerance: if not, there is hardly a more accurate one."""
+    tolerance: if not, there is hardly a more accurate one.
+
+    ``rays``: pixels that are had by rays of their own, because the plan's sheets and warp would err more than
+    ``allowed`` levels there; ``slabs``: that a voxel's depth is cut into along them; ``rays_ms``: what they take."""
 
     plan: Quality
     errors: ErrorBudget
     splat_ms: float
     warp_ms: float
     keeps: bool
+    rays: int = 0
+    slabs: int = 0
+    rays_ms: float = 0.0
+    allowed: float = np.inf
 
     @property
     def milliseconds(self) -> float:
-        return self.splat_ms + self.warp_ms
+        return self.splat_ms + self.warp_ms + self.rays_ms
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,45 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, sp
     if not enough:
         least = min(choice.errors.total for choice in choices)
         enough = [choice for choice in choices if choice.errors.total <= slack * least]
+    return min(enough, key=lambda choice: choice.milliseconds)
+
+
+def choose_with_rays(
+    features: Features, base: Quality, tolerance: float, model: Model, doubt: Doubt, cost: RayCost,
+    speed: Speed = Speed(), correction: float = 1.0, only: Quality | None = None,
+) -> Choice:  # fmt: skip
+    """As ``choose``, where pixels that a plan would get wrong are had by rays: the plan and the rays that are expected
+    to be quickest together; ``only``: with the sheets of this plan.  ``keeps`` is False where the rays themselves are
+    expected to err more than is allowed."""
+    base = replace(base, termination=termination_for(tolerance, features.largest_color))
+    densest = _densest_that_fits(features)
+    bounds = model.errors(features, base).bounds
+    allowed = SAFETY * tolerance - bounds
+    slabs = cost.slabs_for(RAY_SHARE * allowed)
+    of_rays = cost.error(slabs)
+    depth_step, sheet_step, pixels = doubt.bins.T
+    choices = []
+    for plan in candidates(base) if only is None else [only]:
+        if plan.sheet_density <= densest:
+            depth, warp = model.constants(plan)
+            modelled = correction * np.hypot(depth * depth_step, warp * sheet_step)
+            wrong = modelled > allowed
+            rays = int(pixels[wrong].sum())
+            worst = int(np.argmax(np.where(wrong, -1.0, modelled)))
+            parts = (0.0, 0.0) if wrong.all() else (depth * depth_step[worst], warp * sheet_step[worst])
+            of_sheets = 0.0 if wrong.all() else modelled[worst]
+            errors = model.errors(features, plan)
+            if rays and of_rays > of_sheets:
+                errors = replace(errors, depth=of_rays, warp=0.0)
+            else:
+                errors = replace(errors, depth=correction * parts[0], warp=correction * parts[1])
+            splat, warped = model.milliseconds(features, plan)
+            keeps = errors.total <= SAFETY * tolerance * (1.0 + 1e-9)
+            choices.append(Choice(
+                plan, errors, splat * speed.splat, warped * speed.warp, keeps, rays, slabs if rays else 0,
+                cost.milliseconds(rays, slabs) if rays else 0.0, max(allowed, 0.0),
+            ))  # fmt: skip
+    enough = [choice for choice in choices if choice.keeps] or choices
     return min(enough, key=lambda choice: choice.milliseconds)
 
 

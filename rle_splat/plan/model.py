@@ -92,15 +92,20 @@ class Model:
         """What the plan is expected to err at most.  ``correction``: how many times more than the model says the scene
         has been found to err."""
         color = max(features.largest_color, 1.0)
+        depth, warp = self.constants(plan)
         density_error, color_error = LIGHT_ERRORS if plan.classification == "post" else RECORD_ERRORS[plan.record]
         sheets = min(features.sheets * family_of(plan.depth_rule)[1], FLOAT_SHEETS)
         return ErrorBudget(
-            depth=correction * features.depth_step * self._depth_constant(plan.depth_rule),
-            warp=correction * features.sheet_step * self._warp_constant(plan.warp_filter, plan.sheet_density),
+            depth=correction * features.depth_step * depth,
+            warp=correction * features.sheet_step * warp,
             termination=LEVELS * plan.termination * color,
             records=LEVELS * color * (2.0 * density_error + color_error),
             rounding=LEVELS * color * FLOAT_ERROR * (sheets + ROUNDINGS),
         )
+
+    def constants(self, plan: Quality) -> tuple[float, float]:
+        """What the pilots' differences in depth and in density are multiplied by."""
+        return self._depth_constant(plan.depth_rule), self._warp_constant(plan.warp_filter, plan.sheet_density)
 
     def milliseconds(self, features: Features, plan: Quality) -> tuple[float, float]:
         """Of splat and of warp, on the machine that the file was made on."""

@@ -14,7 +14,7 @@ from .sheet_buffer_numpy import composite_numpy, slab_numpy, within_holes
 ONE = np.float32(1.0)
 
 
-def _dense_slice(tables, k: int) -> np.ndarray | None:
+def dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines, width, channels) float32: scalar and light of slice ``k``; None if nothing of it is kept."""
     channels = 1 if tables.lights is None else 1 + tables.lights.shape[1]
     dense = None
@@ -154,7 +154,7 @@ def splat_scalar_sheets_numpy(
         there = here if sheets.kind[sheet] == BETWEEN else absent
         first = int(sheets.first_slice[sheet])
         slices = {
-            k: slices[k] if k in slices else _dense_slice(tables, k) for k in (first, first + 1) if 0 <= k < n_slices
+            k: slices[k] if k in slices else dense_slice(tables, k) for k in (first, first + 1) if 0 <= k < n_slices
         }
         mixed = _between(slices, first, sheets.slice_weights[sheet])
         here = absent

@@ -7,12 +7,14 @@ import numpy as np
 from ..classify.value_table import ValueTable
 from ..encode.scalars import ScalarVolume
 from ..encode.voxel_light import light_planes
-from ..jit import compiled, thread_count
+from ..jit import compiled, parallel_call, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from .arguments import ScalarTables, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .pixel_block import BLOCK
+from .scalar_rays import CORNERS, RayList, trace_rays
+from .scalar_rays_numpy import trace_rays_numpy
 from .scalar_sheets import splat_scalar_rows
 from .scalar_sheets_numpy import splat_scalar_sheets_numpy
 from .scratch import scratch_for
@@ -26,16 +28,9 @@ def scalar_splat_steps(
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
     """
-    least, low, high, nearest, furthest, origin = _from_centre(
-        encoded, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
-    )
-    entries, sums = table.entries.reshape(-1), table.sums.reshape(-1)
+    look = _look(encoded, table)
     if absorbs:
-        entries, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
-    look = (
-        entries, sums, origin, np.float32(table.rate), least, low, high, nearest, furthest,
-        np.int32(len(table.entries) - 1),
-    )  # fmt: skip
+        look = *(np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums)), *look[2:]
     image = yield from _steps(encoded, look, None, absorbs or None, plane, quality, limits)
     if absorbs:
         depths = image.pixels[..., 0].copy()
@@ -72,16 +67,35 @@ def _from_centre(encoded: ScalarVolume, *stored) -> list:
     return [np.float32(np.clip(value - encoded.centre, -1e38, 1e38)) for value in stored]
 
 
-def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality: Quality, limits):
-    """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
-    tables = ScalarTables(
+def _look(encoded: ScalarVolume, table: ValueTable) -> tuple:
+    """The value table as kernels take it."""
+    least, low, high, nearest, furthest, origin = _from_centre(
+        encoded, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
+    )
+    return (
+        table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high, nearest,
+        furthest, np.int32(len(table.entries) - 1),
+    )  # fmt: skip
+
+
+def _tables(encoded: ScalarVolume) -> ScalarTables:
+    return ScalarTables(
         encoded.tables.scanline_pointers, encoded.tables.scanline_data_pointers, encoded.tables.runs, encoded.scalars,
         encoded.lights, np.float32(encoded.light_unit), encoded.width,
     )
+
+
+def _light_planes(encoded: ScalarVolume) -> tuple[tuple, tuple]:
+    return ((), ()) if encoded.lights is None else light_planes(encoded.lights.shape[1])
+
+
+def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality: Quality, limits):
+    """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
+    tables = _tables(encoded)
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    matt, gloss = ((), ()) if encoded.lights is None else light_planes(encoded.lights.shape[1])
+    matt, gloss = _light_planes(encoded)
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
@@ -94,3 +108,23 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
     scratch = scratch_for(workers, tables, sheets, rays, None, channels, before=True)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
+
+
+def scalar_trace(
+    encoded: ScalarVolume, table: ValueTable, rays: RayList, sign: int, slabs: int, quality: Quality
+) -> np.ndarray:
+    """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least.
+
+    ``sign``: +1 or -1, which way they go along the principal axis of the tables.
+    """
+    look, (matt, gloss) = _look(encoded, table), _light_planes(encoded)
+    least = max(quality.termination, OPAQUE)
+    out = np.zeros((len(rays.enter), 4), np.float32)
+    arguments = (_tables(encoded), rays, float(sign), look, matt, gloss, slabs, least)
+    if not compiled(quality.backend):
+        trace_rays_numpy(*arguments, out)
+        return out
+    corners = np.empty((len(out), CORNERS * (1 + len(matt) + len(gloss))), np.float32)
+    with parallel_call(quality.threads):
+        trace_rays(*arguments, corners, out)
+    return out

@@ -51,6 +51,8 @@ FLOORS = {
     "rle_splat.kept_shadows": 8,
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
+    "rle_splat.retrace": 10,
+    "rle_splat.judge": 10.5,
     "rle_splat.cost_of_accuracy": 11,
     "rle_splat.tolerance": 11,
     "rle_splat": 12,
