@@ -353,12 +353,12 @@ def _badness(one: _Round) -> float:
 
 def sentence(error: dict) -> str:
     """Prediction and measurement of an ``error`` report for people: ``predicted 0.4, measured 0.31 on 1000 probes,
-    84 ms and 2.1 s for planning``, in levels."""
+    84 ms (planned and measured in 2.1 s)``, in levels."""
     parts = [f"predicted {error['predicted']:.2g}"]
     if error["measured"] is not None:
         parts.append(f"measured {error['measured']:.2g} on {error['probes']} probes")
-    planning = error["planning_ms"] / 1e3
-    return f"{', '.join(parts)}, {error['ms']:.0f} ms and {planning:.1f} s for planning and measuring"
+    done = "planned" if error["measured"] is None else "planned and measured"
+    return f"{', '.join(parts)}, {error['ms']:.0f} ms ({done} in {error['planning_ms'] / 1e3:.1f} s)"
 
 
 def _remarks(scene: Scene, tolerance: float, quality: Quality, error: dict) -> list[str]:
