@@ -178,6 +178,17 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),
         default=USUAL.backend)
     lighting: LiveEnum(name="Lighting", description="What lights the volume", items=LIGHTING_ITEMS)
+    use_shadows: LiveBool(
+        name="Shadows", default=True,
+        description="Lights of the scene whose own Shadow is on cast shadows in the volume: its own, and those of the "
+        "meshes that occlude it. Not with a Maximum Error")
+    use_world: LiveBool(
+        name="World Light", default=True,
+        description="The world's colour shines from everywhere, beside the lights of the scene")
+    ambient_occlusion: LiveFloat(
+        name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
+        description="How much of the light from everywhere is taken away where the volume or a mesh hides the sky. Not "
+        "with a Maximum Error")
     meshes_occlude: LiveBool(
         name="Meshes Occlude", description="Stop each ray at the first mesh surface, also inside the volume",
         default=True)

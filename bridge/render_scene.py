@@ -19,6 +19,7 @@ from .effects import overrides_of
 from .lights import read_lights
 from .meshes import read_triangles
 from .motion import read_poses
+from .world import read_world
 
 KEPT = Kept()  # keyed by content, so it may outlive files and undo
 
@@ -37,13 +38,15 @@ def still_there(name: str):
 
 
 def read_scene(
-    volume_object, depsgraph, *, with_meshes: bool, in_region: bool = False, moving: bool = False, warn=None
+    volume_object, depsgraph, *, with_meshes: bool, with_shadows: bool = True, in_region: bool = False,
+    moving: bool = False, warn=None,
 ):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
-    ``with_meshes``: stop each ray at the first mesh surface.  ``in_region``: only what a cropped render region keeps
-    of the frame.  ``moving``: blur what moves if the scene wants it, which a handler of Blender's cannot: it needs a
-    copy of the scene.  ``warn``: called with a sentence for what is odd.
+    ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them, and no maximum
+    error is set, for the truths have none.  ``in_region``: only what a cropped render region keeps of the frame.
+    ``moving``: blur what moves if the scene wants it, which a handler of Blender's cannot: it needs a copy of the
+    scene.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
@@ -52,6 +55,7 @@ def read_scene(
     transfer_function = transfer.read_transfer(volume_object, depsgraph)
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
+    in_shadow = with_shadows and settings.tolerance_of(scene) is None
     triangles = read_triangles(depsgraph) if with_meshes else None
     plain = Scene(
         volume=volume,
@@ -67,6 +71,10 @@ def read_scene(
         crop=frame_crop(scene.render) if in_region else None,
         motion=read_poses(depsgraph.scene, volume_object) if moving else (),
         effects=overrides_of(scene),
+        volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,
+        # A headlight stands for all the light of a scene that has none.
+        world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,
+        ambient_occlusion=scene.rle_splat.ambient_occlusion if in_shadow else 0.0,
     )
     return plain, settings.quality_of(scene)
 

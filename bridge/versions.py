@@ -81,3 +81,8 @@ def check_compositor_can_run(scene) -> None:
             "The compositor is set to the graphics card, which Blender cannot reach without libEGL.so.1; install "
             "the package libegl1 or set the compositor's device to CPU in the render properties."
         ) from None
+
+
+def world_is_nodes(world) -> bool:
+    """Whether a world is what its nodes say, which from 5.0 on it always is; else it is its colour."""
+    return world.node_tree is not None and (bpy.app.version >= (5, 0) or world.use_nodes)

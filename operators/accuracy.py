@@ -26,7 +26,7 @@ class _Measurement(StepwiseOperator):
         volume_object = volumes.volume_object(context)
         self._name, self._camera_name = volume_object.name, context.scene.camera.name
         return render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=False,
+            volume_object, context.evaluated_depsgraph_get(), with_meshes=False, with_shadows=False,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 

@@ -23,7 +23,13 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         properties = volumes.volume_object(context).rle_splat
-        layout.prop(context.scene.rle_splat, "lighting")
+        settings = context.scene.rle_splat
+        layout.prop(settings, "lighting")
+        column = layout.column(align=True)
+        column.active = settings.lighting == "SCENE"
+        column.prop(settings, "use_shadows")
+        column.prop(settings, "use_world")
+        layout.prop(settings, "ambient_occlusion")
         column = layout.column(align=True)
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess"):

@@ -133,3 +133,19 @@ def centroid(weights):
     rows, columns = np.indices(weights.shape) + 0.5
     total = weights.sum()
     return np.array(((columns * weights).sum() / total, (rows * weights).sum() / total))
+
+
+def add_white_floor(half: float):
+    """A white diffuse square about the origin, facing up."""
+    corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
+    floor = add_mesh(corners, [(0, 1, 2, 3)])
+    material = bpy.data.materials.new("white")
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    shader = material.node_tree.nodes.new("ShaderNodeBsdfDiffuse")
+    shader.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    output = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    floor.data.materials.append(material)
+    return floor

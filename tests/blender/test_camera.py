@@ -166,16 +166,7 @@ def test_a_light_that_is_not_normalised_is_as_bright_as_cycles_makes_it(bridge, 
     """"Normalize" off scales a light by its area: the plain energy read has the same ratio as two renders."""
     scene = scenes.use_cycles((8, 8), samples=256)
     scenes.add_camera((0.0, 0.0, 20.0), type="ORTHO", ortho_scale=0.2)
-    floor = scenes.add_mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
-    material = bpy.data.materials.new("white")
-    if material.node_tree is None:
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
-    shader = material.node_tree.nodes.new("ShaderNodeBsdfDiffuse")
-    shader.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    output = material.node_tree.nodes.new("ShaderNodeOutputMaterial")
-    material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
-    floor.data.materials.append(material)
+    scenes.add_white_floor(1.0)
     data = bpy.data.lights.new("light", kind)
     data.energy = 10.0
     settings = {"AREA": {"size": 0.6}, "SUN": {"angle": 0.4}}.get(kind, {"shadow_soft_size": 0.3})

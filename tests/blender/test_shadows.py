@@ -1,0 +1,138 @@
+"""Shadows and light in Blender: what is read of lights and world, and falloff as Cycles has it on a mesh in the same
+place."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from tests.blender import scenes
+
+SIZE = 24
+BALL = np.clip(
+    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
+).astype(np.uint8)
+
+
+@pytest.fixture
+def ball(addon, tmp_path):
+    """A ball seen from above."""
+    found = scenes.import_raw(tmp_path, BALL)
+    scenes.add_camera(location=(0.0, 0.0, 40.0))
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+    scene.rle_splat.quality = "draft"
+    return found
+
+
+def add_light(kind, location, aim=(0.0, 0.0, 0.0), **settings):
+    data = bpy.data.lights.new(kind, kind)
+    for name, value in settings.items():
+        setattr(data, name, value)
+    light = bpy.data.objects.new(kind, data)
+    light.location = location
+    light.rotation_euler = (Vector(aim) - Vector(location)).to_track_quat("-Z", "Y").to_euler()
+    bpy.context.scene.collection.objects.link(light)
+    return light
+
+
+def picture():
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    image = bpy.context.scene.rle_splat.image
+    pixels = np.empty(SIZE * SIZE * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels
+
+
+def read(bridge, volume, **how):
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return bridge("render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
+
+
+def plain_world(color, strength):
+    world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    node = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+    node.inputs["Color"].default_value, node.inputs["Strength"].default_value = (*color, 1.0), strength
+    bpy.context.scene.world = world
+    return world, node
+
+
+def test_lights_that_cast_shadows_cast_them_and_only_they(ball):
+    sun = add_light("SUN", (30.0, 0.0, 10.0), energy=4.0)
+    settings = bpy.context.scene.rle_splat
+    rows = settings.effect_rows
+    shaded = picture()
+    assert rows["shadows"].on and rows["shadows"].reason == "cast by 1 sun" and rows["shadows"].ms > 0.0
+    sun.data.use_shadow = False
+    plain = picture()
+    assert not rows["shadows"].on and rows["shadows"].reason == "no light casts shadows"
+    assert np.abs(shaded - plain).max() > 0.1 and (shaded <= plain + 1e-3).all()
+    sun.data.use_shadow, settings.use_shadows = True, False
+    np.testing.assert_array_equal(picture(), plain)
+
+
+def test_a_headlight_casts_none_and_a_maximum_error_leaves_them_out(ball, bridge):
+    assert not read(bridge, ball).volume_shadows
+    add_light("SUN", (30.0, 0.0, 10.0))
+    settings = bpy.context.scene.rle_splat
+    settings.ambient_occlusion = 0.5
+    plain = read(bridge, ball)
+    assert plain.volume_shadows and plain.ambient_occlusion == 0.5
+    without = read(bridge, ball, with_shadows=False)
+    settings.max_error = 2.0
+    for scene in (without, read(bridge, ball)):
+        assert not scene.volume_shadows and scene.ambient_occlusion == 0.0
+
+
+def test_the_world_is_read_where_it_is_one_colour(ball, bridge):
+    add_light("SUN", (30.0, 0.0, 10.0))
+    bpy.context.scene.world = None
+    assert read(bridge, ball).world is None
+    world, node = plain_world((0.1, 0.2, 0.4), 2.5)
+    np.testing.assert_allclose(read(bridge, ball).world, (0.25, 0.5, 1.0), rtol=1e-6)
+    said = []
+    sky = world.node_tree.nodes.new("ShaderNodeTexSky")
+    world.node_tree.links.new(sky.outputs[0], node.inputs["Color"])
+    assert read(bridge, ball, warn=said.append).world is None and "more than one colour" in said[0]
+    bpy.context.scene.rle_splat.use_world = False
+    assert read(bridge, ball, warn=said.append).world is None and len(said) == 1
+
+
+LIGHTS = {
+    "sun": ("SUN", (3.0, 0.0, 4.0), {"energy": 3.0, "angle": 0.0}),
+    "point": ("POINT", (1.0, 0.5, 2.0), {"energy": 50.0, "shadow_soft_size": 0.01}),
+    "spot": (
+        "SPOT", (1.5, 0.0, 3.0), {"energy": 80.0, "shadow_soft_size": 0.01, "spot_size": 0.9, "spot_blend": 0.5}
+    ),
+    "area": ("AREA", (-1.0, 1.0, 4.0), {"energy": 40.0, "size": 0.2}),
+}
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_light_falls_off_as_cycles_has_it_on_a_mesh_in_the_same_place(addon, bridge, core, tmp_path, name):
+    """A white floor four units wide, pixel by pixel: within 3 % of its brightest place, 1 % in the mean."""
+    kind, location, settings = LIGHTS[name]
+    scenes.use_cycles((16, 16), samples=64)
+    scenes.add_camera((0.0, 0.0, 20.0), type="ORTHO", ortho_scale=4.0)
+    scenes.add_white_floor(2.5)
+    add_light(kind, location, **settings)
+    theirs = np.asarray(scenes.rendered(tmp_path / "lit.exr"))[..., 1]
+    lights = bridge("lights").read_lights(bpy.context.evaluated_depsgraph_get())
+    function = core("classify.transfer_function")
+    shade = function.Shade(ambient=0.0, diffuse=1.0, specular=0.0, shininess=1.0)
+    tf = function.TransferFunction(opacity=((0, 0.5),), color=((0, 1, 1, 1),), shade=shade)
+    place = np.diag((4 / 64, -4 / 64, 1.0, 1.0))  # voxels share the pixels out, rows from the top
+    place[:2, 3] = -2.0 + 2 / 64, 2.0 - 2 / 64
+    volume = core("volume.volume").Volume(np.ones((1, 64, 64), np.uint8), place)
+    classified = core("classify.classification").classify(volume, tf, place)
+    up = np.tile(np.array((0.0, 0.0, 1.0), np.float32), (64 * 64, 1))
+    ours = core("classify.shading").shade(classified, up, place, shade, lights)[:, 1]
+    ours = ours.reshape(16, 4, 16, 4).mean(axis=(1, 3))
+    assert kind == "SUN" or np.ptp(ours) > 0.2 * ours.max()
+    assert np.abs(ours - theirs).max() < 0.03 * ours.max()
+    assert math.isclose(ours.mean(), theirs.mean(), rel_tol=0.01)

@@ -1,0 +1,69 @@
+"""Shadows, the world's light and ambient occlusion on the command line: they reach the picture, or are refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rle_splat.cli.main import main
+
+SUN = {"type": "SUN", "energy": 4.0, "matrix_world": [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]}
+SHADE = {"ambient": 0.2, "diffuse": 0.8, "specular": 0.0, "shininess": 10}
+
+
+@pytest.fixture
+def render(tmp_path):
+    """Renders a soft ball with more options: (rgba, effects by name), or what was refused on stderr as exit code 2."""
+    ball = np.clip(200 - 30 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0, 255)
+    (tmp_path / "ball.raw").write_bytes(ball.astype(np.uint8).tobytes())
+    (tmp_path / "tf.json").write_text(
+        json.dumps({"opacity": [[60, 0], [120, 0.5]], "color": [[0, 1, 0.8, 0.6]], "shade": SHADE, "unit": None})
+    )
+    (tmp_path / "lights.json").write_text(json.dumps([SUN]))
+
+    def run(*options, volume="ball.raw", shape=("--shape", "11", "11", "11", "--dtype", "uint8"), lights=True):
+        out = tmp_path / "out.npy"
+        lit = ("--lights", str(tmp_path / "lights.json")) if lights else ()
+        code = main([
+            "render", str(tmp_path / volume), *shape, "--transfer-function", str(tmp_path / "tf.json"), "--size", "24",
+            "--backend", "numpy", "-o", str(out), "--json", str(tmp_path / "report.json"), *lit, *options,
+        ])  # fmt: skip
+        if code:
+            return code
+        report = json.loads((tmp_path / "report.json").read_text())
+        return np.load(out), {effect["name"]: effect for effect in report["effects"]}
+
+    return run
+
+
+def test_each_option_changes_the_light_and_nothing_else(render):
+    plain, off = render()
+    for name in ("shadows", "world light", "ambient occlusion"):
+        assert not off[name]["on"]
+    for options, name, brighter in (
+        (["--shadows"], "shadows", False),
+        (["--world", "0.2", "0.1", "0"], "world light", True),
+        (["--ambient-occlusion", "0.8"], "ambient occlusion", False),
+    ):
+        rgba, effects = render(*options)
+        assert [n for n in effects if effects[n]["on"] != off[n]["on"]] == [name]
+        np.testing.assert_array_equal(rgba[..., 3], plain[..., 3])
+        gained = (rgba - plain)[..., 0] * (1 if brighter else -1)
+        assert gained.max() > 0.02 and gained.min() > -2e-3  # the warp overshoots at edges
+    np.testing.assert_allclose(render("--world", "0.2", "0.1", "0")[0][..., 2], plain[..., 2], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "more", "sentence"),
+    [
+        (["--shadows"], {"lights": False}, "a headlight casts none"),
+        (["--world", "-1", "0", "0"], {}, "three finite numbers"),
+        (["--ambient-occlusion", "1.5"], {}, "a number from 0 to 1"),
+        (["--ambient-occlusion", "1", "--no-shading"], {"lights": False}, "contradict each other"),
+        (["--shadows", "--tolerance", "2"], {}, "turn off shadows"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(render, capsys, options, more, sentence):
+    assert render(*options, **more) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and said.count("\n") == 1 and "Traceback" not in said
