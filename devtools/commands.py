@@ -15,6 +15,12 @@ def _demo(known, rest) -> int:
     return demo([*known.volumes, *rest])
 
 
+def _gallery(known, rest) -> int:
+    from .gallery import gallery
+
+    return gallery(known.scenes, known.size)
+
+
 def _test(known, rest) -> int:
     from .testing import test, test_catalogue
 
@@ -92,6 +98,9 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = add("demo", _demo, "splat a scan into a Blender scene, headless, and write the pictures to out/")
     demo.add_argument("volumes", nargs="*", metavar="VOLUME", help="files to show in place of the sample")
+    show = add("gallery", _gallery, "make five scenes in Blender, headless, and their priced effects in out/gallery/")
+    show.add_argument("scenes", nargs="*", metavar="SCENE", help="only these")
+    show.add_argument("--size", default="960x720", metavar="WxH", help="pixels")
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
     test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")

@@ -42,20 +42,26 @@ def _sample_options(facts: dict) -> dict:
     }
 
 
+def install_for(version: str):
+    """(folder of a Blender user, zip to install there or None where it is installed already, what to call when a
+    Blender has installed it)."""
+    user = BUILD / f"demo-user-{version}"
+    user.mkdir(parents=True, exist_ok=True)
+    stamp, digest = user / "installed.sha256", _source_digest()
+    zip_path = None
+    if not stamp.is_file() or stamp.read_text() != digest:
+        stamp.unlink(missing_ok=True)
+        zip_path = build((this_platform(),), output=BUILD / "zip-demo")[this_platform()]
+    return user, zip_path, lambda: stamp.write_text(digest)
+
+
 def _show(name: str, volume: Path, options: dict, version: str) -> Path:
     """One volume in one scene, in a Blender process of its own; returns the folder with the results."""
     python = ensure_bpy(version)
-    user = BUILD / f"demo-user-{version}"
-    stamp, digest = user / "installed.sha256", _source_digest()
-    install = not stamp.is_file() or stamp.read_text() != digest
-    zip_path = BUILD / "zip-demo" / "none"
-    if install:
-        stamp.unlink(missing_ok=True)
-        zip_path = build((this_platform(),), output=BUILD / "zip-demo")[this_platform()]
+    user, zip_path, finish = install_for(version)
     folder = OUT / "demo" / name
     folder.mkdir(parents=True, exist_ok=True)
-    user.mkdir(parents=True, exist_ok=True)
-    job = {"zip": str(zip_path), "install": install, "volume": str(volume), "options": options,
+    job = {"zip": str(zip_path or ""), "install": zip_path is not None, "volume": str(volume), "options": options,
            "folder": str(folder), "title": SCAN_TITLE}  # fmt: skip
     log = folder / "blender.log"
     say(f"Blender {version} shows {volume.name} ...")
@@ -71,7 +77,7 @@ def _show(name: str, volume: Path, options: dict, version: str) -> Path:
     if code != 0:
         say(log.read_text(encoding="utf-8", errors="replace")[-1500:])
         raise Failure(f"The demo did not succeed (exit code {code}); Blender's words are above and in {log}.")
-    stamp.write_text(digest)
+    finish()
     return folder
 
 
