@@ -37,7 +37,7 @@ VESSEL_LOOK = {
 def _sized(volume_object) -> tuple[Vector, float]:
     """Middle and largest side of a volume's box."""
     bpy.context.view_layer.update()
-    low = box_of(volume_object)[0]
+    low, high = box_of(volume_object)
     return (low + high) / 2, max(high - low)
 
 
