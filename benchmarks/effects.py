@@ -11,6 +11,7 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,53 @@ def _moving(scene: Scene) -> Scene:
     return replace(scene, motion=tuple(poses))
 
 
+def _surfaces_only(scene: Scene) -> Scene:
+    """Opacity only where the values change by an eighth of what the function spans, a voxel."""
+    from rle_splat.classify.transfer_function import GradientOpacity
+
+    function = scene.transfer_function
+    steep = (function.span[1] - function.span[0]) / (8.0 * float(min(scene.volume.spacing)))
+    gradual = replace(function, gradient_opacity=GradientOpacity(0.0, steep))
+    return replace(scene, transfer_function=gradual)
+
+
+def _misty(scene: Scene) -> Scene:
+    """Mist from the front of the volume, which nothing behind it is seen through."""
+    from rle_splat.scene import Mist
+
+    reach = _box(scene)[1]
+    return replace(scene, mist=Mist(start=max(_distance(scene) - reach, 0.0), depth=2.0 * reach))
+
+
+@lru_cache(1)
+def _halves(volume: Volume) -> Volume:
+    """Labels: 1 in the half of the volume whose x is low, 0 in the other."""
+    labels = np.zeros(volume.voxels.shape, np.uint8)
+    labels[:, :, : labels.shape[2] // 2] = 1
+    return Volume(labels, volume.affine, unit=volume.unit)
+
+
+def _labelled(scene: Scene) -> Scene:
+    """One half in other colours."""
+    from rle_splat.scene import Labels
+
+    function = scene.transfer_function
+    other = replace(function, color=tuple((value, blue, green, red) for value, red, green, blue in function.color))
+    return replace(scene, labels=Labels(_halves(scene.volume), {1: other}))
+
+
+@lru_cache(1)
+def _mirrored(volume: Volume) -> Volume:
+    return replace(volume, voxels=np.ascontiguousarray(volume.voxels[:, :, ::-1]))
+
+
+def _doubled(scene: Scene) -> Scene:
+    """Its mirror image added."""
+    from rle_splat.scene import Channel
+
+    return replace(scene, channels=(Channel(_mirrored(scene.volume), scene.transfer_function),))
+
+
 @dataclass(frozen=True)
 class Price:
     """Something to be priced: the ``effect`` of the table it is, the price it is added ``over``, None for a scene's
@@ -135,6 +183,10 @@ PRICES = {
         lambda scene: _seen(scene, aperture_radius=0.01 * _box(scene)[1], focus_distance=_distance(scene)),
     ),
     "motion blur": Price("motion blur", None, _moving),
+    "gradient opacity": Price("gradient opacity", None, _surfaces_only),
+    "mist": Price("mist", None, _misty),
+    "labels": Price("labels", None, _labelled),
+    "channels": Price("channels", None, _doubled),
     **{
         f"mode {name}": Price("mode", None, lambda scene, name=name: replace(scene, mode=name))
         for name in ("xray", "mip", "minip", "average")
@@ -185,11 +237,12 @@ def settings() -> tuple[Setting, ...]:
     on_lights = (
         "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects"
     )  # fmt: skip
+    on_plain = ("shading", "specular", "clipping", "clip objects", "gradient opacity", "labels", "channels")
     cloud = smoke()
     head, bone = _ct_head()
     return (
         Setting("plain CT", head, bone, False, tuple(
-            n for n in known if n in ("shading", "specular", "clipping", "clip objects") or n.startswith("mode ")
+            n for n in known if n in on_plain or n.startswith("mode ")
         )),
         Setting("lit CT", head, bone, True, tuple(n for n in known if n in on_lights)),
         Setting("smoke", cloud, preset("smoke"), False, tuple(n for n in known if not n.startswith("mode "))),

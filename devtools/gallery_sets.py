@@ -83,14 +83,14 @@ def plate(volume_object, folder: Path) -> None:
     if volume_object.rle_splat.intercept:  # the scan, whose z runs from the crown down
         _turned(volume_object, 180.0, "X", middle)
     _camera(middle, size, (-1.5, 2.1, 0.75), aim=(0.0, 0.0, 0.02))
-    titanium = material("Titanium", (0.62, 0.60, 0.58), roughness=0.3, metallic=1.0)
-    steel = material("Screws", (0.80, 0.80, 0.82), roughness=0.2, metallic=1.0)
+    titanium = material("Titanium", (0.58, 0.57, 0.56), roughness=0.5, metallic=0.6)
+    steel = material("Screws", (0.86, 0.86, 0.88), roughness=0.35, metallic=0.7)
     _bend_plate(volume_object, middle, (-0.75, 0.45, 0.5), titanium, steel)
     add_light("Key", "SUN", 3.0, middle + size * Vector((-0.6, 2.0, 2.2)), middle, (1.0, 0.96, 0.9))
     add_light(
         "Rim", "AREA", 22.0 * size**2, middle + size * Vector((2.2, -0.8, 1.4)), middle, (0.7, 0.82, 1.0), size=size
     )
-    _world((0.05, 0.06, 0.08), 0.6)
+    _world((0.05, 0.06, 0.08), 0.4)
 
 
 def _bend_plate(volume_object, middle, toward, coat, screw_coat) -> None:
@@ -180,21 +180,21 @@ def chest(volume_object, folder: Path) -> None:
     add_light(
         "Fill", "AREA", 14.0 * size**2, middle + size * Vector((2.2, -1.2, 0.6)), middle, (0.66, 0.8, 1.0), size=size
     )
-    _world((0.05, 0.06, 0.08), 0.6)
+    _world((0.05, 0.06, 0.08), 0.4)
 
 
 def brain(volume_object, folder: Path) -> None:
     """Three lights of three colours: an area light, a spot and a point."""
     middle, size = _sized(volume_object)
     _camera(middle, size, (1.7, 1.6, 1.1))
-    warm, cold, green = (1.0, 0.62, 0.32), (0.32, 0.55, 1.0), (0.45, 1.0, 0.62)
-    add_light("Warm", "AREA", 60.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
+    warm, cold, green = (1.0, 0.45, 0.16), (0.14, 0.36, 1.0), (0.25, 1.0, 0.45)
+    add_light("Warm", "AREA", 26.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
     add_light(
-        "Cold", "SPOT", 130.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
+        "Cold", "SPOT", 75.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
         spot_size=math.radians(50.0), spot_blend=0.3, shadow_soft_size=0.05 * size,
     )  # fmt: skip
     add_light(
-        "Green", "POINT", 45.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
+        "Green", "POINT", 16.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
         shadow_soft_size=0.02 * size,
     )  # fmt: skip
     _world((0.02, 0.022, 0.03), 0.5)
@@ -216,13 +216,13 @@ def angiography(volume_object, folder: Path) -> None:
 def smoke(volume_object, folder: Path) -> None:
     """A glowing knot and a rod of brass in the plume."""
     stand_upright(volume_object)
-    volume_object.rle_splat.opacity_scale = SMOKE_OPACITY
+    volume_object.rle_splat.opacity_scale = 2.0 * SMOKE_OPACITY
     middle, size = _sized(volume_object)
-    _camera(middle, size, (1.35, -1.75, 0.35), lens=55.0)
+    _camera(middle, size, (1.3, -1.7, 0.3), lens=66.0)
     brass = material("Brass", (0.95, 0.66, 0.27), roughness=0.3, metallic=1.0)
     bpy.ops.mesh.primitive_torus_add(
-        major_radius=0.17 * size, minor_radius=0.03 * size, major_segments=160, minor_segments=32,
-        location=middle + size * Vector((0.0, 0.0, -0.08)), rotation=(math.radians(62.0), 0.0, math.radians(25.0)),
+        major_radius=0.14 * size, minor_radius=0.018 * size, major_segments=160, minor_segments=32,
+        location=middle + size * Vector((0.0, 0.0, -0.08)), rotation=(math.radians(68.0), 0.0, math.radians(60.0)),
     )  # fmt: skip
     named("Ring", brass)
     bpy.ops.mesh.primitive_ico_sphere_add(
@@ -233,7 +233,7 @@ def smoke(volume_object, folder: Path) -> None:
     add_light(
         "Rim", "AREA", 30.0 * size**2, middle + size * Vector((-1.8, 1.4, 0.8)), middle, (0.5, 0.7, 1.0), size=size
     )
-    _world((0.06, 0.075, 0.1), 0.6)
+    _world((0.05, 0.06, 0.08), 0.4)
 
 
 SETS = {"plate": plate, "chest": chest, "brain": brain, "angiography": angiography, "smoke": smoke}

@@ -29,7 +29,7 @@ def test_a_price_turns_its_effect_on(label, setting):
     assert with_it[price.effect].on
     over = base if price.over is None else effects.given(base, price.over)
     gone = set(analyse(over, QUALITY).on) ^ set(with_it.on)
-    assert gone <= {price.effect, "headlight", "shading", "specular", "lights"}
+    assert gone <= {price.effect, "headlight", "shading", "specular", "lights"}, label
 
 
 def test_rows_say_what_was_made_and_that_off_is_nothing():
