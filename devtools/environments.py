@@ -36,7 +36,7 @@ class Environment:
         return total.hexdigest()
 
 
-CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt"))
+CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt", "tbb.txt"))
 BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", PYTHONS, ("bench.txt",))
 SAMPLE = Environment("sample", ENVIRONMENTS / "sample", PYTHONS, ("sample.txt",))
 BPY = {

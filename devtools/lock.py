@@ -27,22 +27,25 @@ NUMBA = ("numba==0.68.1", "llvmlite==0.50.0")
 PYTEST = ("pytest==9.2.0", "colorama==0.4.6")
 
 # pip judges "only on Windows" by the machine it runs on, so such a dependency is named and marked here.
-MARKERS = {"colorama": 'sys_platform == "win32"'}
+ON_LINUX = 'sys_platform == "linux" and platform_machine == "x86_64"'
+MARKERS = {"colorama": 'sys_platform == "win32"', "tbb": ON_LINUX, "tcmlib": ON_LINUX}
 
 
 @dataclass(frozen=True)
 class Lock:
-    """``pins``: what is asked for; ``pythons``: for which versions; ``alone``: without dependencies."""
+    """``pins``: what is asked for; ``pythons`` and ``platforms``: for which; ``alone``: without dependencies."""
 
     pins: tuple[str, ...]
     pythons: tuple[str, ...] = PYTHONS
     alone: bool = False
+    platforms: tuple[str, ...] = tuple(PLATFORMS)
 
 
 LOCKS = {
     "core": Lock(("numpy==2.4.6", *NUMBA, "pillow==13.0.0", "OpenEXR==3.5.3")),
     "pytest": Lock(PYTEST),  # nothing but pure Python: it is lent to whatever Python a real Blender runs on
     "test": Lock((*PYTEST, "hypothesis==6.170.15", "ruff==0.17.5")),
+    "tbb": Lock(("tbb==2023.2.0",), platforms=("linux-x64",)),  # a threading layer of numba, to be tested as others are
     "bench": Lock(
         (
             "numpy==2.4.6",
@@ -101,12 +104,12 @@ def lock(names=()) -> None:
         versions: dict[str, str] = {}
         hashes: dict[str, set[str]] = {}
         for version in wanted.pythons:
-            for platform in PLATFORMS:
+            for platform in wanted.platforms:
                 for package, number, digest in _resolve(_python_for(version), wanted, platform, version):
                     if versions.setdefault(package, number) != number:
                         raise Failure(f"{package} resolves to {versions[package]} and to {number}; pin it in LOCKS.")
                     hashes.setdefault(package, set()).add(digest)
-        lines = [f"# {name}: {', '.join(PLATFORMS)}; Python {', '.join(wanted.pythons)}.  Written by: dev.py lock"]
+        lines = [f"# {name}: {', '.join(wanted.platforms)}; Python {', '.join(wanted.pythons)}.  Written by: dev.py lock"]
         for package in sorted(versions):
             marker = f"; {MARKERS[package]}" if package in MARKERS else ""
             entry = [f"{package}=={versions[package]}{marker}"]

@@ -24,6 +24,7 @@ from tests.stability.pictures import scene
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 COUNTED = "whole numbers"
+LIBRARIES = str(Path(sys.prefix) / "lib")  # of the test environment
 ENOUGH = 300  # seconds, on a machine with much else to do
 
 
@@ -88,9 +89,13 @@ print(layer, len(done), len(wrong), *wrong[:3])
 def test_F1_renders_at_once_from_three_threads(record, layer):
     """Two in the background, one of them with a store, while a third begins pictures and asks for others."""
     needs = f"from numba.np.ufunc import {layer}pool" if layer != "workqueue" else ""
-    if needs and subprocess.run([sys.executable, "-c", needs], capture_output=True, check=False).returncode:
+    # The package index' TBB lies where no loader looks unless it is told.
+    there = {"LD_LIBRARY_PATH": os.pathsep.join(filter(None, (LIBRARIES, os.environ.get("LD_LIBRARY_PATH"))))}
+    whole = {**os.environ, **there}
+    if needs and subprocess.run([sys.executable, "-c", needs], capture_output=True, env=whole, check=False).returncode:
         pytest.skip(f"numba's threading layer {layer} is not on this machine")
-    found, done, wrong, *_ = run(AT_ONCE, NUMBA_THREADING_LAYER=layer, NUMBA_NUM_THREADS="4").split()
+    there |= {"NUMBA_THREADING_LAYER": layer, "NUMBA_NUM_THREADS": "4"}
+    found, done, wrong, *_ = run(AT_ONCE, **there).split()
     assert found == layer and int(done) == 2
     record("F1", "wrong pictures of three threads that render at once", int(wrong), 0, "either", why=COUNTED)
 
