@@ -1,4 +1,5 @@
-"""Scenes whose pixels are single rays through single columns of voxels, so that bounds on numbers can be stated."""
+"""Scenes whose pixels are single rays through single columns of voxels, so that bounds on numbers can be stated; and
+noise of any stored type, seen from aside."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.render import render, warp
 from rle_splat.scene import Camera, Quality, Scene
+from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 BACKENDS = ("numba", "numpy")
@@ -18,6 +20,10 @@ EXACT = Quality(
     classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", termination=0.0, name="exact"
 )
 WHITE = ((0.0, 1.0, 1.0, 1.0),)
+STEPPED = TransferFunction(
+    opacity=((10, 0.0), (50, 0.2), (50, 0.6), (80, 0.0), (100, 0.0), (120, 1.0)),
+    color=((0, 0.0, 0.5, 1.0), (60, 1.0, 0.5, 0.25), (60, 2.0, 0.0, 0.0), (200, 0.0, 0.0, 4.0)),
+)
 
 
 def from_above(voxels, transfer_function, scale: float = 1.0, **more) -> Scene:
@@ -62,3 +68,15 @@ def unlike(one, two) -> int:
     """How many numbers of two arrays differ; NaN is unlike everything."""
     one, two = np.asarray(one), np.asarray(two)
     return int((one != two).sum()) if one.shape == two.shape else max(one.size, two.size, 1)
+
+
+def turned(volume, transfer_function, size=40, **more) -> Scene:
+    camera, matrix = turntable(volume, 35.0, 25.0, width=size, height=size)
+    return Scene(volume, transfer_function, camera, size, size, matrix, **more)
+
+
+def noise(dtype="float32", shape=(7, 8, 9), seed=3) -> np.ndarray:
+    """Values from -20 (0 where there is no sign) to 124."""
+    kind = np.dtype(dtype).kind
+    values = np.random.default_rng(seed).integers(-20 if kind != "u" else 0, 125, shape)
+    return (values + (0.25 if kind == "f" else 0)).astype(dtype)
