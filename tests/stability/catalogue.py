@@ -75,6 +75,7 @@ CASES = {
     "A13": "FMA, another CPU",
     "A14": "two lights, none, one at a voxel, one inside",
     "A15": "cancelled, rendered again, transfer function changed half-way",
+    "P1": "any scene and any plan, fuzzed",
     "F1": "renders at once from several threads",
     "F3": "a full disk, a folder that cannot be written",
     "F4": "a kernel cache corrupted on purpose",
