@@ -24,7 +24,7 @@ from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
 from .ray_modes import mode_quality, mode_remarks, sheet_rule
 from .scalar_medium import scalar_medium_steps
-from .scene import Quality, Rendering, RleSplatError, Scene
+from .scene import NO_DEPTH, Quality, Rendering, RleSplatError, Scene
 from .splat.splat import LOADING
 from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
@@ -58,6 +58,7 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Ke
 def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, refuse_empty_view: bool = True):
     """Generator form of ``render``: yields Progress, returns the Rendering.  Closing it cancels the work.
 
+    Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``kept`` is as it was before.
     ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as
     an animation needs it.
     """
@@ -70,6 +71,12 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
         except StopIteration as finished:
             rendering = finished.value
             return replace(rendering, report={**rendering.report, "kernels": sorted(kernels)})
+        except MemoryError as problem:
+            told = f" ({problem})" if str(problem) else ""
+            raise RleSplatError(
+                f"Memory ran out half-way through the picture{told}; free some, or make the picture, the sheet density "
+                "or the volume smaller."
+            ) from problem
         yield step
 
 
@@ -220,7 +227,16 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
             coverage = layers.coverage_of(scene.region)
             rgba = coverage[..., None] * rgba + (1.0 - coverage[..., None]) * pictures[1][0]
             depth = np.where(coverage >= 0.5, depth, pictures[1][1])
+    if limited:
+        depth = _within_clip(depth, scene.camera)
     return rgba, depth
+
+
+def _within_clip(depth: np.ndarray, camera) -> np.ndarray:
+    """A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere: held to them."""
+    largest = float(np.finfo(np.float32).max)
+    held = np.clip(depth, min(camera.clip_start, largest), min(camera.clip_end, largest))
+    return np.where(depth == np.float32(NO_DEPTH), depth, held)
 
 
 # --- the report -----------------------------------------------------------------------------------------------

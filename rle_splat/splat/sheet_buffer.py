@@ -21,7 +21,14 @@ from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .pixel_block import BLOCK, CLEAR, composite_added, composite_extinction, place_tent, resample_tent
 from .scratch import BAND, SPREAD
-from .sheet_row import composite_opacity, mix_blocks, note_half_depth, place_wide_taps, resample_wide
+from .sheet_row import (
+    composite_opacity,
+    mix_blocks,
+    note_half_depth,
+    note_half_depth_inside,
+    place_wide_taps,
+    resample_wide,
+)
 from .voxel_scanline import ONE_BIT, WORD, add_runs
 
 NONE = -(2**62)  # below the number of any scanline
@@ -221,7 +228,12 @@ def _composite_sheet(
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
-                    note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count, samples)
+                    if limits is None:
+                        note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count, samples)
+                    else:
+                        note_half_depth_inside(
+                            limits, before, state, row + CLEAR, begin, end, half, v, first_pixel, count, samples
+                        )
                 live_pixels = pixels & 255
                 if limits is not None:  # a ray that has reached its end is done as well
                     live_pixels = 0

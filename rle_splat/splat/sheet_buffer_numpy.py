@@ -122,13 +122,14 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
         along = _spread(across.transpose(1, 0, 2), width, scale_u, offset_u, footprint, widen)
         samples = along.transpose(1, 0, 2).astype(numbers, copy=False)
         depth = length * np.float32(sheets.thickness[sheet])
+        slab = sheets.begin[sheet], sheets.end[sheet]
         if limits is not None:
             thick = sheets.end[sheet] - sheets.begin[sheet]
-            begin, end = sheets.begin[sheet], sheets.end[sheet]
+            begin, end = slab
             outside = np.maximum(limits[0] - begin, 0.0) + np.maximum(end - limits[1], 0.0)
             outside += within_holes(limits, begin, end)
             depth = depth * np.clip(1.0 - outside / thick, 0.0, 1.0).astype(np.float32)
+            slab = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
         absorb = slab_numpy if additive_opacity is None else _opacity
-        slab = sheets.begin[sheet], sheets.end[sheet]
         composite_numpy(absorb, samples, depth.astype(numbers, copy=False), least, state, slab, half)
     pixels[...] = state

@@ -6,6 +6,7 @@ A volume's voxels come from a seed and a few words, so that an example is short 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
@@ -121,8 +122,10 @@ WHOLE = st.sampled_from((None, None, "start", "end", "both"))  # which clip plan
 
 
 @st.composite
-def cameras(draw, index_to_world, shape_xyz, inside=True, widest=165.0, shift=1.0, clipped=WHOLE):
-    """Parallel and perspective, outside and inside, on voxels and between them, shifted, clipped, wide."""
+def cameras(draw, index_to_world, shape_xyz, widest=165.0, shift=1.0, framed=False, clipped=WHOLE):
+    """Parallel and perspective, outside and inside, on voxels and between them, shifted, clipped, wide.
+
+    ``framed``: the volume fills a good part of the picture."""
     random = np.random.default_rng(draw(SEEDS))
     counts = np.array(shape_xyz, dtype=np.float64)
 
@@ -139,8 +142,10 @@ def cameras(draw, index_to_world, shape_xyz, inside=True, widest=165.0, shift=1.
         along = index_to_world[:3, :3] @ np.array([draw(st.sampled_from((-1.0, 0.0, 1.0))) for _ in range(3)])
     along = along / np.linalg.norm(along) if np.linalg.norm(along) > 0.0 else np.array((0.0, 0.0, 1.0))
     away = reach * draw(st.floats(1.05, 6.0))
+    if framed:
+        away = reach * max(1.05, draw(st.floats(0.5, 2.5)) / (2.0 * math.tan(math.radians(0.5 * fov))))
     aim, eye = middle, middle - away * along
-    if inside and draw(st.integers(0, 2)) == 0:
+    if draw(st.integers(0, 2)) == 0:
         index = random.uniform(-1.0, counts)
         eye = world(draw(st.sampled_from((index, np.rint(index), np.floor(index) + 0.5))))
         aim = eye + along
@@ -224,6 +229,24 @@ def scenes(draw, most_pixels: int = 20):
     return Scene(
         volume, look, camera, width, height, place, scene_scale, lights, headlight=draw(st.booleans())
     )  # fmt: skip
+
+
+@st.composite
+def plain_scenes(draw, matter=MATTER, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, **camera):
+    """Unlit matter with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on."""
+    shape = draw(st.tuples(*[st.integers(*sizes)] * 3))
+    random = np.random.default_rng(draw(SEEDS))
+    dtype = draw(st.sampled_from(STORED_TYPES))
+    voxels = stored(field_of(draw(st.sampled_from(matter)), shape, random), dtype)
+    if voxels.dtype.kind == "f" and "noise" in matter and draw(st.booleans()):
+        voxels[random.random(shape) < 0.1] = np.nan
+    volume = Volume(voxels, draw(affines(anisotropy, 0.5)))
+    diagonal = float(np.linalg.norm(volume.affine[:3, :3], axis=0).sum())
+    look = draw(transfer_functions(*value_range(volume), diagonal, curves))
+    mild = tuple((value, min(alpha, 0.95)) for value, alpha in look.opacity)
+    look = replace(look, opacity=mild, opacity_unit_distance=diagonal, shade=None)
+    seen = draw(cameras(volume.affine, volume.shape_xyz, framed=True, **camera))
+    return Scene(volume, look, seen, most_pixels, most_pixels, headlight=False)
 
 
 @st.composite
