@@ -109,7 +109,8 @@ def lock(names=()) -> None:
                     if versions.setdefault(package, number) != number:
                         raise Failure(f"{package} resolves to {versions[package]} and to {number}; pin it in LOCKS.")
                     hashes.setdefault(package, set()).add(digest)
-        lines = [f"# {name}: {', '.join(wanted.platforms)}; Python {', '.join(wanted.pythons)}.  Written by: dev.py lock"]
+        platforms, pythons = ", ".join(wanted.platforms), ", ".join(wanted.pythons)
+        lines = [f"# {name}: {platforms}; Python {pythons}.  Written by: dev.py lock"]
         for package in sorted(versions):
             marker = f"; {MARKERS[package]}" if package in MARKERS else ""
             entry = [f"{package}=={versions[package]}{marker}"]

@@ -106,7 +106,7 @@ def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixe
 
 @inner_loop
 def note_half_depth_inside(limits, before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
-    """As ``note_half_depth``, where only what lies between the ``limits`` (2 or more, H, W) of its ray makes up the slab."""
+    """As ``note_half_depth``, where the slab is only what lies between ``limits`` (2 or more, H, W) of its ray."""
     bits = half_way(before, after, at, parts) & (ALL_BITS >> np.uint64(WORD - count))
     while bits != NO_BITS:
         i = lowest_bit(bits)

@@ -76,6 +76,8 @@ CASES = {
     "A14": "two lights, none, one at a voxel, one inside",
     "A15": "cancelled, rendered again, transfer function changed half-way",
     "P1": "any scene and any plan, fuzzed",
+    "P2": "the sheets of any matter, fuzzed",
+    "P3": "pictures of smooth matter, fuzzed",
     "F1": "renders at once from several threads",
     "F3": "a full disk, a folder that cannot be written",
     "F4": "a kernel cache corrupted on purpose",

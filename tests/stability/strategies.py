@@ -27,8 +27,9 @@ from rle_splat.scene import (
     Quality,
     Scene,
 )  # fmt: skip
-from rle_splat.volume.volume import STORED_TYPES, Volume
+from rle_splat.volume.volume import Volume
 
+DTYPES = ("uint8", "int16", "float32", "float64")  # every kind of stored type; the others: test_values
 MATTER = ("noise", "constant", "blobs", "sheet", "sparse", "checkerboard", "ramp")
 CURVES = ("ramp", "narrow", "steps", "solid", "any")
 SEEDS = st.integers(0, 2**32 - 1)
@@ -85,7 +86,7 @@ def volumes(draw, most: int = 9):
     """Any matter in any stored type, one voxel thick or up to ``most``; NaN and infinities among floats."""
     shape = draw(st.tuples(*[st.integers(1, most)] * 3))
     random = np.random.default_rng(draw(SEEDS))
-    dtype = draw(st.sampled_from(STORED_TYPES))
+    dtype = draw(st.sampled_from(DTYPES))
     voxels = stored(field_of(draw(st.sampled_from(MATTER)), shape, random), dtype)
     if voxels.dtype.kind == "f" and draw(st.booleans()):
         for odd in draw(st.lists(st.sampled_from((np.nan, np.inf, -np.inf)), min_size=1, max_size=3)):
@@ -232,17 +233,24 @@ def scenes(draw, most_pixels: int = 20):
 
 
 @st.composite
-def plain_scenes(draw, matter=MATTER, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, **camera):
-    """Unlit matter with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on."""
+def plain_scenes(
+    draw, matter=MATTER, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, holes=False, **camera
+):
+    """Unlit matter with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on.
+
+    ``holes``: some voxels may be no numbers."""
     shape = draw(st.tuples(*[st.integers(*sizes)] * 3))
     random = np.random.default_rng(draw(SEEDS))
-    dtype = draw(st.sampled_from(STORED_TYPES))
+    dtype = draw(st.sampled_from(DTYPES))
     voxels = stored(field_of(draw(st.sampled_from(matter)), shape, random), dtype)
-    if voxels.dtype.kind == "f" and "noise" in matter and draw(st.booleans()):
+    if holes and voxels.dtype.kind == "f" and draw(st.booleans()):
         voxels[random.random(shape) < 0.1] = np.nan
     volume = Volume(voxels, draw(affines(anisotropy, 0.5)))
     diagonal = float(np.linalg.norm(volume.affine[:3, :3], axis=0).sum())
-    look = draw(transfer_functions(*value_range(volume), diagonal, curves))
+    low, high = value_range(volume)
+    look = draw(transfer_functions(low, high, diagonal, curves))
+    if curves == ("ramp",):  # nor may colours change faster than that
+        look = replace(look, color=((low, *look.color[0][1:]), (high, *look.color[-1][1:])))
     mild = tuple((value, min(alpha, 0.95)) for value, alpha in look.opacity)
     look = replace(look, opacity=mild, opacity_unit_distance=diagonal, shade=None)
     seen = draw(cameras(volume.affine, volume.shape_xyz, framed=True, **camera))

@@ -13,9 +13,10 @@ from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.render import render, render_steps
-from rle_splat.scene import Light, Quality, RleSplatError
+from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
 from rle_splat.steps import drain
-from tests.stability.test_geometry import LEVEL, placed, turned
+from tests.stability.scenes import from_above, matter
+from tests.stability.test_geometry import AVAILABLE, LEVEL, placed, turned
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 
 STAGE = Stage()
@@ -297,6 +298,30 @@ def test_C13_moving_a_clip_plane_is_continuous(record, width, plan, side):
     assert np.abs(pictures[0] - pictures[-1]).max() > 0.04
     jump = max(np.abs(a - b).max() for a, b in pairwise(pictures)) / (0.02 * 0.52)
     record("C13", "change per voxel that a clip plane moves, in units of the densest voxel's", jump, 1.0, width)
+
+
+@pytest.mark.parametrize("backend", AVAILABLE)
+@pytest.mark.parametrize("classification", ("pre", "refined", "post"))
+@pytest.mark.parametrize("rule", ("slice", "simpson"))
+def test_C13_the_depth_of_matter_that_a_clip_plane_cuts(record, width, rule, classification, backend):
+    """In homogeneous matter half the light is gone ln 2 / extinction behind the plane, wherever it cuts a slab; seen
+    askew no depth lies before the plane or beyond the other."""
+    dense = matter(((0.0, 1.0 - math.exp(-2.0)),))
+    block = from_above(np.ones((8, 6, 6), np.uint8), dense)
+    quality = Quality(classification=classification, depth_rule=rule, termination=0.0, backend=backend)
+    for clip in (11.5, 11.8, 12.03, 13.25):  # the first slice's centre is 11 away
+        scene = replace(block, camera=replace(block.camera, clip_start=clip))
+        depth = render(scene, quality).depth[2:4, 2:4]
+        off = abs(depth - (clip + 0.5 * math.log(2.0))).max()
+        record("C13", "voxels that the half depth is off behind a clip plane", off, 1e-5, width)
+    scene = STAGE.on_turntable(FIELD, 37.0, 24.0, size=(40, 40), fit=0.9)
+    middle = float(np.linalg.norm(scene.camera.matrix_world[:3, 3] - 11.5))
+    near, far = middle - 3.3, middle + 3.1
+    depth = render(replace(scene, camera=replace(scene.camera, clip_start=near, clip_end=far)), quality).depth
+    found = depth[depth < NO_DEPTH].astype(np.float64)
+    assert found.size > 20
+    beyond = max(near - found.min(), found.max() - far, 0.0)
+    record("C13", "voxels that a depth lies before or beyond the clip planes", beyond, 1e-5, width)
 
 
 @pytest.mark.parametrize("eye", ("outside", "anywhere", "on a voxel", "on the face"))

@@ -11,10 +11,12 @@ from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
 
 from rle_splat.accuracy.truths import truth
+from rle_splat.axes import AXES
 from rle_splat.jit import compiled
 from rle_splat.render import render_steps, warp
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError
@@ -23,7 +25,16 @@ from tests.stability.fuzz import examples
 from tests.stability.strategies import plain_scenes, qualities, scenes
 
 ROUNDING = 2.0**-20
+# A value on the edge of an entry of a table, or of a step, may fall to either side by a rounding.
+TWINS_APART = {"pre": 0.0, "refined": 0.02, "post": 0.05}
 TRUE = {"pre": "T1", "post": "T2"}
+
+
+WORST: dict = {}
+
+
+def note(key, *figures):
+    WORST[key] = tuple(max(pair) for pair in zip(figures, WORST.get(key, (0.0,) * len(figures)), strict=True))
 
 
 def picture(scene, quality):
@@ -77,8 +88,14 @@ def check_picture(scene, quality, made):
         assert hit.all()
 
 
+def share_unlike(one, two, scene) -> float:
+    """Share of a picture's pixels that differ by more than 1e-4 of the brightest."""
+    off = np.abs(one.rgba.astype(np.float64) - two.rgba)
+    return float((off.max(axis=-1) > 1e-4 * max(brightest(scene), 1.0)).mean())
+
+
 @given(scenes(), qualities())
-@examples(60)
+@examples(30, shrink=False)
 def search_anything(scene, quality):
     made = picture(scene, quality)
     if made is None:
@@ -91,17 +108,24 @@ def search_anything(scene, quality):
         assert (one.view(np.uint32) == two.view(np.uint32)).all()
     twin = picture(scene, replace(quality, backend="numpy"))
     check_picture(scene, quality, twin)
+    note(("twins", quality.classification), share_unlike(made, twin, scene))
+
+
+def test_P1_any_scene_and_any_plan(record):
+    WORST.clear()
+    search_anything()
+    why = "whole numbers"
+    record("P1", "pictures not finite, out of range, or of other bits with two threads", 0, 0, "either", why)
+    for (_, classification), (share,) in WORST.items():
+        claim = f"share of pixels that the numpy twin has otherwise by more than 1e-4, {classification}"
+        record("P1", claim, share, TWINS_APART[classification], "either", "as the plan has it")
 
 
 # --- P2: sheets against the oracle ----------------------------------------------------------------------------
 
-# Levels by which a ray through a sheet pixel may err where sheets are 16 to a voxel: rms and largest.
-SHEET_BOUNDS = {"pre": (1.0, 6.0), "post": (1.0, 6.0)}
-WORST: dict = {}
-
-
-def note(key, *figures):
-    WORST[key] = tuple(max(pair) for pair in zip(figures, WORST.get(key, (0.0,) * len(figures)), strict=True))
+# Levels by which a ray through a sheet pixel may err where sheets are 16 to a voxel, rms and largest: twice and more
+# what longer searches found.
+SHEET_BOUNDS = {"pre": (1.0, 5.0), "post": (1.0, 5.0)}
 
 
 def sheet_errors(scene, quality, seed=0):
@@ -124,6 +148,12 @@ def sheet_errors(scene, quality, seed=0):
             column, row = a / c, b / c
             mine = (c > 0.0) & (np.maximum(abs(dx), abs(dy)) <= 1.0)
             mine &= (abs(2.0 * column / scene.width - 1.0) < 1.0) & (abs(2.0 * row / scene.height - 1.0) < 1.0)
+            if quality.classification == "post":
+                # Matter ends at the box: of a ray within its face any part may be seen, and either picture is right.
+                i, j, _ = AXES[plane.axis]
+                for place, slope, axis in ((x, dx, i), (y, dy, j)):
+                    last = scene.volume.shape_xyz[axis] - 1.0
+                    mine &= (abs(slope) > 1e-9) | (np.minimum(abs(place), abs(place - last)) > 1e-6)
         chosen = np.flatnonzero(mine)
         chosen = random.permutation(chosen)[: 64 // len(caught)]
         if chosen.size == 0:
@@ -140,28 +170,41 @@ def rms(errors):
     return float(np.sqrt((errors**2).mean())) if errors.size else 0.0
 
 
-def search_sheets(classification):
-    wide = dict(curves=("ramp",)) if classification == "post" else {}
-
-    @given(plain_scenes(**wide))
-    @examples(40)
-    def search(scene):
-        plan = Quality(classification=classification, depth_rule="midpoint-16", termination=0.0, threads=1)
-        off = sheet_errors(scene, plan)
-        note(classification, rms(off), abs(off).max(initial=0.0))
-        most_rms, most = SHEET_BOUNDS[classification]
-        assert rms(off) <= most_rms and abs(off).max(initial=0.0) <= most
-
-    return search
+def check_sheets(scene, classification):
+    plan = Quality(classification=classification, depth_rule="midpoint-16", termination=0.0, threads=1)
+    off = sheet_errors(scene, plan)
+    figures = rms(off), float(abs(off).max(initial=0.0))
+    note(classification, *figures)
+    assert all(figure <= bound for figure, bound in zip(figures, SHEET_BOUNDS[classification], strict=True))
 
 
-search_pre_sheets, search_post_sheets = search_sheets("pre"), search_sheets("post")
+@given(plain_scenes(holes=True))
+@examples(25, shrink=False)
+def search_pre_sheets(scene):
+    check_sheets(scene, "pre")
+
+
+@given(plain_scenes(curves=("ramp",)))
+@examples(25, shrink=False)
+def search_post_sheets(scene):
+    check_sheets(scene, "post")
+
+
+@pytest.mark.parametrize("classification", SHEET_BOUNDS)
+def test_P2_sheets_of_any_matter_are_as_the_oracle_has_them(record, width, classification):
+    """Noise, thin sheets, checkerboards; of post under ramps and without holes, for inside a
+    slab a step is where a sample has it."""
+    WORST.clear()
+    {"pre": search_pre_sheets, "post": search_post_sheets}[classification]()
+    bounds = SHEET_BOUNDS[classification]
+    for what, figure, bound in zip(("rms", "largest"), WORST[classification], bounds, strict=True):
+        record("P2", f"{what} error of 16 sheets a voxel, {classification}, ray by ray, levels", figure, bound, width)
 
 
 # --- P3: pictures against the oracle --------------------------------------------------------------------------
 
-# Levels off the oracle of smooth matter, rms and largest, by preset.
-PICTURE_BOUNDS = {"draft": (10.0, 60.0), "standard": (2.0, 15.0), "fine": (1.0, 10.0), "strict": (0.5, 5.0)}
+# Levels off the oracle of smooth matter, rms and largest, by preset: twice what longer searches found.
+PICTURE_BOUNDS = {"draft": (5.0, 40.0), "standard": (2.5, 15.0), "fine": (1.2, 8.0), "strict": (0.4, 3.0)}
 
 
 def picture_errors(scene, quality, seed=0):
@@ -179,14 +222,18 @@ def picture_errors(scene, quality, seed=0):
     ),
     st.sampled_from(("pre", "post")),
 )
-@examples(25)
+@examples(8, shrink=False)
 def search_pictures(scene, classification):
-    for preset, (most_rms, most) in PICTURE_BOUNDS.items():
+    for preset, bounds in PICTURE_BOUNDS.items():
         off = picture_errors(scene, Quality.preset(preset, classification, threads=1))
-        note((classification, preset), rms(off), abs(off).max())
-        assert rms(off) <= most_rms and abs(off).max() <= most
+        figures = rms(off), float(abs(off).max())
+        note(preset, *figures)
+        assert all(figure <= bound for figure, bound in zip(figures, bounds, strict=True)), preset
 
 
-def test_P1_any_scene_and_any_plan(record):
-    search_anything()
-    record("P1", "pictures not finite, out of range or other with two threads", 0, 0, "either", "whole numbers")
+def test_P3_pictures_of_smooth_matter_keep_to_the_bound_of_their_preset(record, width):
+    WORST.clear()
+    search_pictures()
+    for preset, bounds in PICTURE_BOUNDS.items():
+        for what, figure, bound in zip(("rms", "largest"), WORST[preset], bounds, strict=True):
+            record("P3", f"{what} error of a picture of smooth matter, {preset}, levels", figure, bound, width)
