@@ -14,10 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 
-def read_triangles(depsgraph) -> np.ndarray:
+def read_triangles(depsgraph, without=()) -> np.ndarray:
     """(n, 3, 3) float64: triangle, corner, world x y z; n may be 0.
 
-    Left out are objects hidden from renders or from the camera's rays, and collections set to Indirect Only.
+    Left out are objects hidden from renders or from the camera's rays, collections set to Indirect Only, and the
+    objects ``without``.
     """
     view_layer = depsgraph.view_layer
     local_triangles: dict[int, np.ndarray] = {}
@@ -25,7 +26,7 @@ def read_triangles(depsgraph) -> np.ndarray:
     for instance in depsgraph.object_instances:
         evaluated = instance.object
         # Whatever else evaluates to a mesh (curves, text, metaballs, geometry nodes) is listed as a MESH of its own.
-        if evaluated.type != "MESH" or not _is_seen(instance, view_layer):
+        if evaluated.type != "MESH" or not _is_seen(instance, view_layer) or evaluated.original in without:
             continue
         data_pointer = evaluated.data.as_pointer()
         triangles = local_triangles.get(data_pointer)

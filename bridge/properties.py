@@ -54,6 +54,12 @@ LIGHTING_ITEMS = [
 ]
 
 
+CLIP_ITEMS = [
+    ("INSIDE", "Inside", "What is in the box stays, or what is behind the plane: its +Z points at what is cut away"),
+    ("OUTSIDE", "Outside", "What is around the box stays, or what is before the plane"),
+]
+
+
 def _evaluate_anew(group, _context):
     """Pictures are made from evaluated copies; Blender refreshes them by itself when a user edits a property of an
     extension, but not when a script does."""
@@ -106,6 +112,8 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
     value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
+    clip_keep: LiveEnum(
+        name="Keep", description="Which side of this clip object stays", items=CLIP_ITEMS)
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
         description="Node group that holds the colours and the opacity curve; shared by copies of the object")
@@ -189,6 +197,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="How much of the light from everywhere is taken away where the volume or a mesh hides the sky. Not "
         "with a Maximum Error")
+    clip_objects: LivePointer(
+        name="Clip Objects", type=bpy.types.Collection,
+        description="Objects that cut the volume: meshes and cube Empties as boxes, flat meshes and arrow Empties as "
+        "planes. What all of them keep is shown")
     meshes_occlude: LiveBool(
         name="Meshes Occlude", description="Stop each ray at the first mesh surface, also inside the volume",
         default=True)

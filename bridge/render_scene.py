@@ -15,6 +15,7 @@ from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.tolerance import tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
+from .clip_objects import clip_objects, read_clips
 from .effects import overrides_of
 from .lights import read_lights
 from .meshes import read_triangles
@@ -56,7 +57,7 @@ def read_scene(
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
     in_shadow = with_shadows and settings.tolerance_of(scene) is None
-    triangles = read_triangles(depsgraph) if with_meshes else None
+    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene)) if with_meshes else None
     plain = Scene(
         volume=volume,
         transfer_function=transfer_function,
@@ -69,6 +70,7 @@ def read_scene(
         headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
         triangles=triangles if triangles is not None and len(triangles) else None,
         crop=frame_crop(scene.render) if in_region else None,
+        clips=read_clips(depsgraph),
         motion=read_poses(depsgraph.scene, volume_object) if moving else (),
         effects=overrides_of(scene),
         volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,

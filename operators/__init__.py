@@ -4,6 +4,7 @@ import bpy
 
 from . import (
     accuracy,
+    add_clip,
     apply_preset,
     composite,
     import_volume,
@@ -19,7 +20,7 @@ from . import (
 
 MODULES = (
     import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite, list_effects, accuracy,
+    set_backdrop, composite, list_effects, accuracy, add_clip,
 )
 
 

@@ -1,0 +1,57 @@
+"""Add Clip Object: an Empty that cuts the volume, a box around it or a plane through its middle."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty
+
+from ..bridge import clip_objects, volumes
+from ..bridge.settings import scene_scale_of
+from ..rle_splat.scene import RleSplatError
+from .refusal import has_volume, refuse
+
+PLANE_SIZE = 0.5  # length of the arrow, as a part of the volume's height
+
+
+class RLE_SPLAT_OT_add_clip(bpy.types.Operator):
+    """Add an Empty that cuts the volume: a box fitted to it, or an arrow in its middle that points at what is cut
+    away"""
+
+    bl_idname = "rle_splat.add_clip"
+    bl_label = "Add Clip Object"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: EnumProperty(
+        name="Kind", description="What it cuts by",
+        items=[("BOX", "Box", "The volume inside or outside it stays"),
+               ("PLANE", "Plane", "The volume behind it stays: the arrow points at what is cut away")])
+    keep: EnumProperty(
+        name="Keep", description="Which side of it stays",
+        items=[("INSIDE", "Inside", "What is in the box, or behind the arrow"),
+               ("OUTSIDE", "Outside", "What is around the box, or before the arrow")])
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            volume = volumes.load_volume(owner)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        half = 0.5 * (np.array(volume.shape_xyz, dtype=np.float64) - 1.0)
+        fitted = np.diag((*half, 1.0))
+        fitted[:3, 3] = half
+        scale = scene_scale_of(context.scene, volume.unit)
+        matrix = np.array(owner.matrix_world) @ np.diag((scale, scale, scale, 1.0)) @ volume.affine @ fitted
+        if self.kind == "PLANE":
+            matrix[:3, :3] *= PLANE_SIZE
+        empty = clip_objects.add_clip(context.scene, self.kind, self.keep, matrix)
+        for selected in context.selected_objects:
+            selected.select_set(False)
+        empty.select_set(True)
+        context.view_layer.objects.active = empty
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_add_clip,)
