@@ -12,7 +12,9 @@ from types import ModuleType
 _HOME = {
     "Camera": ("scene", "Camera"),
     "Cancelled": ("scene", "Cancelled"),
+    "Channel": ("scene", "Channel"),
     "Clip": ("scene", "Clip"),
+    "Labels": ("scene", "Labels"),
     "Light": ("scene", "Light"),
     "Quality": ("scene", "Quality"),
     "Rendering": ("scene", "Rendering"),

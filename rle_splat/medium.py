@@ -21,6 +21,7 @@ import numpy as np
 
 from .axes import AXES, AXIS_NAMES
 from .classify.classification import ClassifiedVolume, classified, opacity_distance, unit_length
+from .classify.mixture import Mixture
 from .classify.refined import RefinedVolume, value_block_steps
 from .classify.refined_light import LitVoxels, RefinedLight, lit_voxels
 from .classify.shading import (
@@ -154,7 +155,9 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     refinement = volume.refinement if isinstance(volume, RefinedVolume) else 1
     machine = dict(backend=quality.backend, threads=quality.threads)
     length = unit_length(volume, matrix)
-    shown = Visibility(volume, tf)
+    mixed = bool(scene.labels or scene.channels)
+    shown = Mixture(volume, tf, scene.labels, scene.channels) if mixed else Visibility(volume, tf)
+    stage = "mixing" if mixed else "classify"
     # A store without room needs no content key, and large volumes no second reading for it.
     voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
     visible_key = (voxels_key, shown.key)
@@ -164,28 +167,29 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     shaded = falling is not None
 
     def wanted(counted):
-        needs = estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture)
+        each = np.float32 if mixed else None  # as of volumes with too many values for a table of looks
+        needs = estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture, dtype=each)
         return needs.with_shadows(shadow_count(scene) if shaded else 0)
 
     if not job.has("visible", visible_key):
         steps = job.steps("blocks", voxels_key, lambda: value_block_steps(volume, **machine))
         blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
-        steps = timed(count_steps(shown, blocks, **machine), clock, "classify")
+        steps = timed(shown.count_steps() if mixed else count_steps(shown, blocks, **machine), clock, stage)
         counted = yield from portion(steps, 0.02, 0.06, "Counting")
         needs = wanted(counted)
         job.kept.make_room(needs.needed)
         refuse_too_much(needs)
         told = f"Classifying {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all"
         yield Progress(0.06, told)
-        steps = job.steps("visible", visible_key, lambda: fill_steps(shown, blocks, counted, **machine))
-        voxels = yield from portion(timed(steps, clock, "classify"), 0.06, 0.1, told)
+        fill = shown.fill_steps if mixed else partial(fill_steps, shown, **machine)
+        steps = job.steps("visible", visible_key, lambda: fill(blocks, counted))
+        voxels = yield from portion(timed(steps, clock, stage), 0.06, 0.1, told)
     else:
         voxels = job.get("visible", visible_key, None)
         needs = wanted((np.diff(voxels.row_start), voxels.row_pieces))
-    with clock.stage("classify"):
-        found = job.get(
-            "looks", looks_key, lambda: classified(shown, voxels, length, **machine), lambda c: c.looks.nbytes
-        )
+    with clock.stage(stage):
+        look_at = shown.classified if mixed else partial(classified, shown, **machine)
+        found = job.get("looks", looks_key, lambda: look_at(voxels, length), lambda c: c.looks.nbytes)
     with clock.stage("shade"):
         if not shaded:
             return Look(found, None, None, visible_key, (looks_key, "unshaded"), needs)

@@ -151,18 +151,18 @@ def estimate_from_histogram(
 
 
 def estimate_of(
-    volume, counted, quality: Quality, *, axes: int = 1, shaded: bool = True, picture: int = 0
+    volume, counted, quality: Quality, *, axes: int = 1, shaded: bool = True, picture: int = 0, dtype=None
 ) -> MemoryEstimate:
     """As ``estimate``, from ``counted``: visible voxels and connected pieces per row, (nz * ny,) each.
 
     ``volume``: a RefinedVolume for a classification that is refined.
-    ``picture``: see ``picture_bytes``.
+    ``picture``: see ``picture_bytes``.  ``dtype``: as if the voxels were of that type; None for their own.
     """
     counts, pieces = counted
     lines = int(np.count_nonzero(counts))
     return _reckon(
-        volume.shape_xyz, volume.voxels.dtype, int(counts.sum()), int(pieces.sum()), lines, quality, axes, shaded,
-        picture, volume.voxels.nbytes,
+        volume.shape_xyz, np.dtype(dtype or volume.voxels.dtype), int(counts.sum()), int(pieces.sum()), lines, quality,
+        axes, shaded, picture, volume.voxels.nbytes,
     )  # fmt: skip
 
 

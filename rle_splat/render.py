@@ -14,6 +14,7 @@ from .effects.analyse import EffectSet, analyse, called_for
 from .effects.camera_clip import is_cut
 from .effects.clips import NOTHING_LEFT, cuts_of
 from .effects.mesh_occlusion import BEHIND, mesh_layers
+from .effects.mixing import BY_PRE, classified_by_pre, is_mixed
 from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
@@ -87,6 +88,9 @@ def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
         quality = quality.classified("pre")  # its voxels are classified already: a remark says so
     effects = analyse(scene, quality)
+    if is_mixed(called_for(scene, effects)):
+        quality = classified_by_pre(quality)
+        effects = analyse(scene, quality)
     scene = called_for(scene, effects)
     pictures = exposures(scene)
     refuse = refuse_empty_view and not scene.motion  # what moves may come into view
@@ -290,6 +294,8 @@ def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
 
 def _remarks(scene: Scene, quality: Quality, medium: Medium) -> list[str]:
     remarks = list(scene.volume.remarks)
+    if is_mixed(scene):
+        remarks.append(BY_PRE)
     if isinstance(scene.volume, StoredVolume) and quality.classification == "pre":
         remarks.append("A .rle file holds voxels that are classified already, so they are splatted as they are: pre.")
     if quality.classification == "post" and min(scene.volume.shape_xyz) == 1:

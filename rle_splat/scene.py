@@ -284,6 +284,37 @@ class Clip:
         return tuple(from_mapping(cls, entry, "A plane or box of the clip file") for entry in entries)
 
 
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """What each voxel of a volume belongs to.
+
+    ``volume``: a Volume of whole numbers, the labels, on the same grid.  ``functions``: label -> its TransferFunction,
+    or None where what has the label is hidden; other labels have the scene's own.  ``names``: label -> text, for
+    people.
+    """
+
+    volume: object
+    functions: dict = field(default_factory=dict)
+    names: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        if self.volume.voxels.dtype.kind not in "iu":
+            raise RleSplatError(
+                f"Labels must be whole numbers, not {self.volume.voxels.dtype.name}; give the volume of the labels."
+            )
+        for label in (*self.functions, *self.names):
+            if isinstance(label, bool) or not isinstance(label, (int, np.integer)):
+                raise RleSplatError(f"A label must be a whole number, not {short(label)}.")
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """A further volume on the same grid, and the transfer function that it is added by."""
+
+    volume: object
+    transfer_function: object
+
+
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
 # One table of names for the command line, the panel and the reports: what each quality preset sets of PRESET_KNOBS,
 # for sheets of classified voxels, pre and refined, and for post-classified ones.
@@ -483,6 +514,8 @@ class Scene:
     ``world``: scene-linear RGB radiance that comes from everywhere, None for none.  ``ambient_occlusion``: how much of
     the light from everywhere, the transfer function's ambient light with it, is taken away where the volume or a mesh
     hides the sky; 0 to 1.
+    ``labels``: what each voxel belongs to, and what that looks like.  ``channels``: further volumes on the same grid,
+    whose extinctions are added, and whose colours by extinction.
     ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
     top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
     ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
@@ -510,6 +543,8 @@ class Scene:
     volume_shadows: bool = False
     world: tuple | None = None
     ambient_occlusion: float = 0.0
+    labels: Labels | None = None
+    channels: tuple = ()
 
     def __post_init__(self):
         if self.mode not in MODES:
@@ -536,6 +571,17 @@ class Scene:
             object.__setattr__(self, "world", world)
         if not (_is_finite_number(self.ambient_occlusion) and 0.0 <= self.ambient_occlusion <= 1.0):
             raise RleSplatError("The strength of ambient occlusion must be a number from 0 to 1.")
+        if self.labels is not None:
+            self._check_grid(self.labels.volume, "label volume")
+        for channel in self.channels:
+            self._check_grid(channel.volume, "channel")
+
+    def _check_grid(self, other, what: str) -> None:
+        mine, others = (" x ".join(map(str, one.shape_xyz)) for one in (self.volume, other))
+        if mine != others:
+            raise RleSplatError(
+                f"The {what} has {others} voxels and the volume {mine}; give one that is on the volume's own grid."
+            )
 
     @property
     def region(self) -> tuple[int, int, int, int]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from .accuracy.measure import PROBES
 from .effects.analyse import analyse, called_for
+from .effects.mixing import is_mixed
 from .encode.store import StoredVolume
 from .exposure import exposures
 from .judge import Judge
@@ -267,6 +268,11 @@ def check_measurable(scene: Scene, quality: Quality) -> None:
     check_plannable(quality)
     if scene.mode != MODES[0]:
         raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
+    if is_mixed(scene):
+        raise RleSplatError(
+            "A tolerance is measured against a truth of one volume and one transfer function; choose a quality for "
+            "labels and channels."
+        )
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError(
             "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "

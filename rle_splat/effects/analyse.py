@@ -16,6 +16,7 @@ from .kind import Kind
 from .lens import DEPTH_OF_FIELD
 from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
 from .mesh_occlusion import MESH_OCCLUSION
+from .mixing import CHANNELS, LABELS
 from .motion import MOTION_BLUR
 from .ray_mode import MODE
 from .shadow_kinds import AMBIENT_OCCLUSION, SHADOWS, WORLD
@@ -36,6 +37,8 @@ EFFECTS: dict[str, Kind] = {
     "depth of field": DEPTH_OF_FIELD,
     "motion blur": MOTION_BLUR,
     "clip objects": CLIP_OBJECTS,
+    "labels": LABELS,
+    "channels": CHANNELS,
 }
 
 

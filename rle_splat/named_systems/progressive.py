@@ -16,6 +16,7 @@ from ..classify.classification import ClassifiedVolume
 from ..classify.shading import color_bound
 from ..classify.visible import row_offsets
 from ..effects.analyse import analyse, called_for
+from ..effects.mixing import is_mixed
 from ..encode.encode import brightest_steps, encode
 from ..encode.store import StoredVolume
 from ..jit import compiled, thread_count
@@ -118,7 +119,7 @@ def progressive_steps(
     """
     kept, whole = kept if kept is not None else Kept(), scene
     scene = called_for(scene, analyse(scene, quality))
-    levels = preview_levels(scene.volume.shape_xyz)
+    levels = () if is_mixed(scene) else preview_levels(scene.volume.shape_xyz)
     possible = levels and kept.keeps and quality.model == "extinction" and not isinstance(scene.volume, StoredVolume)
     possible = possible and scene.mode == MODES[0]  # averages of what absorbs tell no values
     planes = seen_planes(scene, scene.index_to_world, scene.volume.shape_xyz, quality) if possible else []

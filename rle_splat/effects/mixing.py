@@ -1,0 +1,64 @@
+"""Labels and channels: whether a scene has any that change its picture, and what they ask of the classification."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..encode.store import StoredVolume
+from ..scene import MODES, Quality, RleSplatError, Scene
+from .kind import Kind
+
+BY_PRE = "Labels and channels are classified voxel by voxel, so the classification is pre."
+
+
+def is_mixed(scene: Scene) -> bool:
+    """Whether more than one transfer function classifies the voxels."""
+    return scene.labels is not None or bool(scene.channels)
+
+
+def classified_by_pre(quality: Quality) -> Quality:
+    """The quality for labels and channels: what lies between two labels, or two functions, has no value to classify."""
+    try:
+        return quality.classified("pre")
+    except RleSplatError:  # a depth rule that only post has, chosen by hand
+        return replace(quality, classification="pre", depth_rule=None)
+
+
+def _hindered(scene: Scene) -> str:
+    """Why a scene's voxels cannot be classified by several functions; "" if they can."""
+    if isinstance(scene.volume, StoredVolume):
+        return "a .rle file holds classified voxels"
+    return "" if scene.mode == MODES[0] else f"the mode {scene.mode} shows the values of one volume"
+
+
+def _labels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+    labels = scene.labels
+    if labels is None:
+        return False, "the scene has no label volume"
+    if reason := _hindered(scene):
+        return False, reason
+    hidden = sum(function is None for function in labels.functions.values())
+    if not labels.functions:
+        return False, "no label is hidden or has a transfer function"
+    return True, f"{len(labels.functions) - hidden} label(s) with a transfer function, {hidden} hidden"
+
+
+def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+    if not scene.channels:
+        return False, "the volume is the only channel"
+    if reason := _hindered(scene):
+        return False, reason
+    shown = sum(max(alpha for _, alpha in channel.transfer_function.opacity) > 0.0 for channel in scene.channels)
+    if not shown:
+        return False, f"nothing is shown of {len(scene.channels)} further channel(s)"
+    return True, f"{len(scene.channels)} further channel(s) are added"
+
+
+LABELS = Kind(
+    "gives each label its own transfer function, or hides it", _labels_called_for,
+    lambda scene: replace(scene, labels=None), stage="mixing",
+)  # fmt: skip
+CHANNELS = Kind(
+    "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,
+    lambda scene: replace(scene, channels=()), stage="mixing",
+)  # fmt: skip
