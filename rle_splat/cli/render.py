@@ -13,6 +13,7 @@ from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
+from .mixing import add_mixing_options, mixed, mixing_inputs, read_looks
 from .options import (
     add_clip_option,
     add_image_options,
@@ -51,6 +52,7 @@ def add_arguments(parser) -> None:
     )
     add_clip_option(parser)
     add_light_effect_options(parser)
+    add_mixing_options(parser)
     add_tolerance_options(parser)
     add_quality_options(parser)
 
@@ -70,18 +72,21 @@ def run(args) -> None:
     start = perf_counter()
     writers = [writer_for(path) for path in args.output]
     outputs = [*args.output, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=(*scene_inputs(args), args.motion))
+    check_outputs(outputs, inputs=(*scene_inputs(args), args.motion, *mixing_inputs(args)))
     _check_background(args.background)
     check_scene_options(args)
     check_light_effects(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
-    poses = read_motion(args.motion)
+    poses, looks = read_motion(args.motion), read_looks(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
+    if is_encoded and any(mixing_inputs(args)):
+        raise RleSplatError("A .rle file holds voxels that are classified already; give the volume with labels.")
     quality = quality_from(args, "pre" if is_encoded else None)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
         prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
-        prepared = replace(prepared, scene=replace(moving(prepared.scene, poses), crop=crop))
+        scene = mixed(args, moving(prepared.scene, poses), *looks)
+        prepared = replace(prepared, scene=replace(scene, crop=crop))
         line.show(0.1, "loading the renderer")
         with line.compiling():
             rendering = line.follow(_steps(args, prepared), start=0.1)

@@ -1,0 +1,102 @@
+"""The options --labels and --channel: what they show, and what is refused in a sentence before anything is read."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def picture(call, raw, raw_options, function_file, tmp_path):
+    def run(*words):
+        out, report = tmp_path / "out.npy", tmp_path / "out.json"
+        result = call(
+            "render", raw, *raw_options, "--transfer-function", function_file, "--no-shading", "--size", "40x36", "-o",
+            out, "--json", report, *words,
+        )
+        assert result.code == 0, result.err
+        return np.load(out), json.loads(report.read_text())
+
+    return run
+
+
+@pytest.fixture
+def labels(tmp_path, voxels):
+    """1 in the half with x below 8, 2 in the rest, as bare 16-bit voxels."""
+    path = tmp_path / "labels.raw"
+    found = np.ones(voxels.shape, np.uint16)
+    found[:, :, 8:] = 2
+    found.tofile(path)
+    return path
+
+
+def test_labels_hide_and_colour_what_they_name(picture, labels, write_json):
+    functions = write_json([{"label": 1, "name": "left", "hidden": True}, {"label": 2, "color": [0.0, 1.0, 0.0]}])
+    rgba, report = picture("--labels", labels, "--label-functions", functions)
+    whole, _ = picture("--classification", "pre")
+    assert rgba[:, :8, 3].max() < 0.02 < whole[:, 12:16, 3].max() and rgba[..., [0, 2]].max() < 1e-6
+    np.testing.assert_allclose(rgba[:, 22:, 3], whole[:, 22:, 3], atol=0.02)
+    np.testing.assert_allclose(rgba[..., 1], rgba[..., 3], atol=1e-5)
+    effect = next(effect for effect in report["effects"] if effect["name"] == "labels")
+    assert effect["reason"] == "1 label(s) with a transfer function, 1 hidden"
+    assert any("the classification is pre" in remark for remark in report["remarks"])
+
+
+def test_a_label_by_preset_or_by_function(picture, labels, write_json, function_file):
+    own = json.loads(function_file.read_text())
+    functions = [{"label": 1, "preset": "x-ray"}, {"label": 2, "transfer_function": own}]
+    rgba, report = picture("--labels", labels, "--label-functions", write_json(functions))
+    whole, _ = picture("--classification", "pre")
+    np.testing.assert_allclose(rgba[:, 22:], whole[:, 22:], atol=0.02)
+    assert np.abs(rgba - whole).max() > 0.1
+    effect = next(effect for effect in report["effects"] if effect["name"] == "labels")
+    assert effect["reason"] == "1 label(s) with a transfer function, 0 hidden", "that of 2 is the volume's own"
+
+
+def test_a_channel_is_added(picture, voxels, tmp_path, write_json):
+    other = tmp_path / "other.raw"
+    np.full(voxels.shape, 7, np.uint8).tofile(other)
+    blue = write_json({"opacity": [[0, 0.02]], "color": [[0, 0, 0, 1]], "shade": False}, "blue.json")
+    rgba, report = picture("--channel", other, "--channel-function", blue)
+    alone, _ = picture("--classification", "pre")
+    middle = (18, 20)
+    assert rgba[middle][3] > alone[middle][3] and rgba[..., 2].max() > alone[..., 2].max() + 0.02
+    corner = np.abs(rgba - alone).max(axis=-1)[8, 4]
+    assert corner > 0.1, "where the first channel shows nothing"
+    effect = next(effect for effect in report["effects"] if effect["name"] == "channels")
+    assert effect["on"] and effect["reason"] == "1 further channel(s) are added"
+
+
+@pytest.mark.parametrize(
+    ("entries", "says"),
+    [
+        ({}, "list of labels"),
+        ([{"name": "liver"}], "label"),
+        ([{"label": 1.5}], "whole number"),
+        ([{"label": 1}, {"label": 1}], "twice"),
+        ([{"label": 1, "color": [1, 2]}], "three finite numbers"),
+        ([{"label": 1, "preset": "no-such"}], "no preset"),
+        ([{"label": 1, "preset": "smoke", "transfer_function": {"opacity": [[0, 1]], "color": [[0, 1, 1, 1]]}}], "one"),
+        ([{"label": 1, "hidden": "yes"}], "true or false"),
+        ([{"label": 1, "shown": True}], "shown"),
+    ],
+)
+def test_bad_label_files_are_refused(refused, write_json, labels, tmp_path, entries, says):
+    words = "--labels", labels, "--label-functions", write_json(entries), "-o", tmp_path / "x.npy"
+    assert says in refused("render", tmp_path / "missing.raw", *words)
+
+
+def test_options_that_do_not_fit_together(refused, labels, write_json, tmp_path, function_file):
+    words = "render", tmp_path / "missing.raw", "-o", tmp_path / "x.npy"
+    assert "give both" in refused(*words, "--labels", labels)
+    assert "give both" in refused(*words, "--label-functions", write_json([]))
+    assert "each channel its function" in refused(*words, "--channel", labels)
+    rle = "render", tmp_path / "missing.rle", "-o", tmp_path / "x.npy"
+    assert "classified already" in refused(*rle, "--channel", labels, "--channel-function", function_file)
+
+
+def test_labels_on_another_grid(refused, raw, raw_options, write_json, tmp_path):
+    small = tmp_path / "small.raw"
+    np.ones(99, np.uint8).tofile(small)
+    words = "--labels", small, "--label-functions", write_json([{"label": 1, "hidden": True}])
+    refused("render", raw, *raw_options, *words, "-o", tmp_path / "x.npy")
