@@ -22,6 +22,7 @@ from ..rle_splat import scene as tables
 from . import box
 from .accuracy import AccuracyRowProperties
 from .effects import EffectOverrideProperties, EffectRowProperties
+from .labels import LabelProperties
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
@@ -112,6 +113,11 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
     value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
+    label_file: LiveString(
+        name="Labels", description="A volume of whole numbers on the same grid: what each voxel belongs to. With "
+        "labels that are hidden or have a look of their own, pictures are classified by pre", subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"})
+    labels: CollectionProperty(type=LabelProperties, name="Labels", description="What each label looks like")
     clip_keep: LiveEnum(
         name="Keep", description="Which side of this clip object stays", items=CLIP_ITEMS)
     transfer: LivePointer(
@@ -238,7 +244,10 @@ class SceneSettings(bpy.types.PropertyGroup):
     error_note: StringProperty(name="Errors", description="What the last map of errors holds")
 
 
-CLASSES = (EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, VolumeProperties, SceneSettings)
+CLASSES = (
+    EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, LabelProperties, VolumeProperties,
+    SceneSettings,
+)
 
 
 def register():

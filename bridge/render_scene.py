@@ -17,6 +17,7 @@ from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .clip_objects import clip_objects, read_clips
 from .effects import overrides_of
+from .labels import read_labels
 from .lights import read_lights
 from .meshes import read_triangles
 from .motion import read_poses
@@ -71,6 +72,7 @@ def read_scene(
         triangles=triangles if triangles is not None and len(triangles) else None,
         crop=frame_crop(scene.render) if in_region else None,
         clips=read_clips(depsgraph),
+        labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         motion=read_poses(depsgraph.scene, volume_object) if moving else (),
         effects=overrides_of(scene),
         volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,

@@ -21,7 +21,8 @@ def kept_path(path: str, blend_file: str) -> str:
         return path
 
 
-_while_saving: dict = {}  # object's session uid -> absolute path, from before a save to after it
+_while_saving: dict = {}  # object's session uid -> absolute paths by property, from before a save to after it
+PATHS = ("filepath", "label_file")
 
 
 def _local_volumes() -> list:
@@ -36,17 +37,19 @@ def before_save(blend_file, *_):
     if not blend_file:  # the startup file
         return
     for owner in _local_volumes():
-        path = volumes.resolved_path(owner)
-        _while_saving[owner.session_uid] = path
-        owner.rle_splat.filepath = kept_path(path, blend_file)
+        paths = _while_saving[owner.session_uid] = {}
+        for name in PATHS:
+            if getattr(owner.rle_splat, name):
+                paths[name] = volumes.resolved_path(owner, name)
+                setattr(owner.rle_splat, name, kept_path(paths[name], blend_file))
 
 
 @persistent
 def after_save(*_):
     """The file that is open now may be another than the one written (Save Copy)."""
     for owner in _local_volumes():
-        if owner.session_uid in _while_saving:
-            owner.rle_splat.filepath = kept_path(_while_saving[owner.session_uid], bpy.data.filepath)
+        for name, path in _while_saving.get(owner.session_uid, {}).items():
+            setattr(owner.rle_splat, name, kept_path(path, bpy.data.filepath))
     _while_saving.clear()
 
 

@@ -34,9 +34,9 @@ def volume_object(context):
     return None
 
 
-def resolved_path(owner) -> str:
-    """The absolute path of a volume object's file."""
-    return os.path.normpath(bpy.path.abspath(owner.rle_splat.filepath, library=owner.library))
+def resolved_path(owner, name: str = "filepath") -> str:
+    """The absolute path of a volume object's file, or of another that the property ``name`` holds."""
+    return os.path.normpath(bpy.path.abspath(getattr(owner.rle_splat, name), library=owner.library))
 
 
 def read_file(path: str, options: dict):

@@ -11,6 +11,7 @@ from . import (
     keyframe_transfer,
     list_effects,
     own_transfer,
+    read_labels,
     relocate,
     render_image,
     set_backdrop,
@@ -20,7 +21,7 @@ from . import (
 
 MODULES = (
     import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite, list_effects, accuracy, add_clip,
+    set_backdrop, composite, list_effects, accuracy, add_clip, read_labels,
 )
 
 

@@ -1,0 +1,36 @@
+"""Read Labels: list what the volume's file of labels holds."""
+
+import bpy
+
+from ..bridge import labels, volumes
+from ..rle_splat.scene import RleSplatError
+from .refusal import has_volume, refuse
+
+
+class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
+    """List the labels of the volume's file of labels, each to be shown or hidden, with a look of its own"""
+
+    bl_idname = "rle_splat.read_labels"
+    bl_label = "Read Labels"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not has_volume(cls, context):
+            return False
+        if not volumes.volume_object(context).rle_splat.label_file:
+            cls.poll_message_set("Choose the file of labels first")
+            return False
+        return True
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            count = labels.list_labels(owner, volumes.load_volume(owner))
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        self.report({"INFO"}, f"{count} labels")
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_read_labels,)

@@ -1,0 +1,37 @@
+"""What each voxel belongs to, and what that looks like."""
+
+import bpy
+
+from ..bridge import volumes
+from .places import Sidebar
+
+
+class RLE_SPLAT_PT_labels(Sidebar, bpy.types.Panel):
+    bl_label = "Labels"
+    bl_idname = "RLE_SPLAT_PT_labels"
+    bl_parent_id = "RLE_SPLAT_PT_transfer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return volumes.volume_object(context) is not None
+
+    def draw(self, context):
+        layout = self.layout
+        properties = volumes.volume_object(context).rle_splat
+        row = layout.row(align=True)
+        row.prop(properties, "label_file", text="")
+        row.operator("rle_splat.read_labels", text="Read")
+        for label in properties.labels:
+            row = layout.row(align=True)
+            row.prop(label, "show", text="")
+            row.prop(label, "label_name", text="")
+            look = row.row(align=True)
+            look.active = label.show
+            look.prop(label, "look", text="")
+            look.prop(label, "use_color", text="")
+            if label.use_color:
+                look.prop(label, "color", text="")
+
+
+CLASSES = (RLE_SPLAT_PT_labels,)

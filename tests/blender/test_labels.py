@@ -1,0 +1,98 @@
+"""Proves that a volume object's labels are listed from their file, and shown, hidden and coloured as the rows say."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+N, ALPHA = 9, 0.2
+COLOR = (0.9, 0.5, 0.2)
+
+
+@pytest.fixture
+def owner(bridge, core, tmp_path):
+    """A homogeneous cube whose left third is labelled 3, the rest 0; seen from above."""
+    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+    scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 48
+    labels = np.zeros((N, N, N), np.uint8)
+    labels[:, :, :3] = 3
+    path = tmp_path / "labels.raw"
+    labels.tofile(path)
+    owner.rle_splat.label_file = str(path)
+    return owner
+
+
+def picture():
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
+
+
+def column_of(x):
+    return int((x - (N - 1) / 2) / 12.0 * 48 + 24)
+
+
+def reported():
+    return json.loads(bpy.context.scene.rle_splat.last_report_json)
+
+
+def test_labels_are_listed_hidden_and_coloured(owner):
+    rows = owner.rle_splat.labels
+    before = picture()
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Label 3")]
+    np.testing.assert_array_equal(picture(), before)
+    assert reported()["plan"]["classification"] == "post", "nothing asks for more than one transfer function"
+
+    rows[1].use_color, rows[1].color = True, (0.0, 0.0, 1.0)
+    blue = picture()
+    left, right = (blue[20:28, column_of(x)].mean(axis=0) for x in (1.0, 6.0))
+    assert left[2] == pytest.approx(left[3], abs=0.01) and left[0] < 0.01 < 0.3 < left[3]
+    np.testing.assert_allclose(right[:3], right[3] * np.array(COLOR), atol=0.01)
+    assert reported()["plan"]["classification"] == "pre"
+    assert any("classification is pre" in remark for remark in reported()["remarks"])
+
+    rows[1].show = False
+    hidden = picture()[20:28]
+    assert hidden[:, column_of(0.5), 3].max() < 0.01 < 0.3 < hidden[:, column_of(6.0), 3].min()
+    rows[1].label_name = "liver"
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert rows[1].label_name == "liver" and not rows[1].show, "what was said of a label stays"
+
+
+def test_a_preset_for_a_label(owner):
+    bpy.ops.rle_splat.read_labels()
+    owner.rle_splat.labels[1].look = "smoke"
+    changed = picture()[20:28]
+    np.testing.assert_allclose(changed[:, column_of(6.0), :3], changed[:, column_of(6.0), 3:] * COLOR, atol=0.01)
+    assert np.abs(changed[:, column_of(1.0), :3] - changed[:, column_of(1.0), 3:] * COLOR).max() > 0.02
+
+
+def test_what_is_no_file_of_labels_is_refused_in_a_sentence(owner, refused, tmp_path):
+    (tmp_path / "short.raw").write_bytes(bytes(17))
+    owner.rle_splat.label_file = str(tmp_path / "short.raw")
+    refused(bpy.ops.rle_splat.read_labels, "bytes")
+    owner.rle_splat.label_file = str(tmp_path / "missing.raw")
+    refused(bpy.ops.rle_splat.read_labels, "choose their file")
+    np.arange(N**3, dtype=np.uint16).tofile(tmp_path / "scan.raw")
+    owner.rle_splat.label_file = str(tmp_path / "scan.raw")
+    refused(bpy.ops.rle_splat.read_labels, "729 different values")
+
+
+def test_the_path_of_the_labels_follows_the_blend(owner, bridge, tmp_path):
+    bpy.ops.rle_splat.read_labels()
+    owner.rle_splat.labels[1].show = False
+    before = picture()
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
+    assert owner.rle_splat.label_file.startswith("//")
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
+    np.testing.assert_array_equal(picture(), before)
