@@ -65,8 +65,17 @@ def load_labels(owner, shape_xyz):
     key = (path, status.st_size, status.st_mtime_ns, tuple(shape_xyz))
     if key not in _kept:
         kind = format_of(path)
-        options = {"shape": shape_xyz} if kind is not None and "shape" in kind.options else {}
-        found = volumes.read_file(path, options)
+        bare = kind is not None and "shape" in kind.options
+        try:
+            found = volumes.read_file(path, {"shape": shape_xyz} if bare else {})
+        except RleSplatError as problem:
+            if not bare:
+                raise
+            grid = " x ".join(map(str, shape_xyz))
+            raise RleSplatError(
+                f"{path} does not hold one whole number for each of the volume's {grid} voxels; choose the file of its "
+                "labels."
+            ) from problem
         _kept.clear()
         _kept[key] = found
     return _kept[key]

@@ -78,7 +78,7 @@ def test_a_preset_for_a_label(owner):
 def test_what_is_no_file_of_labels_is_refused_in_a_sentence(owner, refused, tmp_path):
     (tmp_path / "short.raw").write_bytes(bytes(17))
     owner.rle_splat.label_file = str(tmp_path / "short.raw")
-    refused(bpy.ops.rle_splat.read_labels, "bytes")
+    refused(bpy.ops.rle_splat.read_labels, "one whole number for each")
     owner.rle_splat.label_file = str(tmp_path / "missing.raw")
     refused(bpy.ops.rle_splat.read_labels, "choose their file")
     np.arange(N**3, dtype=np.uint16).tofile(tmp_path / "scan.raw")

@@ -61,7 +61,7 @@ def test_a_channel_is_added(picture, voxels, tmp_path, write_json):
     alone, _ = picture("--classification", "pre")
     middle = (18, 20)
     assert rgba[middle][3] > alone[middle][3] and rgba[..., 2].max() > alone[..., 2].max() + 0.02
-    corner = np.abs(rgba - alone).max(axis=-1)[8, 4]
+    corner = np.abs(rgba - alone).max(axis=-1)[12, 8]
     assert corner > 0.1, "where the first channel shows nothing"
     effect = next(effect for effect in report["effects"] if effect["name"] == "channels")
     assert effect["on"] and effect["reason"] == "1 further channel(s) are added"
