@@ -21,6 +21,10 @@ def add_light_effect_options(parser) -> None:
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
         help="how much of the light from everywhere is taken away where the sky is hidden, 0 to 1",
     )
+    group.add_argument(
+        "--shadow-pass", metavar="FILE",
+        help="write another picture, of the share of each pixel's light that shadows and ambient occlusion take away",
+    )
 
 
 def check_light_effects(args) -> None:
@@ -31,6 +35,10 @@ def check_light_effects(args) -> None:
     name = next((name for name, given in wanted.items() if given), None)
     if name is not None and args.no_shading:
         raise RleSplatError(f"--no-shading and --{name} contradict each other; give one of the two.")
+    if args.shadow_pass is not None and not (args.shadows or args.ambient_occlusion):
+        raise RleSplatError("--shadow-pass is of shadows; add --shadows or --ambient-occlusion.")
+    if args.shadow_pass is not None and args.tolerance is not None:
+        raise RleSplatError("--tolerance is of light without shadows; leave --shadow-pass out, or choose a --quality.")
     if args.shadows and args.lights is None:
         raise RleSplatError("--shadows are those of lights; give some with --lights, for a headlight casts none.")
 

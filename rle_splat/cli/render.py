@@ -70,8 +70,9 @@ class Prepared:
 
 def run(args) -> None:
     start = perf_counter()
-    writers = [writer_for(path) for path in args.output]
-    outputs = [*args.output, *([args.json] if args.json else [])]
+    passes = [] if args.shadow_pass is None else [args.shadow_pass]
+    writers = [writer_for(path) for path in (*args.output, *passes)]
+    outputs = [*args.output, *passes, *([args.json] if args.json else [])]
     check_outputs(outputs, inputs=(*scene_inputs(args), args.motion, *mixing_inputs(args)))
     _check_background(args.background)
     check_scene_options(args)
@@ -89,12 +90,16 @@ def run(args) -> None:
         prepared = replace(prepared, scene=replace(scene, crop=crop))
         line.show(0.1, "loading the renderer")
         with line.compiling():
-            rendering = line.follow(_steps(args, prepared), start=0.1)
+            rendering, taken = line.follow(_steps(args, prepared), start=0.1)
         line.show(1.0, "writing")
         with whole_files(outputs) as parts:
             began = perf_counter()
-            for writer, part in zip(writers, parts):
+            for writer, part in zip(writers, parts[: len(args.output)]):
                 writer(part, rendering.rgba, rendering.depth, args.background)
+            if taken is not None:
+                from ..shadow_pass import as_picture
+
+                writers[-1](parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
             write_ms = 1e3 * (perf_counter() - began)
             report = _report(args, prepared, rendering, write_ms, start)
             if args.json:
@@ -103,15 +108,20 @@ def run(args) -> None:
 
 
 def _steps(args, prepared: Prepared):
-    """The work: by a plan that keeps the tolerance, where there is one, else by the quality that was asked for."""
+    """The work: by a plan that keeps the tolerance, where there is one, else by the quality that was asked for.
+    Generator of Progress: (Rendering, the shadow pass, None where none is wanted)."""
+    if args.shadow_pass is not None:
+        from ..shadow_pass import shadow_pass_steps
+
+        return (yield from shadow_pass_steps(prepared.scene, prepared.quality))
     if args.tolerance is None:
         from ..render import render_steps
 
-        return render_steps(prepared.scene, prepared.quality)
+        return (yield from render_steps(prepared.scene, prepared.quality)), None
     from ..tolerance import tolerance_steps
 
     count = {} if args.probes is None else {"probes": args.probes}
-    return tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **count)
+    return (yield from tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **count)), None
 
 
 def _check_background(background) -> None:

@@ -53,6 +53,18 @@ def test_each_option_changes_the_light_and_nothing_else(render):
     np.testing.assert_allclose(render("--world", "0.2", "0.1", "0")[0][..., 2], plain[..., 2], atol=1e-3)
 
 
+def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
+    plain, _ = render()
+    rgba, _ = render("--shadows", "--shadow-pass", str(tmp_path / "pass.npy"))
+    taken = np.load(tmp_path / "pass.npy")
+    np.testing.assert_array_equal(taken[..., 3], rgba[..., 3])
+    seen = rgba[..., 3] > 0.05
+    share = taken[seen][:, 1] / rgba[seen][:, 3]
+    left = rgba[seen][:, :3].sum(axis=1) / plain[seen][:, :3].sum(axis=1)
+    np.testing.assert_allclose(1.0 - share, np.minimum(left, 1.0), atol=1e-5)
+    assert share.max() > 0.3
+
+
 @pytest.mark.parametrize(
     ("options", "more", "sentence"),
     [
@@ -61,6 +73,7 @@ def test_each_option_changes_the_light_and_nothing_else(render):
         (["--ambient-occlusion", "1.5"], {}, "a number from 0 to 1"),
         (["--ambient-occlusion", "1", "--no-shading"], {"lights": False}, "contradict each other"),
         (["--shadows", "--tolerance", "2"], {}, "turn off shadows"),
+        (["--shadow-pass", "x.npy"], {}, "add --shadows or --ambient-occlusion"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(render, capsys, options, more, sentence):

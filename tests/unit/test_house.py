@@ -51,6 +51,7 @@ FLOORS = {
     "rle_splat.kept_shadows": 8,
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
+    "rle_splat.shadow_pass": 11,
     "rle_splat.retrace": 10,
     "rle_splat.judge": 10.5,
     "rle_splat.cost_of_accuracy": 11,
