@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import zip_longest
 
 import numpy as np
 
@@ -209,10 +211,16 @@ def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
         "inside the lemon": lambda: _inside(lemon, wide, 160, (0.5, 0.12, 0.5), (0.45, 0.9, 0.4), True),
         "inside the tubes": lambda: _inside(tubes, soft, 160, (0.15, 0.55, 0.5), (0.9, 0.4, 0.45), False),
     }
-    for name, make in made.items():
-        if not names or name in names:
-            yield name, make()
-    for name, (file, options, look, shaded, view) in JUDGED_SCANS.items():
-        if (DATA / file).exists() and (not names or name in names):
-            scan = read_volume(DATA / file, **options)
-            yield name, view.of(scan, fit_preset(look, scan)[0], shaded)
+    scans = {
+        name: partial(_scan, *scan) for name, scan in JUDGED_SCANS.items() if (DATA / scan[0]).exists()
+    }  # fmt: skip
+    # In turn, so that the first few are of all kinds.
+    for pair in zip_longest(made.items(), scans.items()):
+        for name, make in filter(None, pair):
+            if not names or name in names:
+                yield name, make()
+
+
+def _scan(file: str, options: dict, look: str, shaded: bool, view: View) -> Scene:
+    scan = read_volume(DATA / file, **options)
+    return view.of(scan, fit_preset(look, scan)[0], shaded)

@@ -138,7 +138,9 @@ def test_sheet_density(stage, perspective):
     field = blobs((16, 16, 16), 3, count=5, width=(1.6, 2.4))
     scene = stage.on_turntable(field, 35.0, 25.0, perspective, size=(48, 48))
     rmse = {}
-    for kernel, warp_filter in (("bspline3", "bilinear"), ("bspline3", "cubic"), ("tent", "cubic")):
+    for kernel, warp_filter in (
+        ("bspline3", "bilinear"), ("bspline3", "keys"), ("bspline3", "cubic"), ("tent", "cubic"),
+    ):  # fmt: skip
         knobs = dict(kernel=kernel, depth_rule="slice", termination=0.0)
         best = stage.render(scene, sheet_density=8.0, warp_filter="cubic", **knobs).rgba
         rmse[kernel, warp_filter] = [
@@ -148,6 +150,8 @@ def test_sheet_density(stage, perspective):
     half, one, two = rmse["bspline3", "bilinear"]
     assert math.log2(half / one) == pytest.approx(2.0, abs=0.1)
     assert math.log2(one / two) == pytest.approx(2.0, abs=0.1)
+    _, one, two = rmse["bspline3", "keys"]
+    assert math.log2(one / two) == pytest.approx(3.0, abs=0.3)
     _, one, two = rmse["bspline3", "cubic"]
     assert math.log2(one / two) > 2.9
     _, one, two = rmse["tent", "cubic"]
