@@ -22,10 +22,10 @@ from .view.eye import index_view
 from .view.principal_axis import candidate_pyramids, dominant_axis
 
 AT_ONCE = 2048  # rays between two looks at the user's Esc
-# What of a scene single rays know of; anything else must be as it is by itself.
+# What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
-    "background", "crop", "effects",
+    "background", "crop", "effects", "volume_shadows", "world", "ambient_occlusion",
 }  # fmt: skip
 
 

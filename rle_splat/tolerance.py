@@ -39,7 +39,8 @@ CLEAR = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # of a frame's expected time
 STRICTEST = 0.05  # levels; float32 sheets and an eye see no less
-TRIED_RAYS, FEW_SLABS = 256, 4  # single rays that tell what rays err and take, and slabs of a voxel's depth
+# Single rays that tell what rays err, and what they take; and slabs that a voxel's depth is cut into for both.
+DOUBTFUL_RAYS, TIMED_RAYS, FEW_SLABS = 256, 1024, 4
 # Shares of the work after which the pilots and each of the rounds end.
 PILOTED = 0.2
 
@@ -237,15 +238,15 @@ def _tried_rays(wanted: _Wanted, doubt: Doubt):
     """Generator of Progress: the RayCost of the scene: what rays err from the most doubtful pixels, what they take
     from pixels anywhere."""
     termination = PILOT_TERMINATION / 16.0
-    apart, spent = {}, []
-    for places in (doubt.most_doubtful(TRIED_RAYS), doubt.anywhere(TRIED_RAYS)):
-        # Once before, for the kernel may have to be loaded.
-        for slabs in (1, FEW_SLABS, 2 * FEW_SLABS):
+    doubtful, anywhere = doubt.most_doubtful(DOUBTFUL_RAYS), doubt.anywhere(TIMED_RAYS)
+    apart, spent = [], []
+    for places in (doubtful, anywhere):  # the first of them may have to load the kernel
+        for slabs in (FEW_SLABS, 2 * FEW_SLABS):
             values, took = yield from wanted.traced(*places, slabs, termination, PILOTED, PILOTED)
-            apart.setdefault(slabs, []).append(values)
+            apart.append(values)
             spent.append(took)
-    few, many = (np.concatenate(apart[slabs]) for slabs in (FEW_SLABS, 2 * FEW_SLABS))
-    return RayCost.of(FEW_SLABS, LEVELS * float(np.abs(few - many).max(initial=0.0)), spent[-2:], len(places[0]))
+    differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (apart[:2], apart[2:]))
+    return RayCost.of(FEW_SLABS, LEVELS * differs, spent[2:], len(anywhere[0]))
 
 
 def _still_doubtful(modelled, traced, count: int):

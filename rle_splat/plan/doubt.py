@@ -16,7 +16,7 @@ from .features import difference_of
 from .model import Model
 
 AROUND = 2  # pixels to every side whose difference counts
-STEPS = 4  # of the table of differences for each doubling
+STEPS = 6  # of the table of differences for each doubling
 FAINTEST = 2.0**-8  # levels: smaller differences are taken to be so large
 MOST_SLABS = 64
 SLABS = tuple(2**n for n in range(1, 7))  # of a voxel's depth, to choose from
