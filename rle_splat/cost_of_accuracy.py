@@ -1,7 +1,8 @@
 """What accuracy costs in time: plans measured on one scene, each against the truth it promises (algorithm.md 2).
 
-A plan's time is that of a frame, splat and warp, with its tables made.  Its errors are those of the same probe pixels
-for every plan, and of one crop, where the picture is steepest, of which whole pictures can be shown and compared.
+A plan's time is that of a frame, splat, warp and, of a plan for a tolerance, single rays, with its tables made.  Its
+errors are those of the same probe pixels for every plan, and of one crop, where the picture is steepest, of which whole
+pictures can be shown and compared.
 """
 
 from __future__ import annotations
@@ -23,11 +24,13 @@ from .encode.store import StoredVolume
 from .kept import Kept
 from .kept_shadows import shadow_count
 from .plan.candidates import check_plannable
-from .plan.choose import Choice, Speed, choose
+from .plan.choose import Choice, Speed, choose, choose_with_rays
+from .plan.doubt import Doubt
 from .plan.features import features_of, pilots
 from .plan.model import Model
 from .ray_modes import mode_quality
 from .render import render_steps, truth_of
+from .retrace import can_retrace, ray_cost_steps, retrace_steps
 from .scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
 from .steps import Progress, portion
 
@@ -36,6 +39,8 @@ CROP_SIDE = 96  # pixels
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels; the plans that would be chosen for these are measured too
 LONGEST = 1000.0  # milliseconds a frame that such a plan may be expected to take, to be worth measuring
 PILOTS_SHARE = 0.05
+FRAME = ("splat", "warp", "rays")  # stages that every frame of a plan takes; rays where it has pixels by single ones
+SINGLE_RAYS = "Following single rays"
 FRAMES_SHARE = 0.6  # of the whole work, as progress shows it; the rest is the truths
 # What a plan's error is of, for people.
 TRUTH_TEXTS = {
@@ -120,8 +125,21 @@ def knobs_of(plan: Quality) -> dict:
     return {name: value for name, value in asdict(plan).items() if name not in MACHINE}
 
 
+@dataclass(frozen=True, eq=False)
+class Singles:
+    """Pixels of a plan's picture, ``columns`` and ``rows``, that are had by rays of their own, of so many ``slabs``."""
+
+    columns: np.ndarray
+    rows: np.ndarray
+    slabs: int
+
+    def report(self) -> dict:
+        return {"pixels": len(self.columns), "slabs": self.slabs}
+
+
 def planned_steps(scene: Scene, base: Quality, tolerances, kept: Kept, end: float):
-    """Generator of Progress up to ``end``: name -> Choice, the plans that each tolerance, in levels, would choose."""
+    """Generator of Progress up to ``end``: name -> Choice, the plans that each tolerance, in levels, would choose, and
+    name -> Singles, of those that have pixels by single rays."""
     model = Model.of(base.classification)
     drawn, frames = {}, []
     for number, (name, plan) in enumerate(pilots(base).items()):
@@ -129,12 +147,22 @@ def planned_steps(scene: Scene, base: Quality, tolerances, kept: Kept, end: floa
         frames.append((plan, drawn[name].report["stages_ms"]))
     features = features_of(scene, base, drawn)
     speed = Speed.of(model, features, frames[1:])  # the first one also filled the caches
-    chosen = {}
+    doubt, seen = None, called_for(scene, analyse(scene, base))
+    if can_retrace(seen, base):
+        doubt = Doubt.of(drawn)
+        cost = yield from portion(ray_cost_steps(seen, base, doubt, kept), end, end, SINGLE_RAYS)
+    chosen, singles = {}, {}
     for tolerance in tolerances:
-        choice = choose(features, base, tolerance, model, speed)
         name = f"for {tolerance:g} level{'' if tolerance == 1 else 's'}"
+        if doubt is None:
+            choice = choose(features, base, tolerance, model, speed)
+        else:
+            choice = choose_with_rays(features, base, tolerance, model, doubt, cost, speed)
+            rows, columns = np.nonzero(doubt.modelled(model, choice.plan) > choice.allowed)
+            if len(rows):
+                singles[name] = Singles(columns, rows, choice.slabs)
         chosen[name] = replace(choice, plan=replace(choice.plan, name=name))
-    return chosen
+    return chosen, singles
 
 
 def with_plan(plans, chosen: Quality) -> tuple[list[Quality], str]:
@@ -180,23 +208,23 @@ def sweep_steps(
     if probes < 1 or repeats < 1:
         raise RleSplatError("Measuring takes one probe and one repeat at least.")
     kept = Kept() if kept is None else kept
-    choices, remarks = {}, []
+    choices, singles, remarks = {}, {}, []
     if tolerances:
         remarks = [f"No plans for tolerances: {why}" for why in _no_promise(chosen)]
     if tolerances and not remarks:
-        choices = yield from planned_steps(scene, chosen, tolerances, kept, PILOTS_SHARE)
+        choices, singles = yield from planned_steps(scene, chosen, tolerances, kept, PILOTS_SHARE)
         plans, remarks = _with_choices(plans, choices)
     plans, chosen_name = with_plan(plans, chosen)
     # The last plan is rendered first: where its picture is steep, all are looked at.
     began_at = PILOTS_SHARE if tolerances else 0.0
     share = (FRAMES_SHARE - began_at) / (len(plans) + 1)
-    finest = yield from _rendered(scene, plans[-1], kept, began_at, began_at + share)
+    finest = yield from _drawn(scene, plans[-1], singles, kept, began_at, began_at + share)
     where = choose_probes(finest.rgba, probes, seed)
     window = steepest_window(finest.rgba, crop_side)
     looks, reports, stages, chosen_rendering = {}, {}, {}, None
     for number, plan in enumerate(plans, start=1):
         begin = began_at + share * number
-        rendering = yield from _rendered(scene, plan, kept, begin, begin + 0.5 * share)
+        rendering = yield from _drawn(scene, plan, singles, kept, begin, begin + 0.5 * share)
         looks[plan.name] = (where.of(rendering.rgba), rendering.rgba[window.rows, window.columns].copy())
         reports[plan.name] = rendering.report
         if plan.name == chosen_name:
@@ -205,7 +233,7 @@ def sweep_steps(
         stages[plan.name] = []
         for turn in range(repeats):
             done = begin + share * (0.5 + 0.5 * turn / repeats)
-            rendering = yield from _rendered(scene, plan, kept, done, done)
+            rendering = yield from _drawn(scene, plan, singles, kept, done, done)
             stages[plan.name].append(rendering.report["stages_ms"])
     promised = {name: report["error"]["truth"] for name, report in reports.items()}
     began = time.perf_counter()
@@ -215,8 +243,9 @@ def sweep_steps(
     for plan in plans:
         truth_name = promised[plan.name]
         entry = {"name": plan.name, "chosen": plan.name == chosen_name, "truth": truth_name, "knobs": knobs_of(plan)}
-        entry.update({f"{stage}_ms": median(s[stage] for s in stages[plan.name]) for stage in ("splat", "warp")})
-        entry["frame_ms"] = median(s["splat"] + s["warp"] for s in stages[plan.name])
+        entry.update({f"{stage}_ms": median(s.get(stage, 0.0) for s in stages[plan.name]) for stage in FRAME})
+        entry["frame_ms"] = median(sum(s.get(stage, 0.0) for stage in FRAME) for s in stages[plan.name])
+        entry["rays"] = singles[plan.name].report() if plan.name in singles else None
         entry["error"] = _errors(looks[plan.name], true[truth_name], where.random, flip)
         beside = truth_name != "T2"
         entry["as_ray_caster"] = _errors(looks[plan.name], true["T2"], where.random, None) if beside else None
@@ -260,7 +289,7 @@ def _with_choices(plans, choices: dict[str, Choice]) -> tuple[list[Quality], lis
             hopeless.append(name)
         elif choice.milliseconds > LONGEST:
             slow.append(f"{name} ({choice.milliseconds / 1e3:.1f} s)")
-        elif not any(same_plan(choice.plan, other) for other in found):
+        elif choice.rays or not any(same_plan(choice.plan, other) for other in found):
             found.append(choice.plan)
     remarks = [f"No plan is expected to keep a tolerance {', '.join(hopeless)}."] if hopeless else []
     if slow:
@@ -358,7 +387,8 @@ def table_lines(report: dict) -> list[str]:
     lines += [
         "",
         f"*: on the front, no other plan is both quicker and nearer to its truth ({title}).  >: the chosen plan.",
-        f"ms: splat and warp, the median of {report['repeats']} frames. Errors: levels, 1/255 of premultiplied linear "
+        f"ms: splat, warp and single rays, the median of {report['repeats']} frames. Errors: levels, 1/255 of "
+        "premultiplied linear "
         f"RGBA; RMSE, 99.9 %, bias and PSNR at {probes['random']} random pixels, max over these, {probes['steep']} "
         "steep ones and the crop; SSIM"
         + (" and FLIP" if has_flip else "") + f" of the crop {_by(report['crop'])}, as a display shows it.",
@@ -397,6 +427,21 @@ def _rendered(scene, plan, kept, start: float, end: float):
         except StopIteration as finished:
             return finished.value
         yield Progress(start + (end - start) * step.fraction, f"{plan.name}: {step.message}")
+
+
+def _drawn(scene, plan, singles, kept, start: float, end: float):
+    """As ``_rendered``, with the plan's Singles, if it has some, and in the report's ``stages_ms`` what they took."""
+    rendering = yield from _rendered(scene, plan, kept, start, end)
+    single = singles.get(plan.name)
+    if single is None:
+        return rendering
+    seen = called_for(scene, analyse(scene, plan))
+    steps = retrace_steps(seen, plan, single.columns, single.rows, single.slabs, kept)
+    values, spent = yield from portion(steps, end, end, SINGLE_RAYS)
+    rgba = rendering.rgba.copy()
+    rgba[single.rows, single.columns] = values
+    stages = {**rendering.report["stages_ms"], "rays": spent}
+    return replace(rendering, rgba=rgba, report={**rendering.report, "stages_ms": stages})
 
 
 def _truths(scene, names, probes, window):

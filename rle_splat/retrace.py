@@ -13,6 +13,8 @@ import numpy as np
 
 from .jit import compiled
 from .kept import Kept
+from .plan.doubt import Doubt, RayCost
+from .plan.features import LEVELS
 from .scalar_medium import scalar_medium_steps
 from .scene import Quality, Scene
 from .splat.scalar_rays import rays_through
@@ -21,6 +23,9 @@ from .view.base_plane import base_plane
 from .view.eye import index_view
 from .view.principal_axis import candidate_pyramids, dominant_axis
 
+# Single rays that tell what rays err, and what they take; and slabs that a voxel's depth is cut into for both.
+DOUBTFUL_RAYS, TIMED_RAYS, FEW_SLABS = 256, 1024, 4
+TRIED_TERMINATION = 1 / 16384
 AT_ONCE = 2048  # rays between two looks at the user's Esc
 # What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.
 KNOWN = {
@@ -49,7 +54,7 @@ def _given(scene: Scene, field) -> bool:
 
 
 def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kept: Kept):
-    """Generator of fractions done; returns premultiplied rgba (n, 4) float32 of pixels of the whole frame, and the
+    """Generator of fractions done; returns premultiplied rgba (n, 4) float32 of pixels of the picture, and the
     milliseconds that their rays took.
 
     ``columns``, ``rows``: (n,) ints.  ``slabs``: that a voxel's depth is cut into, at least.  ``kept``: what made the
@@ -57,7 +62,7 @@ def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kep
     """
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    columns, rows = (np.asarray(at, np.float64) + 0.5 for at in (columns, rows))
+    columns, rows = (np.asarray(at, np.float64) + first + 0.5 for at, first in zip((columns, rows), scene.region))
     axes, signs = dominant_axis(view.ray_directions(columns, rows))
     spent, job, found = 0.0, kept.job(), np.zeros((len(columns), 4), np.float32)
     medium = yield from _quietly(scalar_medium_steps(scene, quality, job, Clock()))
@@ -77,6 +82,20 @@ def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kep
             spent += 1e3 * (time.perf_counter() - began)
     job.keep()
     return found, spent
+
+
+def ray_cost_steps(scene: Scene, quality: Quality, doubt: Doubt, kept: Kept):
+    """Generator of fractions done; returns the RayCost of a scene's picture, from a few of its pixels."""
+    quality = replace(quality, termination=TRIED_TERMINATION)
+    doubtful, anywhere = doubt.most_doubtful(DOUBTFUL_RAYS), doubt.anywhere(TIMED_RAYS)
+    apart, spent = [], []
+    for places in (doubtful, anywhere):  # the first of them may have to load the kernel
+        for slabs in (FEW_SLABS, 2 * FEW_SLABS):
+            values, took = yield from retrace_steps(scene, quality, *places, slabs, kept)
+            apart.append(values)
+            spent.append(took)
+    differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (apart[:2], apart[2:]))
+    return RayCost.of(FEW_SLABS, LEVELS * differs, spent[2:], len(anywhere[0]))
 
 
 def _quietly(steps):

@@ -24,12 +24,12 @@ from .kept import Kept
 from .kept_shadows import shadow_count
 from .plan.candidates import check_plannable, check_tolerance, name_of
 from .plan.choose import CAUTION, NEARLY_BEST, Choice, Speed, choose, choose_with_rays, corrected
-from .plan.doubt import MOST_SLABS, Doubt, RayCost, largest_of
-from .plan.features import LEVELS, PILOT_TERMINATION, Features, doubtful_pixels, features_of, pilots
+from .plan.doubt import MOST_SLABS, Doubt, largest_of
+from .plan.features import Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model, default_classification
 from .plan.need import need_of
 from .render import render_steps, truth_of
-from .retrace import can_retrace, retrace_steps
+from .retrace import can_retrace, ray_cost_steps, retrace_steps
 from .scene import MODES, Quality, Rendering, RleSplatError, Scene
 from .steps import Progress, portion
 
@@ -39,8 +39,6 @@ CLEAR = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # of a frame's expected time
 STRICTEST = 0.05  # levels; float32 sheets and an eye see no less
-# Single rays that tell what rays err, and what they take; and slabs that a voxel's depth is cut into for both.
-DOUBTFUL_RAYS, TIMED_RAYS, FEW_SLABS = 256, 1024, 4
 # Shares of the work after which the pilots and each of the rounds end.
 PILOTED = 0.2
 
@@ -153,9 +151,8 @@ class _Wanted:
 
     def traced(self, columns, rows, slabs: int, termination: float, begin: float, end: float):
         """Generator of Progress: (n, 4) values of pixels of the picture by rays of their own, and milliseconds."""
-        left, top = self.scene.region[:2]
         quality = replace(self.quality, termination=termination)
-        steps = retrace_steps(self.seen, quality, columns + left, rows + top, slabs, self.kept)
+        steps = retrace_steps(self.seen, quality, columns, rows, slabs, self.kept)
         return (yield from portion(steps, begin, end, "Following single rays"))
 
 
@@ -192,7 +189,8 @@ def _rounds_with_rays(wanted: _Wanted, doubt: Doubt, judge: Judge | None):
     rounds: list[_Round] = []
     tolerance, correction = wanted.tolerance, 1.0
     chosen = wanted.features, wanted.quality, tolerance, wanted.model, doubt
-    cost = yield from _tried_rays(wanted, doubt)
+    steps = ray_cost_steps(wanted.seen, wanted.quality, doubt, wanted.kept)
+    cost = yield from portion(steps, PILOTED, PILOTED, "Following single rays")
     choice = choose_with_rays(*chosen, cost, wanted.speed)
     begin, end = _span(0)
     rendering = yield from wanted.drawn(choice, begin, 0.5 * (begin + end))
@@ -232,21 +230,6 @@ def _rounds_with_rays(wanted: _Wanted, doubt: Doubt, judge: Judge | None):
         if finer:
             traced[:], rays_ms = False, 0.0
         choice = following
-
-
-def _tried_rays(wanted: _Wanted, doubt: Doubt):
-    """Generator of Progress: the RayCost of the scene: what rays err from the most doubtful pixels, what they take
-    from pixels anywhere."""
-    termination = PILOT_TERMINATION / 16.0
-    doubtful, anywhere = doubt.most_doubtful(DOUBTFUL_RAYS), doubt.anywhere(TIMED_RAYS)
-    apart, spent = [], []
-    for places in (doubtful, anywhere):  # the first of them may have to load the kernel
-        for slabs in (FEW_SLABS, 2 * FEW_SLABS):
-            values, took = yield from wanted.traced(*places, slabs, termination, PILOTED, PILOTED)
-            apart.append(values)
-            spent.append(took)
-    differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (apart[:2], apart[2:]))
-    return RayCost.of(FEW_SLABS, LEVELS * differs, spent[2:], len(anywhere[0]))
 
 
 def _still_doubtful(modelled, traced, count: int):

@@ -114,6 +114,15 @@ def test_plans_for_tolerances_say_what_was_predicted(scene):
     assert any("tolerance" in remark for remark in none.report["remarks"])
 
 
+def test_plans_for_tolerances_have_the_rays_that_keep_them(scene):
+    base = Quality(classification="post", backend="numpy")
+    report = drain(sweep_steps(scene, [base], base, probes=200, repeats=1, tolerances=(0.5,))).report
+    strict, plain = (next(e for e in report["plans"] if bool(e["predicted"]) == wished) for wished in (True, False))
+    assert strict["error"]["largest"] <= 0.5 < plain["error"]["largest"]
+    assert strict["rays"]["pixels"] > 0 and plain["rays"] is None
+    assert strict["frame_ms"] >= strict["rays_ms"] > 0.0 == plain["rays_ms"]
+
+
 def test_wishes_that_cost_too_much_are_said_and_not_measured(scene, monkeypatch):
     base = Quality(classification="pre", backend="numpy")
     monkeypatch.setattr(cost_of_accuracy, "LONGEST", 0.0)
