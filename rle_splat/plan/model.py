@@ -82,10 +82,10 @@ class Model:
         """The shipped one."""
         entries = _calibration()
         if classification not in entries:
-            raise RleSplatError(
-                f"Nothing is known of the errors of classification {classification!r}; a tolerance can be asked of "
-                f"{' or '.join(entries)}."
-            )
+            why = f"Nothing is known of the errors of classification {classification!r}"
+            if classification == "refined":  # whose grid is as fine as it is, whatever the sheets
+                why = "The grid on which refined classifies errs by itself, and no plan takes that away"
+            raise RleSplatError(f"{why}; a tolerance can be asked of {' or '.join(entries)}.")
         return cls(classification, **entries[classification])
 
     def errors(self, features: Features, plan: Quality, correction: float = 1.0) -> ErrorBudget:

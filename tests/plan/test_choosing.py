@@ -160,3 +160,5 @@ def test_an_uncalibrated_classification_is_refused(monkeypatch):
     monkeypatch.setattr("rle_splat.plan.model._calibration", lambda: {"pre": {}})
     with pytest.raises(RleSplatError, match="'post'"):
         Model.of("post")
+    with pytest.raises(RleSplatError, match=r"refined classifies errs by itself.* can be asked of pre"):
+        Model.of("refined")
