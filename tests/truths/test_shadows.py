@@ -50,8 +50,8 @@ def point(position, **fields):
 def scene_of(field, affine=None, lights=(), **more) -> Scene:
     volume = Volume(np.asarray(field, np.float32), np.eye(4) if affine is None else affine)
     camera, _ = turntable(volume, 30, 20, 1.2, False, 40.0, 24, 24)
-    usual = {"transfer_function": EXTINCTION_IS_VALUE, "headlight": False, "volume_shadows": True}
-    return Scene(volume, camera=camera, width=24, height=24, lights=tuple(lights), **(usual | more))
+    usual = {"camera": camera, "transfer_function": EXTINCTION_IS_VALUE, "headlight": False, "volume_shadows": True}
+    return Scene(volume, width=24, height=24, lights=tuple(lights), **(usual | more))
 
 
 def reaching(scene, classification="pre", stage="shadows", backend="numpy", threads=0):
@@ -195,6 +195,42 @@ def test_what_a_clip_cuts_away_casts_no_shadow(keep):
     np.testing.assert_allclose(found[past], np.exp(-0.2 * way[past]), atol=3 * CODE)
 
 
+@pytest.mark.parametrize("scale", [1e-12, 1e12])
+def test_shadows_do_not_depend_on_the_unit_of_length(scale):
+    def scene(s):
+        lights = [sun((1, 0.3, -0.5)), point(np.array((5.5, 4.2, 30.0)) * s, energy=s * s)]
+        field = smooth((9, 10, 11), np.random.default_rng(1), 1.0)
+        function = replace(EXTINCTION_IS_VALUE, opacity=((0.0, 0.0), (1.0, 0.5)))
+        camera, _ = turntable(Volume(field.astype(np.float32), np.eye(4)), width=24, height=24, scene_scale=s)
+        return scene_of(field, None, lights, transfer_function=function, camera=camera, scene_scale=s)
+
+    usual, other = reaching(scene(1.0))[1], reaching(scene(scale))[1]
+    assert np.ptp(usual) > 0.3
+    np.testing.assert_allclose(other, usual, atol=1.5 * CODE)
+
+
+@pytest.mark.parametrize("shape", [(1, 5, 5), (5, 1, 5), (5, 5, 1), (1, 1, 1)])
+def test_a_volume_one_voxel_thick_takes_the_light_of_its_ramps(shape):
+    """A voxel that light comes straight down on lies half a voxel of its own matter deep."""
+    flat = int(np.argmin(shape))  # along z, y or x
+    along = np.zeros(3)
+    along[2 - flat] = -1.0
+    lit = scene_of(np.full(shape, 0.5), None, [sun(along)])
+    np.testing.assert_allclose(reaching(lit)[1], np.exp(-0.25), atol=2 * CODE)
+
+
+def test_nothing_to_shade_and_lights_in_odd_places_are_no_trouble():
+    empty = scene_of(np.zeros((4, 4, 4)), None, [sun((0, 0, -1))])
+    assert len(reaching(empty)[1]) == 0
+    field = smooth((9, 10, 11), np.random.default_rng(1), 1.0)
+    seen_edge_on = np.array([[(5, 5, 4), (7, 9, 4), (1, 2, 4)], [(0, 0, 0)] * 3], np.float64)
+    for light in (point((5, 5, 4)), point((0, 0, 0)), point((-5, 4, 4)), point((1e9, 2e8, 1e8)), sun((1, 1, 1))):
+        voxels, found = reaching(scene_of(field, None, [light], triangles=seen_edge_on))
+        assert np.isfinite(found).all() and found.min() >= 0.0 and found.max() <= 1.0
+        at_light = (np.abs(voxels - light.matrix_world[:3, 3]).max(axis=1) == 0) & (light.type == "POINT")
+        assert (found[at_light] == 1.0).all()
+
+
 # --- meshes and penumbras -------------------------------------------------------------------------------------------
 
 
@@ -250,7 +286,7 @@ def test_a_penumbra_is_as_wide_as_the_light_and_the_distance_say(light, width):
 
 def test_a_light_takes_as_many_samples_as_its_penumbra_asks_for():
     box = np.indices((2, 2, 2)).reshape(3, 8).T * 100.0
-    assert [len(light_samples(sun((0, 0, -1), angle=a), box, 1.0)) for a in (0.0, 0.005, 0.05, 1.0)] == [1, 1, 6, 16]
+    assert [len(light_samples(sun((0, 0, -1), angle=a), box, 1.0)) for a in (0.0, 0.005, 0.05, 1.0)] == [1, 1, 6, 8]
     assert [len(light_samples(point((50, 50, 400), radius=r), box, 1.0)) for r in (0.5, 1.0)] == [1, 2]
     for light in (sun((1, 2, -1), angle=0.3), point((50, 50, 400), radius=20.0)):
         middle = light_samples(light, box, 1.0).mean(axis=0)
