@@ -6,12 +6,14 @@ import os
 import secrets
 import subprocess
 import time
+from itertools import count
 
 from .environments import CORE, ensure
 from .places import BUILD, ROOT, clean_environ, say
 
 FUZZ_VARIABLE = "RLE_SPLAT_FUZZ"
 TESTS = ROOT / "tests" / "stability"
+LEAST_SECONDS = 20.0  # for a file: to load it and to get somewhere
 
 
 def asked_for() -> bool:
@@ -20,21 +22,26 @@ def asked_for() -> bool:
 
 
 def fuzz(seconds: float, arguments=()) -> int:
-    """Run the fuzzing tests with a new seed each time; stops at the first failure and says how to see it again."""
-    files = [str(path) for path in sorted(TESTS.glob("test_*fuzz*.py"))]
-    python, end, rounds = ensure(CORE), time.monotonic() + seconds, 0
+    """Run each file of fuzzing tests in turn with a new seed each time, every one for its share of the time at least
+    once; stops at the first failure and says how to see it again."""
+    files = sorted(TESTS.glob("test_*fuzz*.py"))
+    python, end, finished, cut_short = ensure(CORE), time.monotonic() + seconds, 0, 0
     environ = clean_environ(**{FUZZ_VARIABLE: "1", "NUMBA_CACHE_DIR": str(BUILD / "numba-cache")})
-    while time.monotonic() < end:
-        seed = secrets.randbelow(1 << 32)
-        say(f"\n=== fuzzing, seed {seed}")
-        command = [str(python), "-m", "pytest", "-q", "-x", f"--hypothesis-seed={seed}", *files, *arguments]
+    share = max(seconds / len(files), LEAST_SECONDS)
+    for turn in count():
+        if turn >= len(files) and time.monotonic() >= end:
+            break
+        file, seed = files[turn % len(files)], secrets.randbelow(1 << 32)
+        say(f"\n=== fuzzing, {file.stem}, seed {seed}")
+        command = [str(python), "-m", "pytest", "-q", "-x", f"--hypothesis-seed={seed}", str(file), *arguments]
         try:
-            code = subprocess.run(command, cwd=ROOT, env=environ, timeout=max(end - time.monotonic(), 60.0)).returncode
+            code = subprocess.run(command, cwd=ROOT, env=environ, timeout=share).returncode
         except subprocess.TimeoutExpired:
-            break  # the time is up in the middle of a round
+            cut_short += 1  # a failure would have ended it before
+            continue
         if code != 0:
             say(f"Seed {seed} found a failure; add the example above as a case of its own.")
             return 1
-        rounds += 1
-    say(f"\n{rounds} rounds of fuzzing were finished, and nothing failed.")
+        finished += 1
+    say(f"\n{finished} rounds of fuzzing were finished, {cut_short} were cut short, and nothing failed.")
     return 0
