@@ -17,7 +17,7 @@ SCRIPTS = ("gallery_scene.py", "gallery_sets.py", "gallery_data.py", "demo_scene
 # Name -> what the page says of it.
 SCENES = {
     "plate": "CT head with a titanium plate",
-    "chest": "chest CT with a clip box",
+    "chest": "chest CT with a clip box and organ labels",
     "brain": "MR brain under three lights",
     "angiography": "angiography, the largest value along each ray",
     "smoke": "smoke around a mesh",

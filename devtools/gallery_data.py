@@ -58,6 +58,38 @@ def chest(folder: Path):
     return *_raw(folder, "chest", upright, spacing, modality="CT", preset="x-ray"), path.name
 
 
+LUNGS, HEART = 1, 2  # labels of a chest's organs; 0 for all else
+
+
+def organs(folder: Path, chest_file: Path, shape_xyz) -> Path:
+    """A file of the labels of a chest as ``chest`` gives it: by its values and by what is around them."""
+    voxels = np.fromfile(chest_file, np.uint8).reshape(tuple(reversed(shape_xyz)))
+    body, air_or_lung = voxels > 12, np.ones(voxels.shape, bool)
+    for axis in (1, 2):  # what has the body on either side of it, across and from front to back
+        before = np.maximum.accumulate(body, axis)
+        air_or_lung &= before & np.flip(np.maximum.accumulate(np.flip(body, axis), axis), axis)
+    labels = np.zeros(voxels.shape, np.uint8)
+    bone = voxels > 150
+    # Vessels in the lungs have air around them and are far from ribs; marrow has bone around it, blood has not.
+    labels[(_share(air_or_lung & ~body, 5) > 0.65) & (_share(bone, 7) < 0.004)] = LUNGS
+    labels[(_share((voxels > 55) & (voxels < 160), 2) > 0.5) & (_share(bone, 4) < 0.03)] = HEART
+    path = folder / "organs.raw"
+    path.write_bytes(labels.tobytes())
+    return path
+
+
+def _share(mask, reach: int) -> np.ndarray:
+    """What share of the voxels up to ``reach`` away along each axis is in a mask, float32."""
+    share = mask.astype(np.float32)
+    for axis in range(3):
+        padded = np.pad(share, [(reach + 1, reach) if a == axis else (0, 0) for a in range(3)], mode="edge")
+        total = np.cumsum(padded, axis, dtype=np.float32)
+        high = np.take(total, range(2 * reach + 1, total.shape[axis]), axis)
+        low = np.take(total, range(total.shape[axis] - 2 * reach - 1), axis)
+        share = (high - low) / (2 * reach + 1)
+    return share
+
+
 def brain(folder: Path):
     """A brain by magnetic resonance."""
     path = _scan("flair_brain_124x160x140_uint8.nrrd")

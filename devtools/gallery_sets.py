@@ -13,6 +13,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from demo_scene import MODULE, SMOKE_OPACITY, add_light, box_of, material, named, stand_upright
+from gallery_data import HEART, LUNGS, organs
 from mathutils import Matrix, Vector
 
 BONE_HU = 300.0
@@ -25,6 +26,7 @@ CHEST_LOOK = {
               [150, 0.8, 0.45, 0.3], [180, 0.88, 0.8, 0.66], [255, 0.97, 0.94, 0.88]],
     "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "shininess": 25},
 }  # fmt: skip
+ORGAN_COLORS = {LUNGS: ("Lungs", (0.25, 0.5, 0.8)), HEART: ("Heart and great vessels", (0.7, 0.07, 0.05))}
 # Along each ray the largest value counts; bone is not to outshine blood by far.
 VESSEL_LOOK = {
     "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.95], [255, 1.0]],
@@ -166,16 +168,26 @@ def _faces_out(places, middle) -> bool:
 
 
 def chest(volume_object, folder: Path) -> None:
-    """The right front of the chest is cut away."""
+    """The right front of the chest is cut away; lungs and heart have colours of their own by a map of labels."""
     middle, size = _sized(volume_object)
+    properties = volume_object.rle_splat
+    properties.label_file = str(organs(folder, folder / "chest.raw", tuple(properties.shape)))
+    bpy.ops.rle_splat.read_labels()
+    for row in properties.labels:
+        if row.label in ORGAN_COLORS:
+            row.label_name, row.color = ORGAN_COLORS[row.label]
+            row.use_color = True
     _look(volume_object, CHEST_LOOK, folder)
-    _camera(middle, size, (-1.0, -2.1, 0.65), aim=(0.0, 0.0, -0.02))
+    _camera(middle, size, (-1.0, -2.5, 0.55), aim=(0.05, 0.0, 0.0))
     bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
     box = bpy.context.scene.rle_splat.clip_objects.objects[0]
     low = box_of(volume_object)[0]
     box.location = (low.x + 0.22 * size, low.y + 0.22 * size, middle.z + 0.16 * size)
     box.rotation_euler = (0.0, 0.0, 0.0)
     box.scale = (0.3 * size, 0.3 * size, 0.6 * size)
+    bpy.ops.rle_splat.add_clip(kind="PLANE", keep="INSIDE")  # what the patient lies on
+    arrow = next(one for one in bpy.context.scene.rle_splat.clip_objects.objects if one is not box)
+    arrow.location, arrow.rotation_euler = middle + size * Vector((0.0, 0.33, 0.0)), (math.radians(-90.0), 0.0, 0.0)
     add_light("Key", "SUN", 3.2, middle + size * Vector((-1.4, -2.0, 2.0)), middle, (1.0, 0.95, 0.88))
     add_light(
         "Fill", "AREA", 14.0 * size**2, middle + size * Vector((2.2, -1.2, 0.6)), middle, (0.66, 0.8, 1.0), size=size
@@ -186,15 +198,16 @@ def chest(volume_object, folder: Path) -> None:
 def brain(volume_object, folder: Path) -> None:
     """Three lights of three colours: an area light, a spot and a point."""
     middle, size = _sized(volume_object)
+    volume_object.rle_splat.ambient = 0.06
     _camera(middle, size, (1.7, 1.6, 1.1))
     warm, cold, green = (1.0, 0.45, 0.16), (0.14, 0.36, 1.0), (0.25, 1.0, 0.45)
-    add_light("Warm", "AREA", 26.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
+    add_light("Warm", "AREA", 40.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
     add_light(
-        "Cold", "SPOT", 75.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
+        "Cold", "SPOT", 120.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
         spot_size=math.radians(50.0), spot_blend=0.3, shadow_soft_size=0.05 * size,
     )  # fmt: skip
     add_light(
-        "Green", "POINT", 16.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
+        "Green", "POINT", 30.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
         shadow_soft_size=0.02 * size,
     )  # fmt: skip
     _world((0.02, 0.022, 0.03), 0.5)

@@ -49,6 +49,15 @@ def test_where_there_are_no_scans_numbers_stand_in_for_them(data, tmp_path, name
     assert 0.002 < seen.mean() < 0.5
 
 
+def test_the_made_chest_has_lungs_and_a_heart(data, tmp_path):
+    path, options, _ = data.chest(tmp_path)
+    labels = np.fromfile(data.organs(tmp_path, path, options["shape"]), np.uint8).reshape(options["shape"][::-1])
+    voxels = np.fromfile(path, np.uint8).reshape(labels.shape)
+    assert 0.03 < (labels == data.LUNGS).mean() < 0.3 and 0.002 < (labels == data.HEART).mean() < 0.1
+    assert np.median(voxels[labels == data.LUNGS]) < 12 and 55 < np.median(voxels[labels == data.HEART]) < 160
+    assert not labels[:, 0].any() and not labels[:, :, 0].any()  # the air around the body is nothing's
+
+
 def test_the_page_tells_what_is_on_what_it_took_and_what_was_off():
     effects = [
         {"name": "shading", "on": True, "reason": "diffuse 0.8", "ms": 12.34},
