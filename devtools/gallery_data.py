@@ -58,7 +58,7 @@ def chest(folder: Path):
     return *_raw(folder, "chest", upright, spacing, modality="CT", preset="x-ray"), path.name
 
 
-LUNGS, HEART = 1, 2  # labels of a chest's organs; 0 for all else
+LUNGS, HEART, BONE = 1, 2, 3  # labels of a chest's organs; 0 for all else
 
 
 def organs(folder: Path, chest_file: Path, shape_xyz) -> Path:
@@ -72,7 +72,10 @@ def organs(folder: Path, chest_file: Path, shape_xyz) -> Path:
     bone = voxels > 150
     # Vessels in the lungs have air around them and are far from ribs; marrow has bone around it, blood has not.
     labels[(_share(air_or_lung & ~body, 5) > 0.65) & (_share(bone, 7) < 0.004)] = LUNGS
-    labels[(_share((voxels > 55) & (voxels < 160), 2) > 0.5) & (_share(bone, 4) < 0.03)] = HEART
+    blood = (voxels > 55) & (voxels < 160)
+    labels[blood & (_share(blood, 4) > 0.6) & (_share(bone, 4) < 0.02)] = HEART
+    far_from_blood = _share(labels == HEART, 6) < 0.1  # dense contrast in a vein is as bright as bone
+    labels[(_share(bone, 5) > 0.01) & far_from_blood & (labels != HEART)] = BONE
     path = folder / "organs.raw"
     path.write_bytes(labels.tobytes())
     return path

@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from demo_scene import MODULE, SMOKE_OPACITY, add_light, box_of, material, named, stand_upright
-from gallery_data import HEART, LUNGS, organs
+from gallery_data import BONE, HEART, LUNGS, organs
 from mathutils import Matrix, Vector
 
 BONE_HU = 300.0
@@ -26,7 +26,10 @@ CHEST_LOOK = {
               [150, 0.8, 0.45, 0.3], [180, 0.88, 0.8, 0.66], [255, 0.97, 0.94, 0.88]],
     "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "shininess": 25},
 }  # fmt: skip
-ORGAN_COLORS = {LUNGS: ("Lungs", (0.25, 0.5, 0.8)), HEART: ("Heart and great vessels", (0.7, 0.07, 0.05))}
+ORGAN_COLORS = {
+    LUNGS: ("Lungs", (0.25, 0.5, 0.8)), HEART: ("Heart and great vessels", (0.7, 0.07, 0.05)),
+    BONE: ("Bones", (0.86, 0.77, 0.62)),
+}  # fmt: skip
 # Along each ray the largest value counts; bone is not to outshine blood by far.
 VESSEL_LOOK = {
     "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.95], [255, 1.0]],
@@ -168,7 +171,7 @@ def _faces_out(places, middle) -> bool:
 
 
 def chest(volume_object, folder: Path) -> None:
-    """The right front of the chest is cut away; lungs and heart have colours of their own by a map of labels."""
+    """The right front of the chest is cut away; lungs, heart and bones have colours of their own by labels."""
     middle, size = _sized(volume_object)
     properties = volume_object.rle_splat
     properties.label_file = str(organs(folder, folder / "chest.raw", tuple(properties.shape)))
