@@ -32,9 +32,9 @@ ORGAN_COLORS = {
 }  # fmt: skip
 # Along each ray the largest value counts; bone is not to outshine blood by far.
 VESSEL_LOOK = {
-    "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.95], [255, 1.0]],
-    "color": [[0, 0.0, 0.0, 0.0], [40, 0.16, 0.02, 0.02], [80, 0.62, 0.1, 0.05], [140, 0.98, 0.62, 0.32],
-              [255, 1.0, 0.95, 0.85]],
+    "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.9], [255, 1.0]],
+    "color": [[0, 0.0, 0.0, 0.0], [40, 0.1, 0.01, 0.01], [90, 0.36, 0.05, 0.03], [150, 0.72, 0.3, 0.14],
+              [255, 1.0, 0.9, 0.75]],
     "shade": False,
 }  # fmt: skip
 
@@ -221,7 +221,8 @@ def angiography(volume_object, folder: Path) -> None:
     middle, size = _sized(volume_object)
     _look(volume_object, VESSEL_LOOK, folder)
     settings = bpy.context.scene.rle_splat
-    settings.mode = "mip"
+    if "mode" in settings.bl_rna.properties:  # not in every version; without it blood and bone are splatted
+        settings.mode = "mip"
     _camera(middle, size, (0.35, -2.2, 0.12))
     bpy.ops.rle_splat.add_clip(kind="PLANE", keep="INSIDE")
     arrow = settings.clip_objects.objects[0]
