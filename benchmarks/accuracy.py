@@ -35,7 +35,9 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 SIZE, PROBES, REPEATS = 512, 1000, 3
 STANDARD = Quality.preset("standard")
 PROJECTIONS = {"orthographic": False, "perspective": True}
-DEPTH_RULES = ("slice", "simpson", "midpoint-4", "midpoint-8", "preintegrated", "preintegrated-2", "preintegrated-4")
+DEPTH_RULES = (
+    "slice-2", "slice", "simpson", "midpoint-4", "midpoint-8", "preintegrated", "preintegrated-2", "preintegrated-4",
+)  # fmt: skip
 # Every knob by itself, all others as in standard: title -> (value as shown, fields), the mildest first.
 KNOBS = {
     "depth rule": [(rule, dict(depth_rule=rule)) for rule in DEPTH_RULES],

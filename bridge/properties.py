@@ -28,7 +28,7 @@ from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
 
 QUALITY_TEXTS = {
-    "draft": ("Draft", "A coarser sheet, in slice planes: for moving about"),
+    "draft": ("Draft", "A coarser sheet, fewer sheets: for moving about"),
     "standard": ("Standard", "One sheet pixel per image pixel"),
     "fine": ("Fine", "A denser sheet: for final pictures"),
     "strict": ("Strict", "Several sheets a slice: where errors must be as small as they get"),

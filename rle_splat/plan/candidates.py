@@ -12,6 +12,7 @@ from itertools import product
 
 from ..scene import Quality, RleSplatError, midpoints_of, preintegrated_of
 
+# Not slice-2: whatever is coarse enough for its errors, of tens of levels at edges, is too coarse to be promised.
 DEPTH_RULES = (
     "slice", "simpson", "gauss2", *(f"midpoint-{m}" for m in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)),
 )  # fmt: skip

@@ -17,13 +17,17 @@ from .footprints import FOOTPRINTS, Footprint, footprint_weights
 _INSET = 0.5 / np.sqrt(3.0)
 
 
-# Nodes (position in a unit cell, weight) of each rule; the weights of a cell sum to one.  algorithm.md 1.7
+# Nodes (position in a cell, weight) of each rule, of a cell of depth one; its weights sum to one.  algorithm.md 1.7
 NAMED_NODES = {
     "slice": ((0.0, 0.5), (1.0, 0.5)),
+    "slice-2": ((0.0, 0.5), (1.0, 0.5)),
     "simpson": ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)),
     "gauss2": ((0.5 - _INSET, 0.5), (0.5 + _INSET, 0.5)),
 }
 assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "the table of names in scene.py is the one that people see"
+# Voxels of depth of a cell, where it is not one.  The ramps before the first and behind the last slice have cells of
+# their own, and the last cell inside may be smaller.
+CELL_DEPTHS = {"slice-2": 2}
 
 
 def cell_nodes(rule: str) -> tuple:
@@ -88,6 +92,13 @@ class Sheets:
         return len(self.position)
 
 
+def _cells(begin: float, ramp_end: float, ramp_begin: float, end: float, depth: int) -> np.ndarray:
+    """Where the cells from ``begin`` to ``end`` begin: ``depth`` voxels apart between the ramps, one in them."""
+    inside = max(begin, ramp_end)
+    parts = np.arange(begin, ramp_end), np.arange(inside, ramp_begin, depth), np.arange(max(inside, ramp_begin), end)
+    return np.concatenate(parts)
+
+
 def place_sheets(
     n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: Footprint = FOOTPRINTS["tent"],
     boxed: bool = False,
@@ -104,7 +115,7 @@ def place_sheets(
     eye = -np.inf if eye_position is None else sign * float(eye_position)
     position, thickness, kinds = [], [], []
     start = first
-    slabs = preintegrated_of(rule)
+    slabs, depth = preintegrated_of(rule), CELL_DEPTHS.get(rule, 1)
     if eye >= last:
         cells = np.empty(0)
     elif eye > first - NEAREST_SLICE:
@@ -113,9 +124,9 @@ def place_sheets(
         for at, weight in FIRST_CELL_NODES:
             position.append(start + at * (whole - start))
             thickness.append(weight * (whole - start))
-        cells = np.arange(whole, last)
+        cells = _cells(whole, first + past, last - past, last, depth)
     else:
-        cells = np.arange(first, last)
+        cells = _cells(first, first + past, last - past, last, depth)
     if slabs is not None and len(cells):
         planes = cells[0] + np.arange(len(cells) * slabs + 1) / slabs
         kinds = [OWN] * len(position) + [BEGINS] + [BETWEEN] * (len(planes) - 1)
@@ -123,7 +134,8 @@ def place_sheets(
         thickness.extend(np.append(0.0, np.diff(planes)))
     elif len(cells):
         nodes = np.array(cell_nodes(rule))
-        along, weights = (cells[:, None] + nodes[:, 0]).ravel(), np.tile(nodes[:, 1], len(cells))
+        depths = np.diff(np.append(cells, last))[:, None]
+        along, weights = (cells[:, None] + depths * nodes[:, 0]).ravel(), (depths * nodes[:, 1]).ravel()
         if nodes[0, 0] == 0.0:  # the last node of a cell is the first of the next: one sheet
             last_of_cell = np.arange(len(nodes) - 1, len(along) - 1, len(nodes))
             weights[last_of_cell + 1] += weights[last_of_cell]

@@ -1,5 +1,7 @@
 """The engine's table at a tiny size: its columns, its truths, its words.  No time is asserted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,18 +21,27 @@ def small():
     return volume, tf
 
 
+@pytest.fixture(scope="module")
+def one_shell(small):
+    """A shell one voxel thick, which every quality resolves, some better than others.  (The three of ``small`` are a
+    fifth of a voxel.)"""
+    volume, tf = small
+    return volume, replace(tf, opacity=((86.0, 0.0), (110.0, 0.3), (134.0, 0.0)))
+
+
 @pytest.mark.skipif(not compiled(), reason="slow without kernels")
 @pytest.mark.parametrize("perspective", [False, True])
-def test_rows(small, perspective):
-    rows = engine.measure(*small, perspective=perspective, shaded=False, with_vtk=False, **SMALL)
+def test_rows(one_shell, perspective):
+    rows = engine.measure(*one_shell, perspective=perspective, shaded=False, with_vtk=False, **{**SMALL, "probes": 64})
     assert [row["quality"] for row in rows] == list(engine.QUALITIES)
     classified = {row["quality"]: row["classification"] for row in rows}
     assert classified.pop(engine.PAPER_LIKE) == "pre" and set(classified.values()) == {"post"}
-    errors = {row["quality"]: row["t2"]["rmse"] for row in rows}
-    assert errors["strict"] < errors["fine"] < errors["draft"] < errors[engine.PAPER_LIKE]
-    assert all(row["t1"]["rmse"] > 0.0 and row["vtk_ms"] is None for row in rows)
+    t1, t2 = ({row["quality"]: row[truth]["rmse"] for row in rows} for truth in ("t1", "t2"))
+    assert 2.0 * t2["strict"] < t2["fine"] < t2["standard"] < 0.7 * min(t2["draft"], t2[engine.PAPER_LIKE])
+    assert t1[engine.PAPER_LIKE] < t2[engine.PAPER_LIKE] and 3.0 * t2["strict"] < t1["strict"]  # what each claims
+    assert all(row["vtk_ms"] is None for row in rows)
     assert all(row["frame_ms"] > 0.0 and row["encode_ms"] > 0.0 for row in rows)
-    assert "not here" in engine.line("shells", rows[0])
+    assert "not here" in engine.line("shell", rows[0])
 
 
 @pytest.mark.skipif(not compiled(), reason="slow without kernels")

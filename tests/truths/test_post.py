@@ -348,7 +348,7 @@ def test_the_same_picture_from_both_backends_and_any_number_of_threads(stage, pe
         shell(2.0),
     )
     for scene in (lit_bytes(stage, perspective), turned(stage, LOOKS["steps"], perspective), inside):
-        for rule in ("simpson", "preintegrated"):
+        for rule in ("simpson", "slice-2", "preintegrated"):
             one, two, slow = (
                 stage.render(scene, classification="post", depth_rule=rule, **machine)
                 for machine in (dict(threads=1), dict(threads=2), dict(backend="numpy"))

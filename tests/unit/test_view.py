@@ -130,6 +130,34 @@ def test_sheets_fill_the_depth_without_gaps(rule, sign):
     np.testing.assert_allclose((sheets.thickness * tent).sum(), 7.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("boxed", [False, True])
+@pytest.mark.parametrize("n_slices", [1, 2, 3, 7, 8])
+def test_every_second_slice_is_a_sheet_and_the_outermost_are(n_slices, boxed):
+    for sign in (1, -1):
+        sheets = place_sheets(n_slices, sign, "slice-2", None, boxed=boxed)
+        found = (sheets.position if sign > 0 else n_slices - 1 - sheets.position).tolist()
+        wanted = sorted({*range(0, n_slices, 2), n_slices - 1})
+        if boxed and n_slices == 1:
+            wanted = []  # no depth at all
+        assert found == wanted
+        assert (sheets.slice_weights.max(axis=1) == 1.0).all(), "of one slice each"
+        # Trapezoids between them, and, where there is no box, the halves of the ramps of a voxel at both ends.
+        gaps, past = np.diff(wanted), 0.0 if boxed else 0.5
+        thickness = np.concatenate(([past], gaps / 2)) + np.concatenate((gaps / 2, [past])) if wanted else []
+        np.testing.assert_allclose(sheets.thickness, thickness, atol=1e-12)
+
+
+@pytest.mark.parametrize("sign, eye", [(1, 3.3), (1, 4.0), (-1, 4.7), (1, -0.4), (-1, 8.2), (1, 6.6)])
+def test_every_second_slice_ahead_of_an_eye_inside(sign, eye):
+    sheets = place_sheets(9, sign, "slice-2", eye, boxed=True)
+    ahead = 8.0 - max(eye, 0.0) if sign > 0 else min(eye, 8.0)
+    np.testing.assert_allclose(sheets.thickness.sum(), ahead, atol=1e-9)
+    assert (sign * (sheets.position - eye) > 0.0).all() and (np.diff(sign * sheets.position) > 0.0).all()
+    assert sheets.position[-1] == (8.0 if sign > 0 else 0.0) and sheets.end[-1] == (8.0 if sign > 0 else 0.0)
+    whole = sheets.position[sheets.position == np.rint(sheets.position)]
+    assert (np.abs(np.diff(whole))[:-1] == 2.0).all()
+
+
 @pytest.mark.parametrize("m", range(1, 65))
 def test_midpoints_halve_m_equal_parts_of_a_cell(m):
     assert Quality(depth_rule=f"midpoint-{m}").depth_rule == f"midpoint-{m}"
