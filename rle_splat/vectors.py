@@ -142,11 +142,18 @@ if numba is not None:
         return builder.zext(builder.ctpop(bits), ir.IntType(64))
 
     def transpose4(rows):
-        """Four vectors of four lanes, rows and columns exchanged."""
+        """Four vectors of four lanes, rows and columns exchanged; or of several groups of four, each for itself."""
         a, b, c, d = rows
-        low, high = a.shuffle(b.value, [0, 4, 1, 5]), a.shuffle(b.value, [2, 6, 3, 7])
-        low2, high2 = c.shuffle(d.value, [0, 4, 1, 5]), c.shuffle(d.value, [2, 6, 3, 7])
+        count = a.count
+
+        def in_groups(first, second, lanes):
+            """Lanes 0 to 3 of each group of the first vector, 4 to 7 of the same group of the second."""
+            shifted = [lane if lane < 4 else count + lane - 4 for lane in lanes]
+            return first.shuffle(second.value, [group + lane for group in range(0, count, 4) for lane in shifted])
+
+        low, high = in_groups(a, b, (0, 4, 1, 5)), in_groups(a, b, (2, 6, 3, 7))
+        low2, high2 = in_groups(c, d, (0, 4, 1, 5)), in_groups(c, d, (2, 6, 3, 7))
         return (
-            low.shuffle(low2.value, [0, 1, 4, 5]), low.shuffle(low2.value, [2, 3, 6, 7]),
-            high.shuffle(high2.value, [0, 1, 4, 5]), high.shuffle(high2.value, [2, 3, 6, 7]),
+            in_groups(low, low2, (0, 1, 4, 5)), in_groups(low, low2, (2, 3, 6, 7)),
+            in_groups(high, high2, (0, 1, 4, 5)), in_groups(high, high2, (2, 3, 6, 7)),
         )

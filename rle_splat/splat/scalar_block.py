@@ -43,6 +43,12 @@ if numba is not None:
         numbers = (types.float64,) * 3
         return types.void(cells, fractions, types.intp, *numbers), generate
 
+    def _joined(parts):
+        """Four vectors of four lanes, one after the other."""
+        a, b, c, d = parts
+        first, second = a.shuffle(b.value, range(8)), c.shuffle(d.value, range(8))
+        return first.shuffle(second.value, range(16))
+
     @intrinsic
     def resample_plane(typing, line, base, cells, fractions, first, sheet, at):
         """One number a voxel along a scanline, linearly: a block of sheet pixels.
@@ -59,20 +65,22 @@ if numba is not None:
             def number(n):
                 return ir.Constant(at.type, n)
 
-            for group in range(0, BLOCK, 4):
-                pairs = []
-                for i in range(group, group + 4):
-                    cell = builder.load(place(context, builder, cells_type, cells, builder.add(first, number(i))))
-                    cell = builder.add(builder.sext(cell, at.type), base)
-                    pairs.append(Vector.load(builder, place(context, builder, line_type, line, cell), 2))
-                upper = pairs[0].shuffle(pairs[1].value, range(4))
-                lower = pairs[2].shuffle(pairs[3].value, range(4))
-                left, right = upper.shuffle(lower.value, (0, 2, 4, 6)), upper.shuffle(lower.value, (1, 3, 5, 7))
-                which = builder.add(first, number(group))
-                share = Vector.load(builder, place(context, builder, fractions_type, fractions, which), 4)
-                one = Vector(builder, share.like(1.0))
-                mixed = left * (one - share) + right * share
-                mixed.store(place(context, builder, sheet_type, sheet, builder.add(at, number(group))))
+            def pair(i):
+                cell = builder.load(place(context, builder, cells_type, cells, builder.add(first, number(i))))
+                cell = builder.add(builder.sext(cell, at.type), base)
+                return Vector.load(builder, place(context, builder, line_type, line, cell), 2)
+
+            # Two pairs of every four, and the other two: so no lane has to cross from one four to another.
+            low, high = (
+                _joined([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
+                for n in (0, 2)
+            )
+            lefts = [i + n for i in range(0, BLOCK, 4) for n in (0, 2, BLOCK, BLOCK + 2)]
+            left, right = (low.shuffle(high.value, [lane + side for lane in lefts]) for side in (0, 1))
+            share = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
+            one = Vector(builder, share.like(1.0))
+            mixed = left * (one - share) + right * share
+            mixed.store(place(context, builder, sheet_type, sheet, at))
             return context.get_dummy_value()
 
         arguments = (line, types.intp, cells, fractions, types.intp, sheet, types.intp)
@@ -188,24 +196,17 @@ if numba is not None:
         )
         return returned, generate
 
-    def _joined(parts):
-        """Four vectors of four lanes, one after the other."""
-        a, b, c, d = parts
-        first, second = a.shuffle(b.value, range(8)), c.shuffle(d.value, range(8))
-        return first.shuffle(second.value, range(16))
-
     def _rows(context, builder, table_type, table, indices_type, indices, number):
         """Four planes: the rows of a table of four columns whose numbers are block ``number`` of ``indices``."""
-        groups = []
-        for group in range(0, BLOCK, 4):
-            looks = []
-            for i in range(group, group + 4):
-                at = ir.Constant(ir.IntType(64), number * BLOCK + i)
-                row = builder.load(place(context, builder, indices_type, indices, at))
-                start = builder.shl(builder.sext(row, at.type), ir.Constant(at.type, 2))
-                looks.append(Vector.load(builder, place(context, builder, table_type, table, start), 4))
-            groups.append(transpose4(looks))
-        return [_joined(parts) for parts in zip(*groups, strict=True)]
+
+        def row(i):
+            at = ir.Constant(ir.IntType(64), number * BLOCK + i)
+            row = builder.load(place(context, builder, indices_type, indices, at))
+            start = builder.shl(builder.sext(row, at.type), ir.Constant(at.type, 2))
+            return Vector.load(builder, place(context, builder, table_type, table, start), 4)
+
+        # Every fourth row in one vector, so that transposing them needs no lane to cross from group to group.
+        return transpose4([_joined([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
 
     @intrinsic
     def classify_values(typing, table, entries, looks):

@@ -17,7 +17,8 @@ from ..jit import inner_loop, kernel
 from ..parallel import share_out
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
-from .scalar_scanline import CODE_BITS, NOT_KEPT
+from .scalar_scanline import NOT_KEPT
+from .voxel_groups import CODE_BITS
 
 SPAN = 4.0  # entries of a value table from which on a mean is taken over them; below, two of them are mixed
 SLIVER = 1e-9  # voxels of depth: cuts no further apart are one

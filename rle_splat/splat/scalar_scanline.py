@@ -10,23 +10,33 @@ import numpy as np
 
 from ..jit import inner_loop
 from .pixel_block import BLOCK
+from .voxel_groups import (
+    FEW,
+    MANY,
+    mix_few_lights,
+    mix_few_scalars,
+    mix_many_lights,
+    mix_many_scalars,
+    mix_one_light,
+    mix_one_scalar,
+)
 from .voxel_scanline import BEFORE, BLOCK_BITS, SLACK, mark_blocks
 
 # Stands for a voxel that is not kept: whatever share of it a sample holds, it is below every value.
 NOT_KEPT = np.float32(-3e38)
-CODE_BITS = np.uint32(12)  # a 16-bit code of light becomes float32 by a shift and a product: encode/records.py
 
 
 @inner_loop(forceinline=True)
 def put_scanline(
     line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, lights, light_unit, weight, run, voxel,
-    far_weight, far_run, far_voxel, width, live, live_count,
+    far_weight, far_run, far_voxel, width, live, live_count, matt, gloss,
 ):
     """Put scalar and light of one scanline's voxels that lie in live spans on ``line``.
 
     ``line``: flat float32, planes of ``stride`` voxels, scalar first.  ``weight``, ``run``, ``voxel``: of the nearer
     slice, its scanline's first run and voxel; likewise the farther one, left out where its weight is 0.  ``lights``:
-    (m, channels) uint16 codes, or None; ``light_unit`` makes numbers of them.  ``overhang``: voxels beyond the first
+    (m, channels) uint16 codes, or None; ``light_unit`` makes numbers of them; ``matt`` and ``gloss``, see
+    ``scalar_block.composite_classified``, are as many planes as it has channels.  ``overhang``: voxels beyond the first
     and the last from which samples are taken back to them.  The others: see ``voxel_scanline.add_runs``.
     """
     left = shift + (1.0 - SLACK) + BEFORE * BLOCK
@@ -64,19 +74,12 @@ def put_scanline(
         s = span
         while s < live_count and live[s, 0] < last:
             low, high = max(first, live[s, 0]), min(last, live[s, 1])
-            to = line[low:high]
-            near = scalars[voxel + low - begin : voxel + high - begin]
-            if pair:
-                far = scalars[far_voxel + low - far_begin : far_voxel + high - far_begin]
-                for i in range(to.size):
-                    to[i] = weight * np.float32(near[i]) + far_weight * np.float32(far[i])
-            else:
-                for i in range(to.size):
-                    to[i] = np.float32(near[i])
+            at = voxel + low - begin
+            far_at = far_voxel + low - far_begin if pair else at
+            put_scalars(line, low, high - low, scalars, weight, at, far_weight, far_at, pair)
             if lights is not None:
-                put_light(
-                    line, stride, low, high, lights, light_unit, weight, voxel + low - begin, far_weight,
-                    far_voxel + low - far_begin, pair,
+                put_lights(
+                    line, stride, low, high - low, lights, light_unit, weight, at, far_weight, far_at, pair, matt, gloss
                 )
             reach[0], reach[1] = min(reach[0], low), max(reach[1], high)
             from_pixel, to_pixel = low * scale + left, high * scale + right
@@ -89,14 +92,35 @@ def put_scanline(
 
 
 @inner_loop(forceinline=True)
-def put_light(line, stride, low, high, lights, light_unit, weight, voxel, far_weight, far_voxel, pair):
-    """The planes of light of voxels [low, high) of a scanline; see ``put_scanline``."""
-    for channel in range(lights.shape[1]):
-        to = line[(channel + 1) * stride + low : (channel + 1) * stride + high]
-        for i in range(to.size):
-            bits = np.uint32(np.uint32(lights[voxel + i, channel]) << CODE_BITS)
-            value = bits.view(np.float32) * light_unit
-            if pair:
-                bits = np.uint32(np.uint32(lights[far_voxel + i, channel]) << CODE_BITS)
-                value = weight * value + far_weight * (bits.view(np.float32) * light_unit)
-            to[i] = value
+def put_scalars(line, to, count, scalars, weight, voxel, far_weight, far_voxel, pair):
+    """``count`` voxels of a scanline from number ``to`` on; see ``put_scanline``."""
+    size = MANY if count >= MANY else FEW if count >= FEW else 1
+    i = 0
+    while i < count:
+        i = min(i, count - size)
+        if size == MANY:
+            mix_many_scalars(line, to + i, scalars, voxel + i, far_voxel + i, weight, far_weight, pair)
+        elif size == FEW:
+            mix_few_scalars(line, to + i, scalars, voxel + i, far_voxel + i, weight, far_weight, pair)
+        else:
+            mix_one_scalar(line, to + i, scalars, voxel + i, far_voxel + i, weight, far_weight, pair)
+        i += size
+
+
+@inner_loop(forceinline=True)
+def put_lights(
+    line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss
+):
+    """The planes of light of the same voxels."""
+    size = MANY if count >= MANY else FEW if count >= FEW else 1
+    i = 0
+    while i < count:
+        i = min(i, count - size)
+        near, far = voxel + i, far_voxel + i
+        if size == MANY:
+            mix_many_lights(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
+        elif size == FEW:
+            mix_few_lights(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
+        else:
+            mix_one_light(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
+        i += size

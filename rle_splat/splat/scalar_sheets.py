@@ -38,7 +38,7 @@ from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
 def _resample_scanlines(
     pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
     shift_u, scale_u, shift_v, scale_v, begin, far, box_rows, top_row, rows, line, stride, planes, sheet, marks,
-    row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed,
+    row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed, matt, gloss,
 ):
     """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
 
@@ -93,6 +93,7 @@ def _resample_scanlines(
             put_scanline(
                 line, stride, reach, marks, slot, scale_u, shift_u, overhang, runs, scalars, lights, light_unit, weight,
                 run, data_starts[near, scanline], far_weight, far_run, far_voxel, width, live, live_count,
+                matt, gloss,
             )
             if reach[1] == 0:
                 continue
@@ -281,7 +282,7 @@ def _splat_band(
                 pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet],
                 slice_weights, overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], far[sheet],
                 box_rows, top_row, rows, line, stride, planes, here, marks, row_slot, row_line, row_place, reach, live,
-                band_alive, cells, fractions, placed,
+                band_alive, cells, fractions, placed, matt, gloss,
             )
         else:
             row_slot[:] = NO_ROW
