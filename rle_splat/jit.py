@@ -78,8 +78,8 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 try:
     import numba
 
-    from .inner_compiler import InnerCompiler
     from .kernel_cache import cache_of
+    from .kernel_compiler import InnerCompiler, KernelCompiler
 
     NUMBA_PROBLEM = ""
     if not os.environ.get("NUMBA_CACHE_DIR"):
@@ -136,7 +136,7 @@ def kernel(
 
     ``forceinline``: for a part of another kernel's loop, so that handing it its arrays costs nothing.
     ``exact`` rounds after every operation as numpy does, for values that decide over a step.  ``inner``: only ever
-    called by other kernels, which saves finishing it by itself (``inner_compiler``) and keeping it on disk.
+    called by other kernels, which saves finishing it by itself (``kernel_compiler``) and keeping it on disk.
     ``counted``: whether references to arrays are counted; without, it must not make or return any.  Without numba the
     plain Python function comes back; callers choose the numpy twin instead of calling it.
     """
@@ -150,6 +150,8 @@ def kernel(
         )
         if inner:
             return numba.njit(no_cpython_wrapper=True, pipeline_class=InnerCompiler, **options)(f)
+        if not parallel:
+            options["pipeline_class"] = KernelCompiler
         dispatcher = numba.njit(**options)(f)
         dispatcher._cache = cache_of(f)
         dispatcher.__class__ = _NotedDispatcher
