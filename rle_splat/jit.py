@@ -190,6 +190,11 @@ def compiled(backend: str = "auto") -> bool:
     return numba is not None
 
 
+def nothing_compiled_yet() -> bool:
+    """Whether there is no kernel on disk at all: what is rendered now compiles all that it needs."""
+    return numba is not None and next(Path(numba.config.CACHE_DIR).rglob("*.nbi"), None) is None
+
+
 def available_threads() -> int:
     """How many threads a parallel kernel may use at most."""
     return 1 if numba is None else int(numba.config.NUMBA_NUM_THREADS)

@@ -19,7 +19,7 @@ from .encode.scalars import ScalarVolume
 from .encode.store import StoredVolume
 from .encode.tables import TABLES, RunLengthVolume
 from .exposure import exposure_steps, exposures
-from .jit import NUMBA_PROBLEM, compiled, noting_kernels, thread_count
+from .jit import NUMBA_PROBLEM, compiled, nothing_compiled_yet, noting_kernels, thread_count
 from .kept import Kept
 from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
@@ -37,6 +37,7 @@ from .view.ray_limits import box_depths, ray_limits, within_box
 from .warp.warp import warp, warp_reach
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
+COMPILING = "; compiling kernels, the first time only"
 
 
 def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Kept | None = None) -> Rendering:
@@ -64,6 +65,7 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
     an animation needs it.
     """
     kernels: set[str] = set()
+    first_ever = compiled(quality.backend) and nothing_compiled_yet()
     steps = _road_steps(scene, quality, kept, refuse_empty_view)
     while True:
         try:
@@ -78,7 +80,12 @@ def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, re
                 f"Memory ran out half-way through the picture{told}; free some, or make the picture, the sheet density "
                 "or the volume smaller."
             ) from problem
-        yield step
+        yield replace(step, message=step.message + COMPILING) if first_ever and _has_work_ahead(step) else step
+
+
+def _has_work_ahead(step: Progress) -> bool:
+    """Whether what a step says is under way, and does not speak of kernels itself."""
+    return step.fraction < 1.0 and step.message != LOADING_KERNELS
 
 
 def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_view: bool):

@@ -106,6 +106,8 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         steps = shadow_steps(scene, matter, job, clock)
         shadows, shadows_key = yield from portion(steps, 0.08, 0.1, "Casting shadows")
         falling = replace(falling, shadows=shadows)
+    if falling is not None:
+        yield Progress(0.1, "Shading")
     with clock.stage("shade"):
         light, light_key = _light(scene, relevant.voxels, key, falling, shadows_key, job, machine)
     lit = _Lit(relevant.voxels, key, light, light_key, needs)

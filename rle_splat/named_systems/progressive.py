@@ -26,7 +26,7 @@ from ..memory import available_bytes
 from ..memory_estimate import SPARE
 from ..render import render_steps
 from ..scene import MODES, Quality, Rendering, RleSplatError, Scene
-from ..steps import Clock, portion
+from ..steps import Clock, Progress, portion
 from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import index_view
 from ..view.footprints import FOOTPRINTS
@@ -243,16 +243,13 @@ def _level_of(nodes: Nodes, quality: Quality) -> Level:
 
 def _drawn(scene: Scene, quality: Quality):
     """Generator: the steps of a picture that nobody waits for; returns its Rendering."""
-    return portion(_fractions(render_steps(scene, quality, refuse_empty_view=False)), 0.1, 0.1, "Previewing")
-
-
-def _fractions(steps):
+    steps = render_steps(scene, quality, refuse_empty_view=False)
     while True:
         try:
             step = next(steps)
         except StopIteration as finished:
             return finished.value
-        yield step.fraction
+        yield Progress(0.1, f"Previewing: {step.message}")
 
 
 def _error_of(rgba: np.ndarray, misstated: np.ndarray, brightest: float) -> np.ndarray:

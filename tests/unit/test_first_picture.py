@@ -1,13 +1,19 @@
 """What the first picture ever has to compile: each kernel on the common road once, and none that it does not need."""
 
+import importlib
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from rle_splat.jit import compiled
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.jit import compiled, nothing_compiled_yet, numba
+from rle_splat.scene import Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[2]
 ROAD = """
@@ -55,3 +61,40 @@ def test_the_common_road_compiles_each_kernel_once(classification, kernels):
     expected = dict.fromkeys(kernels, 1)
     expected["_sobel"] = 2  # an edit that shows more takes over what is known; the first picture knows nothing
     assert json.loads(done.stdout) == expected
+
+
+def _said(first_ever, monkeypatch, classification, backend):
+    """What is said of each step of a picture, in order."""
+    road = importlib.import_module("rle_splat.render")  # the module, not the function of that name
+    monkeypatch.setattr(road, "nothing_compiled_yet", lambda: first_ever)
+    volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
+    camera, matrix = turntable(volume, 20, 10, width=12, height=12)
+    tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=Shade())
+    quality = Quality.preset("draft", classification=classification, backend=backend)
+    steps = road.render_steps(Scene(volume, tf, camera, 12, 12, matrix, headlight=True), quality)
+    return [step.message for step in steps]
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_every_step_of_the_first_picture_says_that_kernels_are_compiled(monkeypatch, classification):
+    *said, last = _said(True, monkeypatch, classification, "numba")
+    assert last == "Done" and all("kernels" in message and "first time" in message for message in said)
+    named = {"pre": "Encoding", "post": "Shading"}[classification]
+    assert any(message.startswith(named) for message in said)
+    known = [message for message in _said(False, monkeypatch, classification, "numba") if message != said[-1]]
+    assert not any("compiling" in message for message in known)
+
+
+def test_without_kernels_nothing_is_said_of_them(monkeypatch):
+    assert not any("compiling" in message for message in _said(True, monkeypatch, "post", "numpy"))
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
+def test_whether_anything_was_compiled_is_seen_on_disk(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    assert nothing_compiled_yet()
+    (tmp_path / "kernels" / "splat").mkdir(parents=True)
+    assert nothing_compiled_yet()
+    (tmp_path / "kernels" / "splat" / "one.nbi").touch()
+    assert not nothing_compiled_yet()
