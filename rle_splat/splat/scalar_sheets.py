@@ -15,6 +15,7 @@ from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .cut_slab import cut_ends
 from .half_depth import half_way
 from .pixel_block import BLOCK, CLEAR
 from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
@@ -32,6 +33,8 @@ from .scalar_scanline import NOT_KEPT, put_scanline
 from .scratch import BAND, SPREAD
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
+
+NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 
 
 @inner_loop(forceinline=True)
@@ -168,10 +171,22 @@ def _composite_sheet(
                     if earlier != NO_ROW:
                         upper_before = block_at(marks_before, earlier, b, planes, blocks, absent)
                         lower_before = block_at(marks_before, earlier + 1, b, planes, blocks, absent)
-                    seen = look_between(
-                        sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before, least, low,
-                        high, nearest, furthest, origin, rate, last, entries, spans, shares,
-                    )
+                    ended = False
+                    if limits is not None:
+                        ended = cut_ends(
+                            limits, v, b * BLOCK, min(BLOCK, image_width - b * BLOCK), begin, end, sheet, upper, lower,
+                            down, sheet_before, upper_before, lower_before, down_before, least, looks,
+                        )
+                    if ended:
+                        seen = look_between(
+                            looks, BLOCK, BLOCK, NO_SHARE, looks, 0, 0, NO_SHARE, least, low, high, nearest, furthest,
+                            origin, rate, last, entries, spans, shares,
+                        )
+                    else:
+                        seen = look_between(
+                            sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before, least,
+                            low, high, nearest, furthest, origin, rate, last, entries, spans, shares,
+                        )
                     if seen == 0:
                         continue
                 at = r * blocks + b

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
+from .cut_slab import cut_ends_numpy
 from .pixel_block import accumulator
 from .ray_sums import HALF
 from .scalar_block import SPAN
@@ -78,12 +79,13 @@ def _entry(value, inside, origin, rate, last):
     return np.where(inside, index, last)
 
 
-def _looks_between(here, there, look):
-    """As ``_own_looks``, for the slab between two sheets; twin of ``scalar_block.look_between`` and what follows."""
+def _looks_between(here, there, look, first, second):
+    """As ``_own_looks``, for the slab between two sheets, where the scalar goes from ``first`` to ``second``; twin of
+    ``scalar_block.look_between`` and what follows."""
     table, sums, origin, rate, least, low, high, nearest, furthest, last = look
-    is_here, is_there = here[..., 0] >= least, there[..., 0] >= least
+    is_here, is_there = second >= least, first >= least
     both, some = is_here & is_there, is_here | is_there
-    first, second = np.where(is_there, there[..., 0], here[..., 0]), np.where(is_here, here[..., 0], there[..., 0])
+    first, second = np.where(is_there, first, second), np.where(is_here, second, first)
     first, second = np.clip(first, nearest, furthest), np.clip(second, nearest, furthest)
     smallest, largest = np.minimum(first, second), np.maximum(first, second)
     shown = (largest >= low) & (smallest <= high) & some
@@ -175,9 +177,16 @@ def splat_scalar_sheets_numpy(
             place = place if sheets.begin[sheet] <= place <= sheets.end[sheet] else -place
             _gather_numpy(here[..., 0], in_slab, sign, look[2], look[4], place, (enter, leave), state, half)
             continue
-        looks, counted, light = (
-            _own_looks(here, look) if sheets.kind[sheet] == OWN else _looks_between(here, there, look)
-        )
+        if sheets.kind[sheet] == OWN:
+            looks, counted, light = _own_looks(here, look)
+        else:
+            first_value, last_value = there[..., 0], here[..., 0]
+            if rays.limits is not None:
+                slab_ends = sheets.begin[sheet], sheets.end[sheet]
+                first_value, last_value = cut_ends_numpy(
+                    rays.limits, *slab_ends, last_value, first_value, look[4]
+                )
+            looks, counted, light = _looks_between(here, there, look, first_value, last_value)
         if absorbs is not None:
             _add_depths_numpy(looks[..., 0] * (in_slab * counted), slab, state, half)
             continue

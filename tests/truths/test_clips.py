@@ -145,14 +145,24 @@ FIELD = 0.5 + 0.3 * np.sin(np.arange(14)[:, None, None] * 0.5) * np.cos(
 ) - 0.2 * np.sin(np.arange(14) * 0.6 + 1.0)
 
 
+# Between two sheets a cut slab shows what is left of it, so that two halves tell more of a slab than the whole does.
+SEAMS = {
+    ("pre", "simpson"): 0.1,
+    ("refined", "simpson"): 0.1,
+    ("post", "simpson"): 0.1,
+    ("post", "preintegrated"): 0.9,
+    ("post", "preintegrated-4"): 0.1,
+}
+
+
 @PROJECTIONS
-@CLASSIFICATIONS
-def test_two_halves_make_the_whole(stage, classification, perspective):
+@pytest.mark.parametrize(("classification", "depth_rule"), SEAMS)
+def test_two_halves_make_the_whole(stage, classification, depth_rule, perspective):
     """A plane across the view: the nearer half over the further one is the uncut volume, with no seam."""
     facing = placed((6.5, 6.0, 6.5), (1.0, 0.1, 0.0), 1.4)
     scene = stage.on_turntable(0.3 * FIELD, 10.0, 15.0, perspective, size=PIXELS)
     cut = [replace(scene, clips=(Clip("plane", facing, keep),)) for keep in ("inside", "outside")]
-    knobs = dict(classification=classification, depth_rule=RULES[classification], sheet_density=2.0, termination=0.0)
+    knobs = dict(classification=classification, depth_rule=depth_rule, sheet_density=2.0, termination=0.0)
     # The warp mixes sheet pixels, and mixtures over mixtures are not mixtures over: nearly so where they are alike.
     knobs["warp_filter"] = "bilinear"
     whole = stage.render(scene, **knobs).rgba
@@ -165,7 +175,7 @@ def test_two_halves_make_the_whole(stage, classification, perspective):
     smooth = away_from_edges(whole, 2, 4.0)
     assert smooth.mean() > 0.5
     found = difference(over(near, far).reshape(whole.shape)[smooth], whole[smooth])
-    assert found.largest < 0.1
+    assert found.largest < SEAMS[classification, depth_rule]
     # Complementary boxes, where matter is so thin that what lies in front does not matter: depths add up.
     thin = stage.on_turntable(1e-3 * FIELD, 30.0, 20.0, perspective, size=(48, 40))
     box = placed((6.5, 6.5, 6.5), half=(4.0, 3.0, 4.0))
@@ -182,7 +192,7 @@ BOUNDS = {
     ("pre", "simpson"): (0.6, 9.0),
     ("pre", "midpoint-4"): (0.5, 24.0),
     ("refined", "simpson"): (0.6, 9.0),
-    ("post", "preintegrated"): (1.4, 14.5),
+    ("post", "preintegrated"): (1.2, 14.5),
     ("post", "slice"): (1.1, 14.0),
     ("post", "midpoint-4"): (0.3, 9.0),
 }
@@ -200,13 +210,23 @@ def test_a_smooth_field_is_cut_as_in_the_truth(stage, classification, depth_rule
     assert found.rmse < rmse and found.largest < largest
 
 
+@PROJECTIONS
+def test_a_cut_through_dense_matter_shows_no_steps(stage, perspective):
+    """What a cut slab shows between two sheets begins at the cut: RMSE 1.5 and 1.6 where all of the slab is shown."""
+    clips = (Clip("plane", placed((6.0, 6.5, 9.5), (1.0, 0.3, 0.0), 0.3)), Clip("box", OTHER, "outside"))
+    scene = stage.on_turntable(0.999 * FIELD, perspective=perspective, size=(32, 32), clips=clips)
+    true = stage.truth(scene, "T2")[0]
+    knobs = dict(classification="post", depth_rule="preintegrated", sheet_density=4.0)
+    assert stage.error(scene, true, **knobs).rmse < 1.4
+
+
 @CLASSIFICATIONS
 @PROJECTIONS
 def test_twins_agree(stage, classification, perspective):
     scene = stage.on_turntable(0.6 * FIELD, perspective=perspective, size=(24, 20), clips=SCENES["all"])
     knobs = dict(classification=classification, depth_rule=RULES[classification])
     one, two = (stage.render(scene, backend=backend, **knobs) for backend in ("numba", "numpy"))
-    np.testing.assert_allclose(one.rgba, two.rgba, atol=2e-6)
+    np.testing.assert_allclose(one.rgba, two.rgba, atol=5e-6)
     np.testing.assert_allclose(one.depth, two.depth, rtol=1e-5)
 
 

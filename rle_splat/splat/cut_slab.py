@@ -1,0 +1,71 @@
+"""Slabs between two sheets that a ray's limits cut: the values of the scalar at its ends inside them.
+
+The scalar is linear from sheet to sheet, so what a cut slab shows is what lies between its value where the ray begins
+in it and its value where the ray ends.  Else each slab would show all of itself where it is cut, and an oblique cut
+through dense matter the steps of its sheets.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import inner_loop
+from .pixel_block import BLOCK
+
+_ONE = np.float32(1.0)
+
+
+@inner_loop
+def cut_ends(limits, v, first_pixel, count, begin, end, sheet, upper, lower, down, before, upper_before, lower_before,
+             down_before, least, ends):  # fmt: skip
+    """Whether any ray of a block is cut inside the slab from ``begin`` to ``end``; then ``ends`` (2, BLOCK), flat, has
+    the values of the scalar where the rays begin in it and where they end.
+
+    ``limits``: of ``arguments.Rays``, for ``count`` pixels of row ``v`` from ``first_pixel`` on.  ``sheet``: blocks of
+    the scanlines at ``upper`` and ``lower``, ``down`` the fraction towards the latter; ``before`` the sheet before,
+    likewise.  ``least``: what is below is no sample, and is left as it is.
+    """
+    cut = False
+    for i in range(count):
+        u = first_pixel + i
+        from_, to = limits[0, v, u], limits[1, v, u]
+        inside = from_ < end and to > begin
+        cut |= inside and (from_ > begin or to < end)
+        for hole in range(2, limits.shape[0], 2):
+            cut |= inside and limits[hole, v, u] < end and limits[hole + 1, v, u] > begin
+    if not cut:
+        return False
+    for i in range(BLOCK):
+        here = sheet[upper + i] * (_ONE - down) + sheet[lower + i] * down
+        there = before[upper_before + i] * (_ONE - down_before) + before[lower_before + i] * down_before
+        ends[i], ends[BLOCK + i] = there, here
+        if i >= count or here < least or there < least:
+            continue
+        u = first_pixel + i
+        from_, to = max(begin, limits[0, v, u]), min(end, limits[1, v, u])
+        for hole in range(2, limits.shape[0], 2):
+            into, out = limits[hole, v, u], limits[hole + 1, v, u]
+            if into <= from_ < out:
+                from_ = min(out, to)
+            elif into < to <= out:
+                to = max(into, from_)
+        if from_ < to:
+            ends[i] = there + (here - there) * np.float32((from_ - begin) / (end - begin))
+            ends[BLOCK + i] = there + (here - there) * np.float32((to - begin) / (end - begin))
+    return True
+
+
+def cut_ends_numpy(limits, begin, end, here, there, least):
+    """Twin of ``cut_ends``: (H, W) values of the scalar where rays begin in a slab and where they end."""
+    from_, to = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
+    for into, out in zip(limits[2::2], limits[3::2]):
+        at_front = (into <= from_) & (from_ < out)
+        at_back = ~at_front & (into < to) & (to <= out)
+        from_ = np.where(at_front, np.minimum(out, to), from_)
+        to = np.where(at_back, np.maximum(into, from_), to)
+    counts = (here >= least) & (there >= least) & (from_ < to)
+    with np.errstate(over="ignore", invalid="ignore"):
+        first, last = (
+            there + (here - there) * ((place - begin) / (end - begin)).astype(np.float32) for place in (from_, to)
+        )
+    return np.where(counts, first, there), np.where(counts, last, here)
