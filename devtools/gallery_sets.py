@@ -204,13 +204,13 @@ def brain(volume_object, folder: Path) -> None:
     volume_object.rle_splat.ambient = 0.06
     _camera(middle, size, (1.7, 1.6, 1.1))
     warm, cold, green = (1.0, 0.45, 0.16), (0.14, 0.36, 1.0), (0.25, 1.0, 0.45)
-    add_light("Warm", "AREA", 40.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
+    add_light("Warm", "AREA", 60.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
     add_light(
-        "Cold", "SPOT", 120.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
+        "Cold", "SPOT", 180.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
         spot_size=math.radians(50.0), spot_blend=0.3, shadow_soft_size=0.05 * size,
     )  # fmt: skip
     add_light(
-        "Green", "POINT", 30.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
+        "Green", "POINT", 45.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
         shadow_soft_size=0.02 * size,
     )  # fmt: skip
     _world((0.02, 0.022, 0.03), 0.5)
