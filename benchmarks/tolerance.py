@@ -98,14 +98,14 @@ def line(name: str, row: dict) -> str:
     """One row of the table."""
     said = "kept" if row["claims"] and row["kept"] else "BROKEN" if row["claims"] else "refused"
     return (
-        f"{name:<26}{row['tolerance']:5.1f}  {row['plan']:<44}{row['predicted']:8.2f}{row['measured']:9.2f}"
+        f"{name:<26}{row['tolerance']:5.1f}  {row['plan']:<54}{row['predicted']:8.2f}{row['measured']:9.2f}"
         f"{row['independent']:8.2f}  {said:<8}{row['rounds']:3d}{row['predicted_ms']:10.0f}{row['ms']:9.0f}"
         f"{row['seconds']:8.1f}"
     )
 
 
 HEADER = (
-    f"{'scene':<26}{'asked':>5}  {'plan':<44}{'foretold':>8}{'measured':>9}{'again':>8}  {'said':<8}{'in':>3}"
+    f"{'scene':<26}{'asked':>5}  {'plan':<54}{'foretold':>8}{'measured':>9}{'again':>8}  {'said':<8}{'in':>3}"
     f"{'ms told':>10}{'ms':>9}{'s, all':>8}"
 )
 

@@ -59,9 +59,20 @@ class _Round:
     def milliseconds(self) -> float:
         return frame_ms(self.rendering) + self.rays_ms
 
+    @property
+    def share(self) -> float:
+        """Of the picture's pixels, that are had by rays."""
+        return self.rays / max(self.rendering.rgba[..., 0].size, 1)
+
+    @property
+    def plan(self) -> str:
+        """Its name for people, with what of the picture it has by single rays."""
+        name = name_of(self.choice.plan)
+        return f"{name} + {100.0 * self.share:.2g} % by {self.choice.slabs}-slab rays" if self.rays else name
+
     def report(self) -> dict:
         return {
-            "plan": plan_text(self.choice), "predicted": self.choice.errors.total, "measured": self.measured,
+            "plan": self.plan, "predicted": self.choice.errors.total, "measured": self.measured,
             "predicted_ms": self.choice.milliseconds, "ms": self.milliseconds,
         }  # fmt: skip
 
@@ -240,13 +251,6 @@ def _still_doubtful(modelled, traced, count: int):
     return tuple(np.concatenate(both) for both in zip(by_sheets, by_ray, strict=True))
 
 
-def plan_text(choice: Choice) -> str:
-    """A plan's name for people, with what of the picture it has by single rays."""
-    if not choice.rays:
-        return name_of(choice.plan)
-    return f"{name_of(choice.plan)} + {choice.slabs}-slab rays"
-
-
 def check_measurable(scene: Scene, quality: Quality) -> None:
     """RleSplatError when nothing can be promised of a scene's picture."""
     check_plannable(quality)
@@ -319,7 +323,7 @@ def _finished(
         "ms": best.milliseconds,
         "planning_ms": max(spent - frame_ms(rendering) - best.rays_ms, 0.0),
         "rays": {
-            "pixels": best.rays, "share": best.rays / max(features.pixels, 1),
+            "pixels": best.rays, "share": best.share,
             "slabs": choice.slabs if best.rays else 0, "ms": best.rays_ms,
         },
         "budget": choice.errors.report(),
@@ -332,7 +336,7 @@ def _finished(
         error["statement"] = best.judged["sentence"]
     error["sentence"] = sentence(error)
     remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, quality, error)]
-    plan = {**rendering.report["plan"], "name": plan_text(choice)}
+    plan = {**rendering.report["plan"], "name": best.plan}
     return replace(rendering, report={**rendering.report, "plan": plan, "error": error, "remarks": remarks})
 
 
