@@ -19,6 +19,7 @@ from bpy.props import (
 )
 
 from ..rle_splat import scene as tables
+from ..rle_splat.effects.ray_mode import MODE_NAMES
 from . import box
 from .accuracy import AccuracyRowProperties
 from .effects import EffectOverrideProperties, EffectRowProperties
@@ -48,6 +49,10 @@ QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name i
 ]
 RECORD_ITEMS = [(str(size), f"{size} Bytes", "") for size in tables.RECORDS]
 REFINEMENT_ITEMS = [(str(times), f"{times} Times", "") for times in tables.REFINEMENTS]
+MODE_ITEMS = [
+    (name, MODE_NAMES[name] if name != "composite" else "Composite", text[0].upper() + text[1:])
+    for name, text in tables.MODE_TEXTS.items()
+]
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "The lights of the scene; a headlight when there are none"),
     ("HEADLIGHT", "Headlight", "One white parallel light along the camera's axis"),
@@ -138,6 +143,15 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
     use_shading: LiveBool(name="Shading", description="Light the volume by its gradients", default=True)
     ambient: LiveFloat(name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Unlit share of the colour")
     diffuse: LiveFloat(name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Share that faces the light")
+    use_gradient_opacity: LiveBool(
+        name="Surfaces Only", default=False,
+        description="Multiply the opacity by how steep the values are, so that surfaces stay and what is even goes")
+    gradient_low: LiveFloat(
+        name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
+        description="Values per unit of the volume's length, such as HU per mm, up to which nothing is opaque")
+    gradient_high: LiveFloat(
+        name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
+        description="Values per unit of length from which the opacity curve holds in full")
     specular: LiveFloat(name="Specular", default=0.2, min=0.0, soft_max=1.0, description="White highlight")
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0, description="Exponent of the highlight")
@@ -191,6 +205,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     backend: LiveEnum(
         name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),
         default=USUAL.backend)
+    mode: LiveEnum(name="Mode", description="What a pixel shows of its ray", items=MODE_ITEMS)
     lighting: LiveEnum(name="Lighting", description="What lights the volume", items=LIGHTING_ITEMS)
     use_shadows: LiveBool(
         name="Shadows", default=True,

@@ -20,6 +20,7 @@ from .effects import overrides_of
 from .labels import read_labels
 from .lights import read_lights
 from .meshes import read_triangles
+from .mist import read_mist
 from .motion import read_poses
 from .world import read_world
 
@@ -73,6 +74,8 @@ def read_scene(
         crop=frame_crop(scene.render) if in_region else None,
         clips=read_clips(depsgraph),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
+        mode=scene.rle_splat.mode,
+        mist=read_mist(depsgraph),
         motion=read_poses(depsgraph.scene, volume_object) if moving else (),
         effects=overrides_of(scene),
         volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,

@@ -5,7 +5,7 @@ moves all points, as window and level do on a scanner's console.  A copy of an o
 as copies share a material, and has a window of its own.
 """
 
-from ..rle_splat.classify.transfer_function import Shade, TransferFunction
+from ..rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from ..rle_splat.scene import RleSplatError
 from . import transfer_nodes as nodes
 from .decimals import rounded_to_span, typed
@@ -46,6 +46,10 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     if transfer_function.shade is not None:
         for name in ("ambient", "diffuse", "specular", "shininess"):
             setattr(properties, name, getattr(transfer_function.shade, name))
+    steep = transfer_function.gradient_opacity
+    properties.use_gradient_opacity = steep is not None
+    if steep is not None:
+        properties.gradient_low, properties.gradient_high = steep.low, steep.high
     if len(kept) < len(color):
         return (f"The transfer function has {len(color)} colours and a ramp in Blender holds {nodes.MOST_STOPS}; "
                 f"the {nodes.MOST_STOPS} that matter most were kept.")
@@ -78,9 +82,13 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     shade = None
     if properties.use_shading:
         shade = Shade(*(typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess")))
+    steep = None
+    if properties.use_gradient_opacity:
+        steep = GradientOpacity(typed(properties.gradient_low), typed(properties.gradient_high))
     return TransferFunction(
         name=properties.transfer_name, unit=properties.transfer_unit or None, opacity=tuple(opacity),
-        color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade)
+        color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade,
+        gradient_opacity=steep)
 
 
 def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:
@@ -107,7 +115,7 @@ def own_tree(volume_object) -> None:
 
 KEYED = (
     "window_center", "window_width", "opacity_scale", "opacity_unit_distance", "ambient", "diffuse", "specular",
-    "shininess",
+    "shininess", "gradient_low", "gradient_high",
 )
 
 

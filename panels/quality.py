@@ -27,6 +27,7 @@ class QualityPanel:
             box.alert = True
             box.label(text="SLOW FALLBACK, no numba", icon="ERROR")
             paragraph(context, box, f"Pictures take many times as long. {NUMBA_PROBLEM}")
+        layout.prop(settings, "mode")
         layout.prop(settings, "max_error")
         layout.prop(settings, "quality")
         column = layout.column()

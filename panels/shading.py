@@ -34,6 +34,11 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess"):
             column.prop(properties, name)
+        layout.prop(properties, "use_gradient_opacity")
+        column = layout.column(align=True)
+        column.active = properties.use_gradient_opacity
+        for name in ("gradient_low", "gradient_high"):
+            column.prop(properties, name)
 
 
 CLASSES = (RLE_SPLAT_PT_shading,)

@@ -18,7 +18,7 @@ from .accuracy.lighting import shading_of
 from .accuracy.measure import PROBES, TOLERANCE
 from .accuracy.metrics import ERRORS, LEVEL, SSIM_WINDOW, difference, ssim
 from .accuracy.probes import choose_probes, probe_errors
-from .accuracy.truths import check_mode, truth_steps
+from .accuracy.truths import check_shown, truth_steps
 from .effects.analyse import analyse, called_for
 from .encode.store import StoredVolume
 from .kept import Kept
@@ -410,7 +410,7 @@ def _measurable(scene: Scene, quality: Quality) -> Scene:
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError("A .rle file has no voxels to take the truth from; give the volume it was made from.")
     scene = called_for(scene, analyse(scene, quality))
-    check_mode(scene, truth_of(mode_quality(scene, quality)))
+    check_shown(scene, truth_of(mode_quality(scene, quality)))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
     if shadow_count(scene):

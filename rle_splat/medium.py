@@ -113,6 +113,11 @@ def classified_scene(scene: Scene, quality: Quality) -> Scene:
             "A .rle file holds voxels that are classified already; render the volume itself with the classification "
             "refined, or the file with the classification pre."
         )
+    if scene.transfer_function.gradient_opacity is not None:
+        raise RleSplatError(
+            "The classification refined knows no gradients between voxels, which the transfer function's "
+            "gradient_opacity asks for; choose post or pre."
+        )
     return replace(scene, volume=RefinedVolume(scene.volume, scene.transfer_function, quality.refinement))
 
 
@@ -129,15 +134,16 @@ def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: i
 
     length = found.opacity_distance if quality.model == "opacity" else 1.0
     return _pre_classified(
-        found.shape_xyz, encode_steps, length, quality, found.visible_voxels, found.nan_voxels, look.estimate
+        found.shape_xyz, encode_steps, length, quality, scene.mist, found.visible_voxels, found.nan_voxels,
+        look.estimate,
     )
 
 
-def _pre_classified(shape_xyz, encode_steps, length_unit: float, quality: Quality, *counts) -> Medium:
+def _pre_classified(shape_xyz, encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
     """The Medium of voxels that are classified before they are splatted; ``length_unit``: in which rays are counted."""
 
     def splat(encoded, plane, limits):
-        return splat_steps(encoded, plane, quality, length_unit, limits)
+        return splat_steps(encoded, plane, quality, length_unit, limits, mist)
 
     def most_color(encodings):
         return max((encoded.most_color for encoded in encodings), default=0.0)
@@ -167,7 +173,8 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     shaded = falling is not None
 
     def wanted(counted):
-        each = np.float32 if mixed else None  # as of volumes with too many values for a table of looks
+        # As of volumes with too many values for a table of looks: each voxel has its own.
+        each = np.float32 if mixed or tf.gradient_opacity is not None else None
         needs = estimate_of(volume, counted, quality, axes=axes, shaded=shaded, picture=picture, dtype=each)
         return needs.with_shadows(shadow_count(scene) if shaded else 0)
 
@@ -329,4 +336,4 @@ def _stored_medium(scene: Scene, quality: Quality) -> Medium:
     else:
         length /= stored.unit_length
     visible = next(iter(stored.axes.values())).visible_voxels
-    return _pre_classified(stored.shape_xyz, encode_steps, length, quality, visible)
+    return _pre_classified(stored.shape_xyz, encode_steps, length, quality, scene.mist, visible)

@@ -21,11 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .classify.points import pieces, positive_intervals
+from .effects.ray_mode import OF_VALUES as VALUE_MODES
 from .encode.store import StoredVolume
 from .scene import NO_DEPTH, POST_ONLY, Quality, RleSplatError, Scene
 from .view.depth_rules import value_rule
 
-VALUE_MODES = ("mip", "minip", "average")
 TO_STORED = {"mip": 1.0, "minip": -1.0, "average": 0.0}  # which value is wanted, were the slope positive
 # What is below the lowest value shown, in parts of the values above it, still counts: not to end in a step.
 MARGIN = 1.0 / 16.0

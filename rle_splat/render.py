@@ -199,7 +199,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
         first_pixel = layers.first_pixel
         surfaces = [layers.near, layers.far] if layers.has_silhouettes else [layers.near]
     pictures = []
-    most_color = medium.most_color(encodings.values())
+    most_color = max(medium.most_color(encodings.values()), *(scene.mist.color if scene.mist else (0.0,)))
     parts = max(len(surfaces) * len(planes), 1)
     for s, surface in enumerate(surfaces):
         images = []

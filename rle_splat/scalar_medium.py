@@ -6,6 +6,7 @@ What depends on what, so that a change redoes no more than it must:
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
               a wider one that is kept
     normals   relevant, and how the volume lies in the world
+    gradients relevant, where opacity depends on them; thinned, from gradients and light
     shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them
     light     normals, lights and shadows; the view too if a highlight or a headlight follows it
     runs      relevant, and the principal axis
@@ -26,7 +27,7 @@ from .classify.value_table import extinction_of, value_table
 from .classify.visible import VisibleVoxels
 from .effects.shadows import Matter
 from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
-from .encode.voxel_light import VoxelLight, voxel_light
+from .encode.voxel_light import VoxelLight, voxel_light, with_factor
 from .kept import Job
 from .kept_normals import kept_normals
 from .kept_shadows import shadow_count, shadow_steps
@@ -38,6 +39,7 @@ from .scene import Quality, Scene, preintegrated_of
 from .splat.scalar_splat import scalar_splat_steps, scalar_trace, value_splat_steps
 from .steps import Clock, Progress, portion, timed
 from .volume.blocks import Blocks, block_steps
+from .volume.gradient_size import gradient_sizes
 
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0
@@ -63,6 +65,7 @@ class _Lit:
     key: tuple
     light: VoxelLight | None
     light_key: tuple
+    thinned: bool
     estimate: MemoryEstimate
 
 
@@ -90,6 +93,10 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
                 lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
             )
     key = (voxels_key, relevant.reach.key)
+    factor = None
+    if tf.gradient_opacity is not None and values is None:
+        with clock.stage("gradients"):
+            factor = _factor(volume, tf, relevant.voxels, key, job, machine)
     shadows_key = ()
     if falling is not None and shadow_count(scene):
         voxels = relevant.voxels
@@ -98,7 +105,8 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
             return job.get("runs", (key, axis), lambda: scalar_tables(voxels, axis, **machine))
 
         def extinction():
-            return extinction_of(table, voxels.stored, volume.voxels.dtype, infinite)
+            found = extinction_of(table, voxels.stored, volume.voxels.dtype, infinite)
+            return found if factor is None else found * factor
 
         look = (key, tf.classification_key, length)
         around = scene.index_to_world, scene.triangles, scene.clips
@@ -110,7 +118,10 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         yield Progress(0.1, "Shading")
     with clock.stage("shade"):
         light, light_key = _light(scene, relevant.voxels, key, falling, shadows_key, job, machine)
-    lit = _Lit(relevant.voxels, key, light, light_key, needs)
+    if factor is not None:
+        light_key = (light_key, key, tf.gradient_opacity)
+        light = job.get("thinned", light_key, lambda: with_factor(light, factor))
+    lit = _Lit(relevant.voxels, key, light, light_key, factor is not None, needs)
     centre = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
 
     def encode_steps(axis: int):
@@ -119,7 +130,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
     def splat(encoded, plane, limits):
         if values is not None:
             return value_splat_steps(encoded, values, plane, quality, limits)
-        return scalar_splat_steps(encoded, table, plane, quality, limits, absorbs=scene.mode == "xray")
+        return scalar_splat_steps(encoded, table, plane, quality, limits, scene.mode == "xray", scene.mist)
 
     def trace(encoded, rays, sign, slabs):
         return scalar_trace(encoded, table, rays, sign, slabs, quality)
@@ -187,6 +198,13 @@ def _light(scene: Scene, voxels: VisibleVoxels, key, falling: Lighting | None, s
     return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **machine)), light_key
 
 
+def _factor(volume, tf, voxels: VisibleVoxels, key, job: Job, machine) -> np.ndarray:
+    """(m,) float32: what the transfer function multiplies the voxels' extinction by, by the size of their gradient."""
+    place = (key, array_key(volume.affine[:3, :3]))
+    sizes = job.get("gradients", place, lambda: gradient_sizes(volume, voxels.row_start, voxels.column, **machine))
+    return tf.gradient_opacity.factor(sizes)
+
+
 def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
     """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity in doing so:
     the transfer function's ends, beyond which nothing changes; no numbers where nothing is infinite."""
@@ -225,4 +243,4 @@ def _axis_steps(volume, lit: _Lit, axis: int, infinite, centre: float, quality: 
     lights = lit.light.codes
     steps = job.steps("lights", (lit.light_key, order), lambda: in_scanlines(tables, voxels, lights, **machine))
     codes = yield from timed(steps, clock, "encode")
-    return ScalarVolume(tables, placed, centre, codes, lit.light.unit)
+    return ScalarVolume(tables, placed, centre, codes, lit.light.unit, lit.thinned)

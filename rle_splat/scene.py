@@ -315,6 +315,39 @@ class Channel:
     transfer_function: object
 
 
+MIST_FALLOFFS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
+
+
+@dataclass(frozen=True)
+class Mist:
+    """The mist of Blender's world: colour fades to ``color``, scene-linear RGB, none of it up to ``start`` from the
+    camera, all of it ``depth`` further, world units; in between by ``falloff``, of Blender's meaning.
+
+    The distance is the ray's own in perspective, along the camera's axis if it is orthographic, as in Cycles' pass.
+    """
+
+    start: float = 5.0
+    depth: float = 25.0
+    falloff: str = "QUADRATIC"
+    color: tuple = (0.05, 0.05, 0.05)
+
+    def __post_init__(self):
+        if not (_is_finite_number(self.start) and 0.0 <= self.start <= LARGEST_LENGTH):
+            raise RleSplatError(f"The mist's start must be a finite number, not below zero, not {short(self.start)}.")
+        object.__setattr__(self, "start", float(self.start))
+        object.__setattr__(self, "depth", _positive(self.depth, "The mist's depth"))
+        if self.falloff not in MIST_FALLOFFS:
+            raise RleSplatError(f"The mist's falloff must be one of {', '.join(MIST_FALLOFFS)}.")
+        color = tuple(as_float(c) for c in self.color) if np.iterable(self.color) else ()
+        if len(color) != 3 or not np.isfinite(color).all() or min(color) < 0.0:
+            raise RleSplatError("The mist's color must be three finite numbers, none below zero.")
+        object.__setattr__(self, "color", color)
+
+    @classmethod
+    def from_json(cls, path) -> Mist:
+        return from_mapping(cls, read_json(path, "the mist file"), "The mist file")
+
+
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
 # One table of names for the command line, the panel and the reports: what each quality preset sets of PRESET_KNOBS,
 # for sheets of classified voxels, pre and refined, and for post-classified ones.
@@ -523,6 +556,7 @@ class Scene:
     ``motion``: Poses from when the shutter opens to when it closes, at equal steps of time; empty for a shutter of no
     time.  The camera's and the volume's own matrices are then those of what stays sharp: the depth.
     ``mode``: one of MODES, what a pixel shows of its ray; see ``ray_modes``.
+    ``mist``: towards which colours fade with distance; None for clear air.
     """
 
     volume: object
@@ -541,6 +575,7 @@ class Scene:
     motion: tuple = ()
     clips: tuple = ()
     mode: str = "composite"
+    mist: Mist | None = None
     volume_shadows: bool = False
     world: tuple | None = None
     ambient_occlusion: float = 0.0
@@ -550,6 +585,8 @@ class Scene:
     def __post_init__(self):
         if self.mode not in MODES:
             raise RleSplatError(f"There is no mode called {short(self.mode)}; choose {', '.join(MODES)}.")
+        if not (self.mist is None or isinstance(self.mist, Mist)):
+            raise RleSplatError("The scene's mist must be a Mist, or None for clear air.")
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
         object.__setattr__(self, "scene_scale", _positive(self.scene_scale, "The scene scale"))
         for name in ("width", "height"):

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 # "kernels" is loading the splat kernel, and compiling it the first time ever: once in a process, not per picture.
 STAGES = (
-    "classify", "mixing", "shadows", "ambient occlusion", "shade", "encode", "occlusion", "clipping", "clip objects",
+    "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion", "clipping",
+    "clip objects",
     "kernels", "splat", "warp",
 )  # fmt: skip
 

@@ -261,6 +261,10 @@ def check_measurable(scene: Scene, quality: Quality) -> None:
             "A tolerance is measured against a truth of one volume and one transfer function; choose a quality for "
             "labels and channels."
         )
+    if scene.mist is not None:
+        raise RleSplatError("A tolerance cannot be kept in mist, of which there is no truth; turn the mist off.")
+    if scene.transfer_function.gradient_opacity is not None:
+        raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, of which there is no truth.")
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError(
             "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "

@@ -27,11 +27,17 @@ def world_opacity_distance(scene: Scene) -> float:
     return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
 
 
-def check_mode(scene: Scene, truth_name: str) -> None:
-    """RleSplatError when there is no such truth of the scene's mode."""
+def check_shown(scene: Scene, truth_name: str) -> None:
+    """RleSplatError when there is no such truth of what the scene shows."""
     if scene.mode not in ("composite", "xray") or (scene.mode == "xray" and truth_name != "T2"):
         raise RleSplatError(
             f"There is no truth {truth_name} of the mode {scene.mode}; choose the mode composite, or xray with T2."
+        )
+    if scene.mist is not None:
+        raise RleSplatError("There is no truth of a scene in mist; turn the mist off to measure the rest.")
+    if scene.transfer_function.gradient_opacity is not None:
+        raise RleSplatError(
+            "There is no truth of a transfer function with a gradient_opacity; take it out to measure the rest."
         )
 
 
@@ -40,7 +46,7 @@ def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=
     if truth_name not in TRUTHS:
         raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
     volume, transfer_function, distance = scene.volume, scene.transfer_function, world_opacity_distance(scene)
-    check_mode(scene, truth_name)
+    check_shown(scene, truth_name)
     if scene.mode == "xray":  # what is absorbed is white
         transfer_function, light, highlight = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None, None
     if truth_name == "T2":

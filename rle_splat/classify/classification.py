@@ -15,6 +15,7 @@ from ..jit import compiled, parallel_call
 from ..scene import RleSplatError
 from ..steps import drain
 from ..volume.blocks import block_steps
+from ..volume.gradient_size import gradient_sizes
 from . import classify_kernels as passes
 from .limits import LEAST_DISTANCE
 from .points import LARGEST, heights_at_numpy, pieces
@@ -170,7 +171,15 @@ def classified(
         looks = _looks_by_table(shown, distance)
     else:
         looks = _looks_by_points(shown, voxels.stored, distance, backend, threads)
-    return ClassifiedVolume(voxels, looks, shown.by_table, length, distance)
+    if tf.gradient_opacity is None:
+        return ClassifiedVolume(voxels, looks, shown.by_table, length, distance)
+    # Values that are alike no longer look alike: a look for every voxel.
+    looks = looks[voxels.stored] if shown.by_table else looks
+    sizes = gradient_sizes(volume, voxels.row_start, voxels.column, backend=backend, threads=threads)
+    factor = tf.gradient_opacity.factor(sizes)
+    looks[:, EXTINCTION] *= factor
+    looks[:, OPACITY] = -np.expm1(factor * np.log1p(-np.minimum(looks[:, OPACITY], np.float32(ALPHA_CAP))))
+    return ClassifiedVolume(voxels, looks, False, length, distance)
 
 
 def _looks_by_table(shown: Visibility, distance) -> np.ndarray:

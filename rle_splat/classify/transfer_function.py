@@ -55,6 +55,28 @@ class Shade:
             object.__setattr__(self, entry.name, value)
 
 
+@dataclass(frozen=True)
+class GradientOpacity:
+    """Opacity by how steep the scalar is: extinction times 0 up to a gradient of ``low``, 1 from ``high`` on, linear in
+    between; values per unit of the volume's length, such as HU per mm.  ``low`` equal to ``high`` is a step."""
+
+    low: float = 0.0
+    high: float = 1.0
+
+    def __post_init__(self):
+        for name in ("low", "high"):
+            object.__setattr__(self, name, _number(getattr(self, name), f"The gradient opacity's {name}"))
+        if not 0.0 <= self.low <= self.high:
+            raise RleSplatError("The gradient opacity's low must not be below zero, nor above its high.")
+
+    def factor(self, sizes) -> np.ndarray:
+        """What extinction is multiplied by where the gradient has these ``sizes``, float32 in [0, 1]."""
+        if self.low == self.high:
+            return (np.asarray(sizes) >= self.low).astype(np.float32)
+        share = (np.asarray(sizes, np.float64) - self.low) / (self.high - self.low)
+        return np.clip(share, 0.0, 1.0).astype(np.float32)
+
+
 def _points(points, width: int, what: str, form: str) -> tuple:
     """Points as tuples of floats in ascending order of value; equal values keep the order they came in."""
     try:
@@ -94,6 +116,7 @@ class TransferFunction:
     ``color``: ((value, r, g, b), ...), scene-linear, none below zero, unassociated.
     ``opacity_unit_distance``: in the volume's length unit, None for the smallest voxel spacing.
     ``unit``: what the values are in ("HU"), None for arbitrary.  ``shade`` None means unshaded colours.
+    ``gradient_opacity``: None for opacity by the value alone.
     Unsorted points are sorted, equal values keeping their order.
     """
 
@@ -103,6 +126,7 @@ class TransferFunction:
     color: tuple = ()
     opacity_unit_distance: float | None = None
     shade: Shade | None = field(default_factory=Shade)
+    gradient_opacity: GradientOpacity | None = None
 
     def __post_init__(self):
         put = partial(object.__setattr__, self)
@@ -131,6 +155,8 @@ class TransferFunction:
             put("opacity_unit_distance", distance)
         if not (self.shade is None or isinstance(self.shade, Shade)):
             raise RleSplatError("The transfer function's shade must hold ambient, diffuse, specular and shininess.")
+        if not (self.gradient_opacity is None or isinstance(self.gradient_opacity, GradientOpacity)):
+            raise RleSplatError("The transfer function's gradient_opacity must hold low and high.")
 
     # --- evaluation -------------------------------------------------------------------------------------------
 
@@ -209,7 +235,13 @@ class TransferFunction:
             unit=unit,
             opacity=tuple((move(v), a) for v, a in self.opacity),
             color=tuple((move(v), *rgb) for v, *rgb in self.color),
+            gradient_opacity=self._steeper((high - low) / length if length > 0.0 else 1.0),
         )
+
+    def _steeper(self, times: float) -> GradientOpacity | None:
+        """The gradient opacity of values that all are so many times larger."""
+        ends = self.gradient_opacity
+        return ends if ends is None else GradientOpacity(ends.low * times, ends.high * times)
 
     def windowed(self, center: float, width: float) -> TransferFunction:
         """The same curves spread over a window of values, as radiologists set it: level ``center``, ``width``."""
@@ -223,7 +255,8 @@ class TransferFunction:
     @cached_property
     def classification_key(self) -> str:
         """A hash of what decides opacity and colour, for content-keyed stages; the name and shade do not matter."""
-        return _digest((self.opacity, self.color, self.opacity_unit_distance))
+        steep = () if self.gradient_opacity is None else (asdict(self.gradient_opacity),)
+        return _digest((self.opacity, self.color, self.opacity_unit_distance, *steep))
 
     @cached_property
     def key(self) -> str:
@@ -245,6 +278,9 @@ class TransferFunction:
             mapping["shade"] = None
         else:
             mapping["shade"] = from_mapping(Shade, shade, "The transfer function's shade")
+        if mapping.get("gradient_opacity") is not None:
+            what = "The transfer function's gradient_opacity"
+            mapping["gradient_opacity"] = from_mapping(GradientOpacity, mapping["gradient_opacity"], what)
         return from_mapping(cls, mapping, "The transfer function")
 
     def to_json(self) -> dict:
@@ -258,6 +294,8 @@ class TransferFunction:
         if self.opacity_unit_distance is not None:
             mapping["opacity_unit_distance"] = self.opacity_unit_distance
         mapping["shade"] = False if self.shade is None else asdict(self.shade)
+        if self.gradient_opacity is not None:
+            mapping["gradient_opacity"] = asdict(self.gradient_opacity)
         return mapping
 
     def save(self, path) -> None:

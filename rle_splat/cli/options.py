@@ -161,6 +161,10 @@ def add_clip_option(parser) -> None:
     )
 
 
+def add_mist_option(parser) -> None:
+    parser.add_argument("--mist", metavar="FILE.json", help="as in Blender's world: {start, depth, falloff, color}")
+
+
 def scene_inputs(args) -> tuple:
     """The files that a command with the options of a scene reads; None for each that was not given."""
     clip = getattr(args, "clip", None)

@@ -17,6 +17,7 @@ from .mixing import add_mixing_options, mixed, mixing_inputs, read_looks
 from .options import (
     add_clip_option,
     add_image_options,
+    add_mist_option,
     add_mode_option,
     add_quality_options,
     add_report_options,
@@ -44,6 +45,7 @@ def add_arguments(parser) -> None:
     )
     add_image_options(parser)
     add_mode_option(parser)
+    add_mist_option(parser)
     add_report_options(parser)
     add_scene_options(parser)
     parser.add_argument(

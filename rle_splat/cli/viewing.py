@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scene import MODES, Camera, Clip, Light, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
+from ..scene import MODES, Camera, Clip, Light, Mist, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
 from ..view.turntable import turntable
 from .options import effects_from
 
@@ -75,6 +75,12 @@ def read_clips(args) -> tuple:
     return () if path is None else Clip.list_from_json(path)
 
 
+def read_mist(args) -> Mist | None:
+    """What --mist holds, of commands that have it."""
+    path = getattr(args, "mist", None)
+    return None if path is None else Mist.from_json(path)
+
+
 def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Scene:
     """The Scene of the placement options and of what has been read."""
     width, height = args.size
@@ -82,7 +88,7 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
         scene_scale=args.scene_scale, lights=lights, headlight=headlight, effects=effects_from(args),
         clips=read_clips(args),
-        mode=getattr(args, "mode", MODES[0]),
+        mode=getattr(args, "mode", MODES[0]), mist=read_mist(args),
     )
 
 

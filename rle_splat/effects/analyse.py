@@ -12,10 +12,12 @@ from ..scene import Quality, RleSplatError, Scene
 from ..steps import Clock
 from .camera_clip import CLIPPING
 from .clips import CLIP_OBJECTS
+from .gradient_opacity import GRADIENT_OPACITY
 from .kind import Kind
 from .lens import DEPTH_OF_FIELD
 from .lighting_kinds import HEADLIGHT, LIGHTS, SHADING, SPECULAR
 from .mesh_occlusion import MESH_OCCLUSION
+from .mist import MIST
 from .mixing import CHANNELS, LABELS
 from .motion import MOTION_BLUR
 from .ray_mode import MODE
@@ -25,6 +27,7 @@ from .shadow_kinds import AMBIENT_OCCLUSION, SHADOWS, WORLD
 # before it, as it is asked of a scene from which what is off before it is gone.
 EFFECTS: dict[str, Kind] = {
     "mode": MODE,
+    "gradient opacity": GRADIENT_OPACITY,
     "shading": SHADING,
     "lights": LIGHTS,
     "headlight": HEADLIGHT,
@@ -39,6 +42,7 @@ EFFECTS: dict[str, Kind] = {
     "clip objects": CLIP_OBJECTS,
     "labels": LABELS,
     "channels": CHANNELS,
+    "mist": MIST,
 }
 
 

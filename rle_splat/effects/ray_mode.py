@@ -9,6 +9,8 @@ from .kind import Kind
 
 MODE_NAMES = dict(zip(MODES, ("composite", "X-ray", "MIP", "MinIP", "average"), strict=True))
 
+OF_VALUES = ("mip", "minip", "average")  # modes that absorb nothing
+
 
 def _mode(scene: Scene, _: Quality) -> tuple[bool, str]:
     return scene.mode != MODES[0], f"mode {MODE_NAMES[scene.mode]}"

@@ -27,6 +27,7 @@ class ScalarVolume:
 
     ``tables``: where they are.  ``scalars``: (m,) in the tables' order, stored values less ``centre``.  ``lights``:
     (m, channels) uint16 codes of ``voxel_light``, or None where nothing shines; ``light_unit`` makes numbers of them.
+    ``thinned``: whether the last channel is a factor of extinction instead.
     """
 
     tables: RunTables
@@ -34,6 +35,7 @@ class ScalarVolume:
     centre: float
     lights: np.ndarray | None = None
     light_unit: float = 1.0
+    thinned: bool = False
 
     def __post_init__(self):
         for array in (self.scalars, self.lights):

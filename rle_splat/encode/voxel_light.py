@@ -11,7 +11,7 @@ power of two, so that the 1 of unshaded voxels is exact.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,15 @@ class VoxelLight:
 def light_planes(channels: int) -> tuple[tuple, tuple]:
     """The planes of a sheet, counted behind the scalar, that hold light and highlight, from their number together."""
     return {1: ((1,), ()), 2: ((1,), (2,)), 3: ((1, 2, 3), ()), 6: ((1, 2, 3), (4, 5, 6))}[channels]
+
+
+def with_factor(light: VoxelLight | None, factor: np.ndarray) -> VoxelLight:
+    """The light with one channel more, the last: a ``factor`` (m,) in [0, 1] of each voxel's extinction."""
+    unit = float(UNBIAS) if light is None else light.unit
+    codes = codes_numpy(factor * (float(UNBIAS) / unit)).astype(np.uint16)[:, None]
+    if light is None:
+        return VoxelLight(codes, unit, 1.0, 0.0)
+    return replace(light, codes=np.concatenate((light.codes, codes), axis=1))
 
 
 def voxel_light(

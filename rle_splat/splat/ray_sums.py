@@ -106,3 +106,20 @@ def add_depths(
                 enter, leave = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
                 from_, to = max(begin, enter), min(end, leave)
             half[v, first_pixel + i] = from_ + (HALF - before[i]) / (after - before[i]) * (to - from_)
+
+
+@inner_loop(forceinline=True)
+def thin_slab(
+    sheet, upper, lower, down, before, upper_before, lower_before, down_before, plane, shares, length, deep, thinned
+):
+    """One block of one slab whose extinction is multiplied by a factor that sheets carry, ``plane`` numbers behind the
+    scalar: the rays are as much shorter, in ``thinned`` (BLOCK,), which may be ``length`` itself.
+
+    ``shares``: of this sheet in the slab, BLOCK numbers on (``scalar_block.look_between``).  ``before``: the sheet
+    before, likewise.  The others: see ``gather_values``.
+    """
+    for i in range(BLOCK):
+        here = sheet[upper + plane + i] * (_ONE - down) + sheet[lower + plane + i] * down
+        there = before[upper_before + plane + i] * (_ONE - down_before) + before[lower_before + plane + i] * down_before
+        share = shares[BLOCK + i]
+        thinned[i] = length[deep + i] * (here * share + there * (_ONE - share))

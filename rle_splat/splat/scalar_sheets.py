@@ -17,9 +17,10 @@ from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .cut_slab import cut_ends
 from .half_depth import half_way
+from .mist_block import fade_added, keep_colors
 from .pixel_block import BLOCK, CLEAR
 from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
-from .ray_sums import add_depths, gather_values, sheet_depth
+from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .scalar_block import (
     classify_spans,
     classify_values,
@@ -41,7 +42,7 @@ NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 def _resample_scanlines(
     pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
     shift_u, scale_u, shift_v, scale_v, begin, far, box_rows, top_row, rows, line, stride, planes, sheet, marks,
-    row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed, matt, gloss,
+    row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed, matt, carried,
 ):
     """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
 
@@ -96,7 +97,7 @@ def _resample_scanlines(
             put_scanline(
                 line, stride, reach, marks, slot, scale_u, shift_u, overhang, runs, scalars, lights, light_unit, weight,
                 run, data_starts[near, scanline], far_weight, far_run, far_voxel, width, live, live_count,
-                matt, gloss,
+                matt, carried,
             )
             if reach[1] == 0:
                 continue
@@ -120,9 +121,9 @@ def _resample_scanlines(
 @inner_loop(forceinline=True)
 def _composite_sheet(
     kind, begin, end, thickness, depth, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look,
-    sign, absorbs, least_light, sheet, planes, matt, gloss, marks, row_slot, row_line, row_place, sheet_before,
-    marks_before, slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries, spans, shares,
-    looks, length_inside, before, half,
+    sign, absorbs, least_light, sheet, planes, matt, gloss, thinning, marks, row_slot, row_line, row_place,
+    sheet_before, marks_before, slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries,
+    spans, shares, looks, length_inside, before, colors, mist, half,
 ):
     """One sheet over the rows of a band: scanlines mixed, classified, composited; whether a block became opaque.
 
@@ -207,6 +208,12 @@ def _composite_sheet(
                         box_columns, box_rows, limits, v, first_pixel, count, looks, half,
                     )
                     continue
+                if len(thinning) > 0:
+                    thin_slab(
+                        sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
+                        (planes - 1) * BLOCK, shares, length, deep, length_inside,
+                    )
+                    length, deep = length_inside, 0
                 if absorbs is not None:
                     add_depths(
                         table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end, cut,
@@ -219,10 +226,14 @@ def _composite_sheet(
                     looks[:] = np.float32(0.0)
                 if seen >> 8 > 0:
                     classify_spans(sums, spans, shares, looks)
+                if mist is not None:
+                    keep_colors(state, row, colors)
                 pixels = composite_classified(
                     looks, shares, sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
                     matt, gloss, length, deep, thickness, least_light, state, row, before,
                 )
+                if mist is not None:
+                    fade_added(mist, state, row, colors, before, 0.5 * (begin + end), v, first_pixel, count)
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
@@ -249,7 +260,8 @@ def _composite_sheet(
 
 @inner_loop
 def _splat_band(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, top_row, rows, worker, scratch, out, half
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, top_row, rows, worker, scratch,
+    out, half,
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_scalar_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
@@ -268,11 +280,11 @@ def _splat_band(
     alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
     cells, fractions, entries = scratch.cells[mine], scratch.weights[mine], scratch.entries[mine]
     spans, shares, looks = scratch.spans[mine], scratch.shares[mine], scratch.samples[mine]
-    length_inside, before = scratch.length_inside[mine], scratch.before[mine]
+    length_inside, before, colors = scratch.length_inside[mine], scratch.before[mine], scratch.colors[mine]
     n_scanlines = pointers.shape[1]
     image_width = along.size
     blocks = placed.size
-    planes = 1 + len(matt) + len(gloss)
+    planes = 1 + len(matt) + len(gloss) + len(thinning)
     stride = line.size // planes
     band_alive = alive[BAND]
     line[:stride] = NOT_KEPT
@@ -297,7 +309,7 @@ def _splat_band(
                 pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet],
                 slice_weights, overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], far[sheet],
                 box_rows, top_row, rows, line, stride, planes, here, marks, row_slot, row_line, row_place, reach, live,
-                band_alive, cells, fractions, placed, matt, gloss,
+                band_alive, cells, fractions, placed, matt, gloss + thinning,
             )
         else:
             row_slot[:] = NO_ROW
@@ -311,8 +323,9 @@ def _splat_band(
             kind[sheet], begin[sheet], end[sheet], np.float32(thickness[sheet]),
             sheet_depth(first_slice[sheet] + slice_weights[sheet, 1], begin[sheet], end[sheet]), top_row, rows,
             image_width, box_columns, box_rows, box_blocks, limits, look, sign, absorbs, least, here, planes, matt,
-            gloss, marks, row_slot, row_line, row_place, there, marks_before, slot_before, line_before, place_before,
-            state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, before, half,
+            gloss, thinning, marks, row_slot, row_line, row_place, there, marks_before, slot_before, line_before,
+            place_before, state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, before,
+            colors, mist, half,
         )
         if died:
             band_alive[:] = NO_BITS
@@ -324,8 +337,8 @@ def _splat_band(
 
 @inner_loop
 def _splat_bands(
-    first_worker, last_worker, tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, first_row, last_row,
-    next_band, scratch, out, half,
+    first_worker, last_worker, tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least,
+    first_row, last_row, next_band, scratch, out, half,
 ):
     """What a worker does: bands, one after another, as long as there are any; see ``splat_scalar_rows``."""
     bands = (last_row - first_row + BAND - 1) // BAND
@@ -334,7 +347,7 @@ def _splat_bands(
         while band < bands:
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, top_row,
+                tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, top_row,
                 min(BAND, last_row - top_row), worker, scratch, out, half,
             )
             band = taken(next_band)
@@ -342,8 +355,8 @@ def _splat_bands(
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, first_row, last_row, workers, next_band,
-    scratch, out, half,
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, first_row, last_row, workers,
+    next_band, scratch, out, half,
 ):
     """Rows [first_row, last_row) of the intermediate image, post-classified; or what ``ray_sums`` makes of the rays.
 
@@ -352,14 +365,15 @@ def splat_scalar_rows(
     and the last entry.  ``sign``: None, or, float32, which value of a ray is wanted: 1 the largest, -1 the smallest, 0
     the mean; of ``look`` only origin and least count then.  ``absorbs``: None, or anything where the sum of optical
     depths is wanted; the table has one channel then.  (What is None is left out of the compiled kernel.)
+    ``thinning``: the plane of a factor of extinction, the last, in a tuple, or ().  ``mist``: None, or its MistRays.
     ``matt``, ``gloss``: see ``scalar_block.composite_classified``.  The others, and what is written: see
     ``sheet_buffer.splat_rows``.
     """
     share_out(
         _splat_bands, workers,
         (
-            tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, first_row, last_row, next_band, scratch,
-            out, half,
+            tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, first_row, last_row,
+            next_band, scratch, out, half,
         ),
     )
 

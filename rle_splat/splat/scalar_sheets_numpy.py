@@ -6,6 +6,7 @@ import numpy as np
 
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .cut_slab import cut_ends_numpy
+from .mist_block import fade_added_numpy
 from .pixel_block import accumulator
 from .ray_sums import HALF
 from .scalar_block import SPAN
@@ -134,7 +135,7 @@ def _add_depths_numpy(depth, slab, state, half):
 
 
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least, pixels, half
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, pixels, half
 ):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_scalar_rows`` does."""
     height, width = half.shape
@@ -147,7 +148,8 @@ def splat_scalar_sheets_numpy(
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
     n_slices = tables.pointers.shape[0]
-    absent = np.zeros((height, width, 1 + len(matt) + len(gloss)), np.float32)
+    channels = 1 + len(matt) + len(gloss) + len(thinning)
+    absent = np.zeros((height, width, channels), np.float32)
     absent[..., 0] = NOT_KEPT
     slices: dict = {}
     here = absent
@@ -187,6 +189,8 @@ def splat_scalar_sheets_numpy(
                     rays.limits, *slab_ends, last_value, first_value, look[4]
                 )
             looks, counted, light = _looks_between(here, there, look, first_value, last_value)
+        if thinning:
+            in_slab = in_slab * light[..., -1]
         if absorbs is not None:
             _add_depths_numpy(looks[..., 0] * (in_slab * counted), slab, state, half)
             continue
@@ -197,5 +201,8 @@ def splat_scalar_sheets_numpy(
             color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
         depth = in_slab * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
+        kept = None if mist is None else state.copy()
         composite_numpy(slab_numpy, classified, depth.astype(numbers, copy=False), least, state, slab, half)
+        if mist is not None:
+            fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state

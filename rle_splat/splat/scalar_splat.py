@@ -8,10 +8,11 @@ from ..classify.value_table import ValueTable
 from ..encode.scalars import ScalarVolume
 from ..encode.voxel_light import light_planes
 from ..jit import compiled, parallel_call, thread_count
-from ..scene import Quality
+from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from .arguments import ScalarTables, box_of, rays_of
 from .intermediate_image import IntermediateImage
+from .mist_block import mist_rays
 from .pixel_block import BLOCK
 from .scalar_rays import CORNERS, RayList, trace_rays
 from .scalar_rays_numpy import trace_rays_numpy
@@ -22,7 +23,8 @@ from .splat import OPAQUE, row_steps, sheet_list
 
 
 def scalar_splat_steps(
-    encoded: ScalarVolume, table: ValueTable, plane: BasePlane, quality: Quality, limits=None, absorbs: bool = False
+    encoded: ScalarVolume, table: ValueTable, plane: BasePlane, quality: Quality, limits=None, absorbs: bool = False,
+    mist: Mist | None = None,
 ):
     """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
 
@@ -31,7 +33,8 @@ def scalar_splat_steps(
     look = _look(encoded, table)
     if absorbs:
         look = *(np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums)), *look[2:]
-    image = yield from _steps(encoded, look, None, absorbs or None, plane, quality, limits)
+    around = None if mist is None else mist_rays(plane, mist)
+    image = yield from _steps(encoded, look, None, absorbs or None, plane, quality, limits, around)
     if absorbs:
         depths = image.pixels[..., 0].copy()
         image.pixels[..., :3] = -np.expm1(-depths)[..., None]
@@ -86,26 +89,29 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
 
 
 def _light_planes(encoded: ScalarVolume) -> tuple[tuple, tuple]:
-    return ((), ()) if encoded.lights is None else light_planes(encoded.lights.shape[1])
+    """The planes of light and of highlight, as kernels take them."""
+    shining = 0 if encoded.lights is None else encoded.lights.shape[1] - encoded.thinned
+    return light_planes(shining) if shining else ((), ())
 
 
-def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality: Quality, limits):
+def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality: Quality, limits, mist=None):
     """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
     tables = _tables(encoded)
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
     matt, gloss = _light_planes(encoded)
+    channels = 0 if encoded.lights is None else encoded.lights.shape[1]
+    thinning = (channels,) if encoded.thinned else ()
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.full((plane.height, plane.width), np.inf, np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
-    arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, least)
+    arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least)
     if not compiled(quality.backend):
         yield from splat_scalar_sheets_numpy(*arguments, pixels, half)
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
-    channels = 1 if encoded.lights is None else 1 + encoded.lights.shape[1]
-    scratch = scratch_for(workers, tables, sheets, rays, None, channels, before=True)
+    scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
 

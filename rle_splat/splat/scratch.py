@@ -36,7 +36,7 @@ class Scratch(NamedTuple):
     Sheets of the scalar keep the sheet before, too: ``sheet_before``, ``marks_before``, ``slot_before``,
     ``line_before`` and ``place_before``.
     One block: ``samples``; ``entries``, ``spans`` and ``shares`` of ``scalar_block``; ``length_inside`` the limits;
-    ``before`` the sheet in numbers of ``state``.
+    ``before`` the sheet in numbers of ``state``, and so ``colors``, of a block ahead of it.
     """
 
     line: np.ndarray
@@ -65,6 +65,7 @@ class Scratch(NamedTuple):
     place_before: np.ndarray
     length_inside: np.ndarray
     before: np.ndarray
+    colors: np.ndarray
 
 
 def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False) -> Scratch:
@@ -94,6 +95,6 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
         "sheet_before": (channels * BLOCK * (blocks * slots + 2) * before, np.float32),
         "marks_before": (slots * before, words, np.uint64), "slot_before": (BAND * before, np.int64),
         "line_before": (BAND * before, np.int64), "place_before": (BAND * before, np.float64),
-        "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers),
+        "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers), "colors": (3 * BLOCK, numbers),
     }
     return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})

@@ -19,6 +19,7 @@ from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
 from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .mist_block import fade_added, keep_colors
 from .pixel_block import BLOCK, CLEAR, composite_added, composite_extinction, place_tent, resample_tent
 from .scratch import BAND, SPREAD
 from .sheet_row import (
@@ -164,7 +165,8 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, len
 @inner_loop(forceinline=True)
 def _composite_sheet(
     scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet, marks,
-    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, before, samples, half,
+    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, before, colors, mist, samples,
+    half,
 ):
     """One sheet over the rows of a band: its scanlines mixed, the row composited; whether a block became opaque.
 
@@ -213,6 +215,8 @@ def _composite_sheet(
                     _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside)
                     length, deep = length_inside, 0
                 row = 4 * BLOCK * at
+                if mist is not None:
+                    keep_colors(state, row, colors)
                 if additive_opacity is None:
                     pixels = composite_extinction(
                         sheet, upper, lower, down, length, deep, thickness, least, state, row, before
@@ -225,6 +229,8 @@ def _composite_sheet(
                     if wide is None:
                         mix_blocks(sheet, upper, lower, down, mixed)
                     pixels = composite_opacity(sheet, mixed, length, deep, thickness, least, state, row, before)
+                if mist is not None:
+                    fade_added(mist, state, row, colors, before, 0.5 * (begin + end), v, first_pixel, count)
                 bright_pixels = pixels >> 8
                 if bright_pixels != bright[r, b]:
                     bright[r, b] = bright_pixels
@@ -247,7 +253,7 @@ def _composite_sheet(
 
 @inner_loop
 def _splat_band(
-    tables, sheets, rays, wide, least, additive_opacity, top_row, rows, worker, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, mist, top_row, rows, worker, scratch, out, half
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
@@ -264,7 +270,7 @@ def _splat_band(
     state, length = scratch.state[mine], scratch.length[mine]
     alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
     cells, weights, samples = scratch.cells[mine], scratch.weights[mine], scratch.samples[mine]
-    length_inside, before = scratch.length_inside[mine], scratch.before[mine]
+    length_inside, before, colors = scratch.length_inside[mine], scratch.before[mine], scratch.colors[mine]
     n_scanlines = pointers.shape[1]
     image_width = along.size
     blocks = placed.size
@@ -289,7 +295,7 @@ def _splat_band(
         died = _composite_sheet(
             step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width, limits,
             least, additive_opacity, sheet_buffer, marks, row_slot, row_line, row_place, state, length, alive, bright,
-            blocks, length_inside, before, samples, half,
+            blocks, length_inside, before, colors, mist, samples, half,
         )
         if died:
             band_alive[:] = NO_BITS
@@ -301,8 +307,8 @@ def _splat_band(
 
 @inner_loop
 def _splat_bands(
-    first_worker, last_worker, tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, next_band,
-    scratch, out, half,
+    first_worker, last_worker, tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row,
+    next_band, scratch, out, half,
 ):
     """What a worker does: bands, one after another, as long as there are any; see ``splat_rows``."""
     bands = (last_row - first_row + BAND - 1) // BAND
@@ -311,15 +317,16 @@ def _splat_bands(
         while band < bands:
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, wide, least, additive_opacity, top_row, min(BAND, last_row - top_row), worker,
-                scratch, out, half,
+                tables, sheets, rays, wide, least, additive_opacity, mist, top_row, min(BAND, last_row - top_row),
+                worker, scratch, out, half,
             )
             band = taken(next_band)
 
 
 @kernel
 def splat_rows(
-    tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, workers, next_band, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, workers, next_band, scratch, out,
+    half,
 ):
     """Rows [first_row, last_row) of the intermediate image.
 
@@ -327,11 +334,12 @@ def splat_rows(
     is opaque.  ``additive_opacity``: for the paper's model in place of extinction, whether opacities are taken as they
     are added (True) or corrected for the length of the ray (False); else None.  What is None is not even compiled:
     numba makes a kernel of its own, when it is first needed, for each combination of footprint, model and limits.
+    ``mist``: None, or its MistRays.
     ``next_band``: (1,) int64 zero; whichever worker is free takes the next band.
     Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
     viewing direction at which the transmittance falls below one half, left alone where it does not.
     """
     share_out(
         _splat_bands, workers,
-        (tables, sheets, rays, wide, least, additive_opacity, first_row, last_row, next_band, scratch, out, half),
+        (tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, next_band, scratch, out, half),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..view.footprints import FOOTPRINTS, TENT, footprint_weights
+from .mist_block import fade_added_numpy
 from .pixel_block import accumulator
 
 ONE = np.float32(1.0)
@@ -94,7 +95,7 @@ def within_holes(limits, begin, end):
     return gone
 
 
-def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixels, half):
+def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
     n_slices = tables.pointers.shape[0]
@@ -131,5 +132,8 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, pixe
             depth = depth * np.clip(1.0 - outside / thick, 0.0, 1.0).astype(np.float32)
             slab = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
         absorb = slab_numpy if additive_opacity is None else _opacity
+        kept = None if mist is None else state.copy()
         composite_numpy(absorb, samples, depth.astype(numbers, copy=False), least, state, slab, half)
+        if mist is not None:
+            fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state

@@ -6,12 +6,13 @@ import numpy as np
 
 from ..encode.tables import RunLengthVolume
 from ..jit import compiled, parallel_call, thread_count
-from ..scene import Quality
+from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import ALONE, BETWEEN, Sheets
 from ..view.footprints import FOOTPRINTS, TENT
 from .arguments import SheetList, Tables, Wide, rays_of
 from .intermediate_image import IntermediateImage
+from .mist_block import mist_rays
 from .scratch import BAND, scratch_for
 from .sheet_buffer import splat_rows
 from .sheet_buffer_numpy import splat_sheets_numpy
@@ -24,7 +25,8 @@ LOADING = None
 
 
 def splat_steps(
-    encoded: RunLengthVolume, plane: BasePlane, quality: Quality, length_unit: float = 1.0, limits=None
+    encoded: RunLengthVolume, plane: BasePlane, quality: Quality, length_unit: float = 1.0, limits=None,
+    mist: Mist | None = None,
 ):
     """Generator: yields fractions done in [0, 1], returns an IntermediateImage.
 
@@ -33,7 +35,8 @@ def splat_steps(
 
     ``length_unit``: world length in which path lengths are counted, 1 for extinction per world length, the
     opacity unit distance for the opacity model.  ``limits``: (2, H, W) float32, where each sheet pixel's ray
-    begins and ends along the viewing direction of the axis in voxels, or None for no limits.
+    begins and ends along the viewing direction of the axis in voxels, or None for no limits.  ``mist``: what colours
+    fade to.
     Deterministic: the same bits for any number of threads.
     """
     voxels, decoding = encoded.voxel_data, encoded.decoding
@@ -53,13 +56,14 @@ def splat_steps(
     wide = None
     if footprint.kind != TENT or widen:
         wide = Wide(footprint.kind, footprint.radius, widen)
+    around = None if mist is None else mist_rays(plane, mist)
     model = (least, None if quality.model == "extinction" else not quality.length_correction and limits is None)
     if not compiled(quality.backend):
-        yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, pixels, half)
+        yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, around, pixels, half)
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
     scratch = scratch_for(workers, tables, sheets, rays, wide)
-    arguments = (tables, sheets, rays, wide, *model)
+    arguments = (tables, sheets, rays, wide, *model, around)
     yield from row_steps(splat_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
 

@@ -313,7 +313,7 @@ def _normals_numpy(voxels, lists, known, covector, floor, is_integer, normals):
         wanted, row = wanted[~is_known], row[~is_known]
         index = (row // n_y, row % n_y, column[wanted].astype(np.int64))
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            gradient, largest = (_sobel_numpy if is_integer else _central_numpy)(voxels, index)
+            gradient, largest = (_sobel_numpy if is_integer else central_numpy)(voxels, index)
             world = gradient @ covector.T
             length = np.sqrt((world**2).sum(axis=1))
             keep = ((gradient**2).sum(axis=1) > (floor * largest) ** 2) & (length > 0.0) & (length < np.inf)
@@ -328,7 +328,7 @@ def _neighbours(place, shape, axis):
     return tuple(before), tuple(after), np.maximum(after[axis] - before[axis], 1)
 
 
-def _central_numpy(voxels, place):
+def central_numpy(voxels, place):
     """(m, 3) x, y, z gradient per voxel step at ``place`` (z, y, x index arrays), and (m,) the largest value met."""
     here = voxels[place].astype(np.float64)
     gradient, largest = np.empty((len(here), 3)), np.zeros(len(here))
@@ -342,7 +342,7 @@ def _central_numpy(voxels, place):
 
 
 def _sobel_numpy(voxels, place):
-    """As ``_central_numpy``, by Sobel's estimator; the largest value is 1, since the floor is in stored steps."""
+    """As ``central_numpy``, by Sobel's estimator; the largest value is 1, since the floor is in stored steps."""
     gradient = np.zeros((len(place[0]), 3))
     steps = [_neighbours(place, voxels.shape, axis) for axis in range(3)]
     for c in (-1, 0, 1):

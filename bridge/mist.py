@@ -1,0 +1,18 @@
+"""The world's mist as plain data, where the view layer asks for it."""
+
+from __future__ import annotations
+
+from ..rle_splat.scene import LEAST_LENGTH, Mist
+from .decimals import typed
+from .world import read_world
+
+
+def read_mist(depsgraph) -> Mist | None:
+    """The mist of the scene's world if the view layer's Mist pass is on: what mixing the world's colour in by that pass
+    would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one colour counts as black."""
+    world = depsgraph.scene_eval.world
+    if world is None or not depsgraph.view_layer_eval.use_pass_mist:
+        return None
+    settings = world.mist_settings
+    color = read_world(depsgraph.scene_eval) or (0.0, 0.0, 0.0)
+    return Mist(typed(settings.start), max(typed(settings.depth), LEAST_LENGTH), settings.falloff, color)

@@ -1,0 +1,38 @@
+"""Opacity by how steep the scalar is: surfaces between materials, without what is inside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..encode.store import StoredVolume
+from ..scene import Quality, Scene
+from .kind import Kind
+from .lighting_kinds import BAKED
+from .mixing import is_mixed
+from .ray_mode import MODE_NAMES, OF_VALUES
+
+
+def _gradient_opacity(scene: Scene, _: Quality) -> tuple[bool, str]:
+    if isinstance(scene.volume, StoredVolume):
+        return False, BAKED
+    ends = scene.transfer_function.gradient_opacity
+    if ends is None:
+        return False, "the transfer function goes by the value alone"
+    if is_mixed(scene):
+        return False, "labels and channels go by values alone"
+    if scene.mode in OF_VALUES:
+        return False, f"nothing is absorbed in the mode {MODE_NAMES[scene.mode]}"
+    return True, f"from {ends.low:g} to {ends.high:g} values per unit of length"
+
+
+def _without(scene: Scene) -> Scene:
+    tf = scene.transfer_function
+    return scene if tf.gradient_opacity is None else replace(
+        scene, transfer_function=replace(tf, gradient_opacity=None)
+    )
+
+
+GRADIENT_OPACITY = Kind(
+    "opacity times how steep the values are, so that surfaces stay and what is even inside them goes",
+    _gradient_opacity, _without, stage="gradients",
+)

@@ -1,0 +1,67 @@
+"""How steep the scalar is at chosen voxels: the size of its gradient, in physical values per unit of the volume.
+
+Central differences, one-sided at the volume's faces; a neighbour that is not finite counts as equal to the voxel
+itself.  (The normals of integer data are smoothed besides: a direction bears more smoothing than a size.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import compiled, kernel, parallel_call, read_only
+from ..parallel import share_out
+from .gradient import CHUNK, central_numpy
+
+
+def gradient_sizes(
+    volume, row_start: np.ndarray, column: np.ndarray, *, backend: str = "auto", threads: int = 0
+) -> np.ndarray:
+    """(m,) float32 of the voxels of ``row_start`` (nz * ny + 1,) and ``column`` (m,), as ``gradient.unit_normals`` has
+    them; whatever the volume's affine, in values per unit of its own space, mostly millimetres."""
+    covector = np.linalg.inv(np.asarray(volume.affine, np.float64)[:3, :3]).T * volume.slope
+    voxels, sizes = read_only(np.asarray(volume.voxels)), np.empty(len(column), np.float32)
+    if compiled(backend):
+        with parallel_call(threads):
+            _measure(voxels, read_only(row_start), read_only(column), tuple(covector.ravel().tolist()), sizes)
+        return sizes
+    _, n_y, _ = voxels.shape
+    for begin in range(0, len(column), CHUNK):
+        wanted = np.arange(begin, min(begin + CHUNK, len(column)))
+        row = np.searchsorted(row_start, wanted, side="right") - 1
+        with np.errstate(invalid="ignore", over="ignore"):
+            gradient, _ = central_numpy(voxels, (row // n_y, row % n_y, column[wanted].astype(np.int64)))
+            sizes[wanted] = np.sqrt(((gradient @ covector.T) ** 2).sum(axis=1))
+    return np.nan_to_num(sizes, copy=False, nan=0.0)
+
+
+@kernel
+def _measure(voxels, row_start, column, covector, sizes):
+    share_out(_measure_rows, voxels.shape[0] * voxels.shape[1], (voxels, row_start, column, covector, sizes))
+
+
+@kernel(inline="always")
+def _step(before, after, here, count):
+    """Rise per voxel between two neighbours ``count`` voxels apart."""
+    a = before if np.abs(before) < np.inf else here
+    b = after if np.abs(after) < np.inf else here
+    return (b - a) / max(count, 1)
+
+
+@kernel(inner=True)
+def _measure_rows(begin_row, end_row, voxels, row_start, column, covector, sizes):
+    n_z, n_y, n_x = voxels.shape
+    for row in range(begin_row, end_row):
+        z, y = row // n_y, row % n_y
+        z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
+        for i in range(row_start[row], row_start[row + 1]):
+            x = np.int64(column[i])
+            x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
+            here = np.float64(voxels[z, y, x])
+            gx = _step(np.float64(voxels[z, y, x0]), np.float64(voxels[z, y, x1]), here, x1 - x0)
+            gy = _step(np.float64(voxels[z, y0, x]), np.float64(voxels[z, y1, x]), here, y1 - y0)
+            gz = _step(np.float64(voxels[z0, y, x]), np.float64(voxels[z1, y, x]), here, z1 - z0)
+            wx = covector[0] * gx + covector[1] * gy + covector[2] * gz
+            wy = covector[3] * gx + covector[4] * gy + covector[5] * gz
+            wz = covector[6] * gx + covector[7] * gy + covector[8] * gz
+            size = np.sqrt(wx * wx + wy * wy + wz * wz)
+            sizes[i] = size if size < np.inf else 0.0
