@@ -18,11 +18,23 @@ import numpy as np
 
 from devtools.phantom import SPACING_MM, head_phantom
 from rle_splat.classify.presets import preset
-from rle_splat.classify.transfer_function import Shade
+from rle_splat.classify.transfer_function import GradientOpacity, Shade
 from rle_splat.effects.analyse import EFFECTS, analyse, called_for
 from rle_splat.kept import Kept
 from rle_splat.render import render
-from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Clip, Light, Pose, Quality, Scene
+from rle_splat.scene import (
+    CLASSIFICATIONS,
+    DEFAULT_CLASSIFICATION,
+    QUALITY_PRESETS,
+    Channel,
+    Clip,
+    Labels,
+    Light,
+    Mist,
+    Pose,
+    Quality,
+    Scene,
+)
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -112,8 +124,6 @@ def _moving(scene: Scene) -> Scene:
 
 def _surfaces_only(scene: Scene) -> Scene:
     """Opacity only where the values change by an eighth of what the function spans, a voxel."""
-    from rle_splat.classify.transfer_function import GradientOpacity
-
     function = scene.transfer_function
     steep = (function.span[1] - function.span[0]) / (8.0 * float(min(scene.volume.spacing)))
     gradual = replace(function, gradient_opacity=GradientOpacity(0.0, steep))
@@ -122,8 +132,6 @@ def _surfaces_only(scene: Scene) -> Scene:
 
 def _misty(scene: Scene) -> Scene:
     """Mist from the front of the volume, which nothing behind it is seen through."""
-    from rle_splat.scene import Mist
-
     reach = _box(scene)[1]
     return replace(scene, mist=Mist(start=max(_distance(scene) - reach, 0.0), depth=2.0 * reach))
 
@@ -138,8 +146,6 @@ def _halves(volume: Volume) -> Volume:
 
 def _labelled(scene: Scene) -> Scene:
     """One half in other colours."""
-    from rle_splat.scene import Labels
-
     function = scene.transfer_function
     other = replace(function, color=tuple((value, blue, green, red) for value, red, green, blue in function.color))
     return replace(scene, labels=Labels(_halves(scene.volume), {1: other}))
@@ -152,8 +158,6 @@ def _mirrored(volume: Volume) -> Volume:
 
 def _doubled(scene: Scene) -> Scene:
     """Its mirror image added."""
-    from rle_splat.scene import Channel
-
     return replace(scene, channels=(Channel(_mirrored(scene.volume), scene.transfer_function),))
 
 
@@ -233,7 +237,6 @@ def _ct_head():
 
 
 def settings() -> tuple[Setting, ...]:
-    known = [label for label, price in PRICES.items() if price.effect in EFFECTS]
     on_lights = (
         "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects"
     )  # fmt: skip
@@ -242,10 +245,10 @@ def settings() -> tuple[Setting, ...]:
     head, bone = _ct_head()
     return (
         Setting("plain CT", head, bone, False, tuple(
-            n for n in known if n in on_plain or n.startswith("mode ")
+            n for n in PRICES if n in on_plain or n.startswith("mode ")
         )),
-        Setting("lit CT", head, bone, True, tuple(n for n in known if n in on_lights)),
-        Setting("smoke", cloud, preset("smoke"), False, tuple(n for n in known if not n.startswith("mode "))),
+        Setting("lit CT", head, bone, True, tuple(n for n in PRICES if n in on_lights)),
+        Setting("smoke", cloud, preset("smoke"), False, tuple(n for n in PRICES if not n.startswith("mode "))),
     )  # fmt: skip
 
 
@@ -351,11 +354,8 @@ def _row(setting: Setting, label: str, over: str, below: _Runs, runs: _Runs) -> 
     }
 
 
-def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict | None:
-    """Milliseconds of the shadows of one light and of two on a volume of ``side``^3 voxels; None before there are
-    any."""
-    if "shadows" not in EFFECTS:
-        return None
+def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict:
+    """Milliseconds of the shadows of one light and of two on a volume of ``side``^3 voxels."""
     setting = Setting("shells", *shells(side), False, ())
     spent = {}
     for lights in (1, 2):
@@ -426,11 +426,10 @@ def main(arguments) -> int:
             f"at 512. A turn of the camera makes anew: {', '.join(lit['made_by_a_frame']) or 'nothing'}."
         )
     passed = light_pass(quality, options.side, options.size, options.repeats)
-    if passed is not None:
-        print(
-            f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
-            f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
-        )
+    print(
+        f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
+        f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
+    )
     print(neighbours.describe())
     where["others_busy_cores"] = neighbours.cores()
     if options.json:

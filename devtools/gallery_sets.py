@@ -221,8 +221,7 @@ def angiography(volume_object, folder: Path) -> None:
     middle, size = _sized(volume_object)
     _look(volume_object, VESSEL_LOOK, folder)
     settings = bpy.context.scene.rle_splat
-    if "mode" in settings.bl_rna.properties:  # not in every version; without it blood and bone are splatted
-        settings.mode = "mip"
+    settings.mode = "mip"
     _camera(middle, size, (0.35, -2.2, 0.12))
     bpy.ops.rle_splat.add_clip(kind="PLANE", keep="INSIDE")
     arrow = settings.clip_objects.objects[0]
