@@ -27,9 +27,9 @@ def _gradient_opacity(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 def _without(scene: Scene) -> Scene:
     tf = scene.transfer_function
-    return scene if tf.gradient_opacity is None else replace(
-        scene, transfer_function=replace(tf, gradient_opacity=None)
-    )
+    if tf is None or tf.gradient_opacity is None:  # a .rle file's may be left out
+        return scene
+    return replace(scene, transfer_function=replace(tf, gradient_opacity=None))
 
 
 GRADIENT_OPACITY = Kind(

@@ -31,6 +31,11 @@ def idle_because(scene: Scene) -> str | None:
     return reason if reason in (None, BAKED) else "nothing is shaded"
 
 
+def _shade_of(scene: Scene) -> Shade | None:
+    """How the transfer function shades; None if not, and for a .rle file without one."""
+    return None if scene.transfer_function is None else scene.transfer_function.shade
+
+
 def _with_shade(scene: Scene, **coefficients) -> Scene:
     shade = replace(scene.transfer_function.shade, **coefficients)
     return replace(scene, transfer_function=replace(scene.transfer_function, shade=shade))
@@ -50,8 +55,9 @@ def _shading(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def _unshaded(scene: Scene) -> Scene:
-    tf = scene.transfer_function
-    return scene if tf.shade is None else replace(scene, transfer_function=replace(tf, shade=None))
+    if _shade_of(scene) is None:
+        return scene
+    return replace(scene, transfer_function=replace(scene.transfer_function, shade=None))
 
 
 def _shaded(scene: Scene) -> Scene:
@@ -92,12 +98,12 @@ def _specular(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def _without_specular(scene: Scene) -> Scene:
-    shade = scene.transfer_function.shade
+    shade = _shade_of(scene)
     return scene if shade is None or shade.specular == 0.0 else _with_shade(scene, specular=0.0)
 
 
 def _with_specular(scene: Scene) -> Scene:
-    shade = scene.transfer_function.shade
+    shade = _shade_of(scene)
     return _with_shade(scene, specular=Shade.specular) if shade is not None and shade.specular == 0.0 else scene
 
 

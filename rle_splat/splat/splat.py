@@ -57,7 +57,9 @@ def splat_steps(
     if footprint.kind != TENT or widen:
         wide = Wide(footprint.kind, footprint.radius, widen)
     around = None if mist is None else mist_rays(plane, mist)
-    model = (least, None if quality.model == "extinction" else not quality.length_correction and limits is None)
+    # Opacities are taken as they are added only where every sheet stands for one voxel of depth.
+    as_added = not quality.length_correction and limits is None and bool((plane.sheets.thickness == 1.0).all())
+    model = (least, None if quality.model == "extinction" else as_added)
     if not compiled(quality.backend):
         yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, around, pixels, half)
         return IntermediateImage(plane, pixels, half)

@@ -34,6 +34,7 @@ def import_cube(folder: Path):
     path = folder / "cube.raw"
     path.write_bytes(np.full((N, N, N), 100, np.uint8).tobytes())
     bpy.context.scene.rle_splat.scene_scale = 1.0
+    bpy.context.scene.rle_splat.classification = "pre"  # its closed form has the ramps over the face voxels
     done = bpy.ops.rle_splat.import_volume(filepath=str(path), shape=(N, N, N), dtype="uint8", spacing=(1, 1, 1))
     assert done == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active

@@ -155,7 +155,7 @@ def test_forcing_on_what_the_scene_lacks_takes_a_stated_default():
     [
         ({"effects": {"mesh occlusion": True}}, "mesh occlusion is turned on by hand, but the scene has no meshes"),
         ({"effects": {"lights": True}}, "lights is turned on by hand, but the scene has none"),
-        ({"effects": {"glitter": True}}, "There is no effect called 'glitter'; choose mode, shading"),
+        ({"effects": {"glitter": True}}, "There is no effect called 'glitter'; choose mode, gradient opacity"),
         ({"effects": {"shading": False, "specular": True}}, "specular is turned on by hand, but nothing is shaded"),
     ],
 )

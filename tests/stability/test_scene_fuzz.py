@@ -17,16 +17,23 @@ from hypothesis import strategies as st
 
 from rle_splat.accuracy.truths import truth
 from rle_splat.axes import AXES
+from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.jit import compiled
 from rle_splat.render import render_steps, warp
-from rle_splat.scene import NO_DEPTH, Quality, RleSplatError
+from rle_splat.scene import NO_DEPTH, Quality, RleSplatError, Scene
 from rle_splat.steps import drain
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
 from tests.stability.fuzz import examples
 from tests.stability.strategies import plain_scenes, qualities, scenes
 
 ROUNDING = 2.0**-20
-# A value on the edge of an entry of a table, or of a step, may fall to either side by a rounding.
-TWINS_APART = {"pre": 0.0, "refined": 0.02, "post": 0.05}
+# A value on the edge of an entry of a table, or of a step, may fall to either side by a rounding; so may a ray that
+# touches the end of matter without measure dense.
+TWINS_APART = {"pre": 0.02, "refined": 0.02, "post": 0.05}
+# A record's code may fall to either side of half a step, and a ray may end a sheet sooner.
+RECORD_STEPS = {16: 0.0, 8: 1e-3, 6: 4e-3, 4: 1 / 64}
+JUMPING = ("nearest", "gaussian")  # footprints that end in a step: a voxel's edge may fall to either side, whole rows
 TRUE = {"pre": "T1", "post": "T2"}
 
 
@@ -88,10 +95,11 @@ def check_picture(scene, quality, made):
         assert hit.all()
 
 
-def share_unlike(one, two, scene) -> float:
-    """Share of a picture's pixels that differ by more than 1e-4 of the brightest."""
+def share_unlike(one, two, scene, quality) -> float:
+    """Share of a picture's pixels that differ by more of the brightest than roundings explain."""
     off = np.abs(one.rgba.astype(np.float64) - two.rgba)
-    return float((off.max(axis=-1) > 1e-4 * max(brightest(scene), 1.0)).mean())
+    allowed = 1e-4 + quality.termination + RECORD_STEPS[quality.record]
+    return float((off.max(axis=-1) > allowed * max(brightest(scene), 1.0)).mean())
 
 
 @given(scenes(), qualities())
@@ -108,7 +116,8 @@ def search_anything(scene, quality):
         assert (one.view(np.uint32) == two.view(np.uint32)).all()
     twin = picture(scene, replace(quality, backend="numpy"))
     check_picture(scene, quality, twin)
-    note(("twins", quality.classification), share_unlike(made, twin, scene))
+    if quality.kernel not in JUMPING:
+        note(("twins", quality.classification), share_unlike(made, twin, scene, quality))
 
 
 def test_P1_any_scene_and_any_plan(record):
@@ -117,7 +126,7 @@ def test_P1_any_scene_and_any_plan(record):
     why = "whole numbers"
     record("P1", "pictures not finite, out of range, or of other bits with two threads", 0, 0, "either", why)
     for (_, classification), (share,) in WORST.items():
-        claim = f"share of pixels that the numpy twin has otherwise by more than 1e-4, {classification}"
+        claim = f"share of pixels that the numpy twin has otherwise by more than roundings, {classification}"
         record("P1", claim, share, TWINS_APART[classification], "either", "as the plan has it")
 
 
@@ -237,3 +246,21 @@ def test_P3_pictures_of_smooth_matter_keep_to_the_bound_of_their_preset(record, 
     for preset, bounds in PICTURE_BOUNDS.items():
         for what, figure, bound in zip(("rms", "largest"), WORST[preset], bounds, strict=True):
             record("P3", f"{what} error of a picture of smooth matter, {preset}, levels", figure, bound, width)
+
+
+@pytest.mark.skipif(not compiled(), reason="kernels are what is compared")
+@pytest.mark.parametrize("rule", ["midpoint-2", "midpoint-8", "simpson", "slice-2"])
+def test_P1_opacities_as_they_are_added_in_sheets_that_are_not_one_voxel_deep(record, rule):
+    """Kernels took such a sheet for one voxel of depth whatever its own, so that m sheets a slice were m times as
+    opaque."""
+    volume = Volume(np.full((9, 9, 9), 100.0, np.float32), np.eye(4))
+    function = TransferFunction("even", None, [(0.0, 0.05)], [(0.0, 1.0, 1.0, 1.0)], 1.0, None)
+    camera, matrix = turntable(volume, 20.0, 15.0, width=24, height=24)
+    scene = Scene(volume, function, camera, 24, 24, matrix, headlight=False)
+    quality = Quality(classification="pre", model="opacity", length_correction=False, depth_rule=rule)
+    kernels, twin = (picture(scene, replace(quality, backend=backend)) for backend in ("numba", "numpy"))
+    worst = float(np.abs(kernels.rgba - twin.rgba).max())
+    record("P1", f"kernels off their numpy twins, opacities as added, {rule}", worst, 1e-6, "float32", "one width")
+    one_voxel_deep = picture(scene, replace(quality, depth_rule="midpoint-1"))
+    apart = abs(float(kernels.rgba[12, 12, 3]) - float(one_voxel_deep.rgba[12, 12, 3]))
+    record("P1", f"opacity off that of sheets one voxel deep, {rule}", apart, 0.03, "float32", "one width")

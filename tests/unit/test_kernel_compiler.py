@@ -20,6 +20,8 @@ from numba.core import event
 from numba.core.typing.context import BaseContext
 from numba.extending import overload
 
+from rle_splat import kernel_compiler
+
 
 @contextmanager
 def compiled_functions():
@@ -126,6 +128,7 @@ def test_no_type_is_looked_up_twice(monkeypatch):
         return look_up(context, function, arguments, named)
 
     monkeypatch.setattr(BaseContext, "resolve_function_type", counted)
+    monkeypatch.setattr(kernel_compiler._RememberedTypes, "_answers", {})  # whatever was compiled before
 
     @kernel
     def polynomial(x, out):
