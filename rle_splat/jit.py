@@ -74,6 +74,10 @@ def _kernel_folder() -> Path:
 # Where OpenMP is the threading layer, its idle threads would spin on a core between kernels, and take it from the
 # kernels of a single thread and from every other program.  Read once, when the first parallel kernel loads it.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# LLVM's first level of optimisation in place of its third: kernels whose loops are wide already gain nothing from the
+# others (measured: the same bits, frames within 3 %), and the first picture ever comes a second and a half sooner.
+# Read once, when numba is first loaded.
+os.environ.setdefault("NUMBA_OPT", "1")
 
 try:
     import numba
