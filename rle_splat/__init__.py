@@ -16,6 +16,8 @@ _HOME = {
     "Clip": ("scene", "Clip"),
     "Labels": ("scene", "Labels"),
     "Light": ("scene", "Light"),
+    "Mist": ("scene", "Mist"),
+    "Pose": ("scene", "Pose"),
     "Quality": ("scene", "Quality"),
     "Rendering": ("scene", "Rendering"),
     "RleSplatError": ("scene", "RleSplatError"),

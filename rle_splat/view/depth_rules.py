@@ -24,7 +24,7 @@ NAMED_NODES = {
     "simpson": ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)),
     "gauss2": ((0.5 - _INSET, 0.5), (0.5 + _INSET, 0.5)),
 }
-assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "the table of names in scene.py is the one that people see"
+assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "the table of names in scene/quality.py is the one that people see"
 # Voxels of depth of a cell, where it is not one.  The ramps before the first and behind the last slice have cells of
 # their own, and the last cell inside may be smaller.
 CELL_DEPTHS = {"slice-2": 2}

@@ -38,7 +38,7 @@ FOOTPRINTS = {
     "bspline3": Footprint(BSPLINE3, 2.0, "cubic B-spline: smoothest, blurs most"),
     "gaussian": Footprint(GAUSSIAN, GAUSSIAN_RADIUS, "normalised Gaussian of Westover's splatting, sigma 0.7 voxel"),
 }
-assert tuple(FOOTPRINTS) == NAMES, "the table of names in scene.py is the one that people see"
+assert tuple(FOOTPRINTS) == NAMES, "the table of names in scene/quality.py is the one that people see"
 
 
 @kernel

@@ -85,7 +85,7 @@ def test_the_manifest_packs_nothing_but_what_is_shipped(staged, tmp_path):
         allowed = {"README.md", "LICENSE"}
         assert [name for name in build.unwanted(made) if name not in allowed] == []
         with zipfile.ZipFile(made) as archive:
-            assert {"__init__.py", "blender_manifest.toml", "rle_splat/scene.py"} <= set(archive.namelist())
+            assert {"__init__.py", "blender_manifest.toml", "rle_splat/scene/scene.py"} <= set(archive.namelist())
 
 
 def test_a_zip_with_strangers_is_noticed(tmp_path):

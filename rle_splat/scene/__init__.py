@@ -1,0 +1,88 @@
+"""Plain data that walks the whole road: what is seen, from where, how well, and what came out.
+
+Nothing here computes a picture and nothing here knows Blender.  Every class is frozen; arrays inside are
+treated as read-only.  Matrices are 4x4 float64, column vectors, applied as ``matrix @ (x, y, z, 1)``.
+"""
+
+from .camera import SENSOR_FITS, Camera
+from .checks import LARGEST_LENGTH, LEAST_LENGTH, as_float, as_matrix, from_mapping, read_json
+from .clip import CLIP_KINDS, Clip
+from .errors import Cancelled, RleSplatError
+from .further_volumes import Channel, Labels
+from .light import LIGHT_TYPES, Light
+from .mist import MIST_FALLOFFS, Mist
+from .quality import (
+    BACKENDS,
+    CLASSIFICATIONS,
+    DEFAULT_CLASSIFICATION,
+    DEFAULT_QUALITY,
+    DEPTH_RULES,
+    FOOTPRINTS,
+    KNOB_TEXTS,
+    MINIFICATIONS,
+    MODELS,
+    MOST_SHEET_DENSITY,
+    NAMED_DEPTH_RULES,
+    POST_ONLY,
+    QUALITY_PRESETS,
+    RECORDS,
+    REFINEMENTS,
+    SCALAR_DEPTH_RULES,
+    WARP_FILTERS,
+    Quality,
+    midpoints_of,
+    not_in_post,
+    preintegrated_of,
+    preset_knobs,
+)
+from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, checked_crop
+
+__all__ = [
+    "BACKENDS",
+    "CLASSIFICATIONS",
+    "CLIP_KINDS",
+    "DEFAULT_CLASSIFICATION",
+    "DEFAULT_QUALITY",
+    "DEPTH_RULES",
+    "FOOTPRINTS",
+    "KNOB_TEXTS",
+    "LARGEST_LENGTH",
+    "LEAST_LENGTH",
+    "LIGHT_TYPES",
+    "MINIFICATIONS",
+    "MIST_FALLOFFS",
+    "MODELS",
+    "MODES",
+    "MODE_TEXTS",
+    "MOST_SHEET_DENSITY",
+    "NAMED_DEPTH_RULES",
+    "NO_DEPTH",
+    "POST_ONLY",
+    "QUALITY_PRESETS",
+    "RECORDS",
+    "REFINEMENTS",
+    "SCALAR_DEPTH_RULES",
+    "SENSOR_FITS",
+    "WARP_FILTERS",
+    "Camera",
+    "Cancelled",
+    "Channel",
+    "Clip",
+    "Labels",
+    "Light",
+    "Mist",
+    "Pose",
+    "Quality",
+    "Rendering",
+    "RleSplatError",
+    "Scene",
+    "as_float",
+    "as_matrix",
+    "checked_crop",
+    "from_mapping",
+    "midpoints_of",
+    "not_in_post",
+    "preintegrated_of",
+    "preset_knobs",
+    "read_json",
+]

@@ -1,0 +1,47 @@
+"""A plane or a box that cuts the volume."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from reprlib import repr as short
+
+import numpy as np
+
+from .checks import as_matrix, identity, list_of
+from .errors import RleSplatError
+
+CLIP_KINDS = ("plane", "box")
+CLIP_SIDES = ("inside", "outside")
+# The volume that the directions of a clip object's axes span, below which it is flat.
+FLATTEST_CLIP = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A plane or a box that cuts the volume.
+
+    ``matrix_world`` takes its own space to the world.  A box is the cube from -1 to 1 of its own space.  A plane is
+    z = 0 there, and its +Z points out of what is inside, as the normals of a mesh do: what an arrow points at is cut
+    away.  ``keep``: which side stays, "inside" or "outside".
+    """
+
+    kind: str = "box"
+    matrix_world: np.ndarray = field(default_factory=identity)
+    keep: str = "inside"
+
+    def __post_init__(self):
+        if self.kind not in CLIP_KINDS:
+            raise RleSplatError(f"A clip object's kind must be {' or '.join(CLIP_KINDS)}, not {short(self.kind)}.")
+        if self.keep not in CLIP_SIDES:
+            raise RleSplatError(f"A clip object's keep must be {' or '.join(CLIP_SIDES)}, not {short(self.keep)}.")
+        object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A clip object's matrix_world"))
+        axes = self.matrix_world[:3, :3]
+        lengths = np.linalg.norm(axes, axis=0)
+        if not (lengths > 0.0).all() or abs(np.linalg.det(axes / lengths)) <= FLATTEST_CLIP:
+            raise RleSplatError(
+                f"A clip {self.kind}'s matrix_world is flat; give it a scale other than zero on every axis."
+            )
+
+    @classmethod
+    def list_from_json(cls, path) -> tuple:
+        return list_of(cls, path, "the clip file", "planes and boxes", "plane or box")

@@ -1,0 +1,49 @@
+"""A light, by Blender's own settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from reprlib import repr as short
+
+import numpy as np
+
+from .checks import as_color, as_matrix, identity, is_finite_number, list_of
+from .errors import RleSplatError
+
+LIGHT_TYPES = ("SUN", "POINT", "SPOT", "AREA")
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light with Blender's own parameters: it shines along the -Z of ``matrix_world``.
+
+    ``energy`` is W/m^2 for a SUN and W for the others; lengths are world units, angles radians.
+    """
+
+    type: str = "SUN"
+    color: tuple = (1.0, 1.0, 1.0)
+    energy: float = 1.0
+    matrix_world: np.ndarray = field(default_factory=identity)
+    radius: float = 0.0
+    angle: float = 0.0
+    size: float = 1.0
+    size_y: float = 1.0
+    shape: str = "SQUARE"
+    spot_size: float = 0.785398
+    spot_blend: float = 0.15
+    casts_shadow: bool = True
+
+    def __post_init__(self):
+        object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A light's matrix_world"))
+        if self.type not in LIGHT_TYPES:
+            raise RleSplatError(f"A light's type must be one of {', '.join(LIGHT_TYPES)}, not {short(self.type)}.")
+        object.__setattr__(self, "color", as_color(self.color, "A light's color"))
+        for name in ("energy", "radius", "angle", "size", "size_y", "spot_size", "spot_blend"):
+            value = getattr(self, name)
+            if not (is_finite_number(value) and value >= 0.0):
+                raise RleSplatError(f"A light's {name} must be a finite number, not below zero.")
+            object.__setattr__(self, name, float(value))
+
+    @classmethod
+    def list_from_json(cls, path) -> tuple:
+        return list_of(cls, path, "the lights file", "lights", "light")
