@@ -208,7 +208,8 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
             if limited:
                 with clock.stage("clipping" if layers is None else "occlusion"):
                     limits = ray_limits(
-                        plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel
+                        plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel,
+                        backend=quality.backend, threads=quality.threads,
                     )
             if boxed:
                 limits = within_box(plane, scene.volume.shape_xyz, limits)

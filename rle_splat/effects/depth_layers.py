@@ -11,8 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..jit import compiled, inner_loop, kernel, parallel_call, read_only
+from ..parallel import share_out
+
 REACH = 4  # pixels past a silhouette that the warp's filter may read
 HALO = 2 * REACH + 1  # pixels on either side that the layers of a pixel depend on
+SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))  # rows down, columns right
+UNKNOWN = 255
+_ZERO, _ONE, _TWO, _INFINITE = (np.float32(n) for n in (0.0, 1.0, 2.0, np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,53 +42,72 @@ class DepthLayers:
         return self.coverage[top - down : region[3] - down, left - across : region[2] - across]
 
 
-def depth_layers(samples: np.ndarray, step: float, first_pixel=(0, 0)) -> DepthLayers:
+def depth_layers(
+    samples: np.ndarray, step: float, first_pixel=(0, 0), *, backend: str = "auto", threads: int = 0
+) -> DepthLayers:
     """Layers from (H, W, S) sample depths; depths further apart than ``step`` (world units) are two surfaces.
 
     ``first_pixel``: column and row in the picture of the first.  Within HALO pixels of a side that is none of the
     picture's, layers are not what they are in the whole picture.
     """
+    shape = samples.shape[:2]
+    layers = np.empty((3, *shape), np.float32)  # near, far, coverage
+    spread = np.empty(shape, np.float32)
+    if not compiled(backend):
+        _surfaces_numpy(samples, step, layers, spread)
+        known = (layers[2] < 1.0) | _silhouettes_between_pixels(*layers, spread, step)
+        _carried_past_silhouettes(*layers, known)
+        return DepthLayers(*layers, first_pixel)
+    samples = read_only(np.ascontiguousarray(samples, np.float32))
+    levels = np.full(shape, UNKNOWN, np.uint8), np.full(shape[0], UNKNOWN, np.uint8)
+    with parallel_call(threads):
+        find_layers(samples, np.float32(step), layers, spread, np.empty_like(spread), *levels)
+    return DepthLayers(*layers, first_pixel)
+
+
+def _surfaces_numpy(samples, step: float, layers, spread) -> None:
+    """Twin of ``_surfaces``: near, far and coverage of each pixel by itself, and how far apart the samples of its one
+    surface are, infinitely where it has two."""
+    near, far, coverage = layers
     count = samples.shape[-1]
+    samples = samples.astype(np.float32)
     least, most = samples.min(axis=-1), samples.max(axis=-1)
     with np.errstate(invalid="ignore"):
-        spread = np.nan_to_num(most - least, nan=0.0, posinf=np.inf)  # inf - inf is nan: no mesh at all
-    split = spread > step
-    near = np.where(np.isinf(most), most, samples.mean(axis=-1, dtype=np.float64))
-    far, coverage = near.copy(), np.ones(near.shape)
+        spread[:] = np.where(np.isinf(least), 0.0, most - least)  # inf - inf is nan: no mesh at all
+    split = spread > np.float32(step)
+    near[:] = np.where(np.isinf(most), most, samples.mean(axis=-1, dtype=np.float64))
     # Few pixels hold two surfaces; only those are sorted, and cut at their widest gap.
     ordered = np.sort(samples[split].astype(np.float64), axis=-1)
     with np.errstate(invalid="ignore"):
         gaps = np.nan_to_num(np.diff(ordered, axis=-1), nan=0.0, posinf=np.inf)
     in_front = gaps.argmax(axis=-1) + 1
     is_near = np.arange(count) < in_front[:, None]
+    far[:], coverage[:] = near, 1.0
     near[split] = np.where(is_near, ordered, 0.0).sum(axis=-1) / in_front
     far[split] = np.where(is_near, 0.0, ordered).sum(axis=-1) / (count - in_front)
-    coverage[split] = in_front / count
-    known = split | _silhouettes_between_pixels(near, far, coverage, split, spread, step)
-    layers = _carried_past_silhouettes(near, far, coverage, known)
-    return DepthLayers(*(layer.astype(np.float32) for layer in layers), first_pixel)
+    coverage[split], spread[split] = in_front / count, np.inf
 
 
 def _neighbours(shape):
     """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbour on the left, right, top and bottom."""
     height, width = shape
-    for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+    for down, right in SIDES:
         yield (
             (slice(max(down, 0), height + min(down, 0)), slice(max(right, 0), width + min(right, 0))),
             (slice(max(-down, 0), height + min(-down, 0)), slice(max(-right, 0), width + min(-right, 0))),
         )
 
 
-def _silhouettes_between_pixels(near, far, coverage, split, spread, step: float) -> np.ndarray:
+def _silhouettes_between_pixels(near, far, coverage, spread, step: float) -> np.ndarray:
     """Give both depths to two pixels between which a silhouette runs exactly; returns which pixels got them.
 
     A steep surface is no silhouette: its neighbours are no further apart than it falls within a pixel.
     """
     own, found = near.copy(), np.zeros(near.shape, dtype=bool)
+    step, two = np.float32(step), np.float32(2.0)
     for to, of in _neighbours(near.shape):
         with np.errstate(invalid="ignore"):
-            behind = own[to] - own[of] > step + 2.0 * (spread[to] + spread[of])
-        behind &= ~(split[to] | split[of])
+            behind = own[to] - own[of] > step + two * (spread[to] + spread[of])
         near[to][behind], far[of][behind] = own[of][behind], own[to][behind]
         coverage[to][behind] = 0.0
         found[to] |= behind
@@ -90,20 +115,19 @@ def _silhouettes_between_pixels(near, far, coverage, split, spread, step: float)
     return found
 
 
-def _carried_past_silhouettes(near, far, coverage, known) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _carried_past_silhouettes(near, far, coverage, known) -> None:
     """Give pixels near a silhouette both of its depths; the one that is not their own gets no weight.
 
     The carried depths end somewhere too, and there the filter reads across that end: pixels as far again keep to
     the layer that is their own surface all the way.
     """
-    near, far, coverage, known = near.copy(), far.copy(), coverage.copy(), known.copy()
-    if known.any():
-        for _ in range(REACH):
-            reached = known.copy()
-            for to, of in _neighbours(near.shape):
-                new = known[of] & ~reached[to]
-                if not new.any():
-                    continue
+    for number in range(2 * REACH if known.any() else 0):
+        reached = known.copy()
+        for to, of in _neighbours(near.shape):
+            new = known[of] & ~reached[to]
+            if not new.any():
+                continue
+            if number < REACH:
                 own, near_there, far_there = near[to][new], near[of][new], far[of][new]
                 with np.errstate(invalid="ignore"):
                     to_near, to_far = np.abs(own - near_there), np.abs(own - far_there)
@@ -112,13 +136,124 @@ def _carried_past_silhouettes(near, far, coverage, known) -> tuple[np.ndarray, n
                 near[to][new] = np.where(on_near, own, near_there)
                 far[to][new] = np.where(on_near, far_there, own)
                 coverage[to][new] = np.where(on_near, 1.0, 0.0)
-                reached[to][new] = True
-            known = reached
-        for _ in range(REACH):
-            reached = known.copy()
-            for to, of in _neighbours(near.shape):
-                new = known[of] & ~reached[to]
+            else:
                 coverage[to][new] = coverage[of][new]
-                reached[to][new] = True
-            known = reached
-    return near, far, coverage
+            reached[to][new] = True
+        known = reached
+
+
+# --- kernels: rows of pixels, each pixel by itself -------------------------------------------------------------
+#
+# ``layers`` (3, H, W) float32: near, far, coverage.  ``level`` (H, W) uint8: 0 where a pixel holds two surfaces, else
+# the number of pixels by which it lies past one that does, UNKNOWN so far.  ``row_level`` (H,): the least of each row.
+
+
+@kernel
+def find_layers(samples, step, layers, spread, own, level, row_level):
+    """``depth_layers``; ``spread`` and ``own`` (H, W) float32: scratch."""
+    rows = len(row_level)
+    share_out(_surfaces, rows, (samples, step, layers, spread, level, row_level))
+    own[:] = layers[0]
+    share_out(_between_pixels, rows, (own, spread, step, layers, level, row_level))
+    for number in range(2 * REACH):
+        share_out(_carry, rows, (number, layers, level, row_level))
+
+
+@kernel(inner=True)
+def _surfaces(begin, end, samples, step, layers, spread, level, row_level):
+    """See ``_surfaces_numpy``."""
+    count = samples.shape[2]
+    ordered = np.empty(count, np.float32)
+    for v in range(begin, end):
+        for u in range(samples.shape[1]):
+            least = most = samples[v, u, 0]
+            total = np.float64(least)
+            for s in range(1, count):
+                depth = samples[v, u, s]
+                least, most = min(least, depth), max(most, depth)
+                total += depth
+            near = far = np.float32(total / count)
+            coverage = _ONE
+            spread[v, u] = _ZERO if least == _INFINITE else most - least
+            if spread[v, u] > step:
+                for s in range(count):
+                    ordered[s] = samples[v, u, s]
+                in_front = _in_front(ordered)
+                near, far = _mean(ordered[:in_front]), _mean(ordered[in_front:])
+                coverage, spread[v, u] = np.float32(in_front / count), _INFINITE
+                level[v, u] = row_level[v] = 0
+            layers[0, v, u], layers[1, v, u], layers[2, v, u] = near, far, coverage
+
+
+@kernel(inner=True)
+def _in_front(ordered):
+    """Sort a few numbers; how many of them lie before the widest gap."""
+    for s in range(1, ordered.size):
+        depth, at = ordered[s], s
+        while at > 0 and ordered[at - 1] > depth:
+            ordered[at] = ordered[at - 1]
+            at -= 1
+        ordered[at] = depth
+    widest, in_front = -_ONE, 1
+    for s in range(1, ordered.size):
+        gap = ordered[s] - ordered[s - 1] if ordered[s - 1] < _INFINITE else _ZERO
+        if gap > widest:
+            widest, in_front = gap, s
+    return in_front
+
+
+@kernel(inner=True)
+def _mean(depths):
+    total = 0.0
+    for depth in depths:
+        total += depth
+    return np.float32(total / depths.size)
+
+
+@inner_loop
+def _between_pixels(begin, end, own, spread, step, layers, level, row_level):
+    """See ``_silhouettes_between_pixels``; ``own`` (H, W): the near layer as it was."""
+    height, width = own.shape
+    for v in range(begin, end):
+        for u in range(width):
+            here, slack = own[v, u], step + _TWO * spread[v, u]
+            for down, right in SIDES:
+                row, column = v - down, u - right
+                if 0 <= row < height and 0 <= column < width:
+                    if here - own[row, column] > slack + _TWO * spread[row, column]:
+                        layers[0, v, u], layers[2, v, u] = own[row, column], _ZERO
+                        level[v, u] = row_level[v] = 0
+                row, column = v + down, u + right
+                if 0 <= row < height and 0 <= column < width:
+                    if own[row, column] - here > slack + _TWO * spread[row, column]:
+                        layers[1, v, u] = own[row, column]
+                        level[v, u] = row_level[v] = 0
+
+
+@inner_loop
+def _carry(begin, end, number, layers, level, row_level):
+    """Pass ``number`` of ``_carried_past_silhouettes``: pixels beside those up to level ``number`` get the next one."""
+    height, width = level.shape
+    for v in range(begin, end):
+        if min(row_level[max(v - 1, 0)], min(row_level[v], row_level[min(v + 1, height - 1)])) > number:
+            continue
+        for u in range(width):
+            if level[v, u] != UNKNOWN:
+                continue
+            for down, right in SIDES:
+                row, column = v - down, u - right
+                if not (0 <= row < height and 0 <= column < width) or level[row, column] > number:
+                    continue
+                level[v, u] = number + 1
+                row_level[v] = min(row_level[v], np.uint8(number + 1))
+                if number >= REACH:
+                    layers[2, v, u] = layers[2, row, column]
+                    break
+                own, near, far = layers[0, v, u], layers[0, row, column], layers[1, row, column]
+                to_near = _ZERO if own == near else abs(own - near)  # infinite both: no mesh, the same surface
+                to_far = _ZERO if own == far else abs(own - far)
+                if to_near <= to_far:
+                    layers[1, v, u], layers[2, v, u] = far, _ONE
+                else:
+                    layers[0, v, u], layers[1, v, u], layers[2, v, u] = near, own, _ZERO
+                break

@@ -32,7 +32,9 @@ def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[Ba
     if nearest_mesh > slab_depths(scene, view, quality)[1]:
         return None
     voxel = float(np.linalg.norm(view.to_world, axis=0).min())
-    return depth_layers(samples, 0.5 * voxel, first_pixel=region[:2])
+    return depth_layers(
+        samples, 0.5 * voxel, first_pixel=region[:2], backend=quality.backend, threads=quality.threads
+    )
 
 
 def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int, int, int]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..axes import AXES
+from ..jit import compiled, inner_loop, kernel, parallel_call, read_only
+from ..parallel import share_out
 from .base_plane import BasePlane
 from .eye import IndexView
 
 # Depths of neighbouring pixels closer than this part of their mean lie on one surface.
-SAME_SURFACE = 0.02
+SAME_SURFACE = np.float32(0.02)
+MOST = float(np.finfo(np.float32).max)
 
 
 def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
@@ -23,7 +26,8 @@ def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, 
 
 
 def ray_limits(
-    plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0)
+    plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0), *,
+    backend: str = "auto", threads: int = 0,
 ) -> np.ndarray:
     """(2, H, W) float32: where each sheet pixel's ray begins and ends, voxels along the viewing direction.
 
@@ -31,18 +35,93 @@ def ray_limits(
     pixel's ray meets a mesh, inf for none, of the picture's pixels from ``first_pixel`` (column, row) on; it must
     hold ``pixels_read(plane)``.
     """
-    x, y = (a.astype(np.float64) for a in plane.points())
-    at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
-    per_voxel = plane.sign * per_voxel
+    columns, rows = _along_and_across(plane)
+    limits = np.empty((2, plane.height, plane.width), np.float32)
+    if layer is not None:
+        layer = read_only(np.ascontiguousarray(layer, np.float32))
+    if compiled(backend):
+        picture = plane.view.width - 1.0, plane.view.height - 1.0
+        arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, limits)
+        with parallel_call(threads):
+            limit_rays(plane.height, arguments)
+        return limits
+    at_zero, per_voxel = (columns[n] + rows[n][:, None] for n in (3, 4))
     end = np.full(at_zero.shape, furthest)
     if layer is not None:
-        end = np.minimum(end, _sampled(layer, first_pixel, *_picture_positions(plane)))
+        end = np.minimum(end, _sampled(layer, first_pixel, *_picture_positions(plane, columns, rows)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        limits = np.stack(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel))
+        limits[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
     sideways = ~(per_voxel > 0.0)  # never visible: such a ray runs across or against the camera's axis
-    limits[0][sideways], limits[1][sideways] = -np.inf, np.inf
-    most = np.finfo(np.float32).max
-    return np.clip(limits, -most, most).astype(np.float32)
+    limits[0][sideways], limits[1][sideways] = -MOST, MOST
+    return limits
+
+
+def _along_and_across(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
+    """(5, W) and (5, H) float64: what is affine in a sheet pixel's place, the shares of its column and of its row.
+
+    Their sums are the homogeneous pixel of the picture (3), the planar depth of the ray at axis position 0, and how
+    much that grows per voxel along the viewing direction.
+    """
+    i, j, k = AXES[plane.axis]
+    x, y = plane.points()
+    dx, dy = plane.slopes(x, y)
+    depth, h = plane.view.depth, plane.homography
+    columns, rows = np.empty((5, len(x))), np.empty((5, len(y)))
+    for n in range(3):
+        columns[n], rows[n] = h[n, 0] * x, h[n, 1] * y + h[n, 2]
+    columns[4], rows[4] = depth[i] * dx, depth[j] * dy + depth[k]
+    columns[3] = depth[i] * x - plane.reference * columns[4]
+    rows[3] = depth[j] * y + (depth[k] * plane.reference + depth[3]) - plane.reference * rows[4]
+    columns[4], rows[4] = plane.sign * columns[4], plane.sign * rows[4]
+    return columns, rows
+
+
+@kernel
+def limit_rays(height, arguments):
+    """Rows [0, ``height``) of ``ray_limits``; ``arguments``: of ``_limit_rows``."""
+    share_out(_limit_rows, height, arguments)
+
+
+@inner_loop
+def _limit_rows(
+    begin, end, columns, rows, nearest, furthest, layer, left, top, last_column, last_row, limits
+):
+    """``columns``, ``rows``: of ``_along_and_across``.  ``layer``: (h, w) float32 or None, its first pixel at column
+    ``left``, row ``top`` of a picture whose last are ``last_column`` and ``last_row``.  Out: ``limits`` (2, H, W)."""
+    for v in range(begin, end):
+        for u in range(limits.shape[2]):
+            at_zero, per_voxel = columns[3, u] + rows[3, v], columns[4, u] + rows[4, v]
+            stop = furthest
+            if layer is not None:
+                c = columns[2, u] + rows[2, v]
+                column = _within((columns[0, u] + rows[0, v]) / c, last_column)
+                row = _within((columns[1, u] + rows[1, v]) / c, last_row)
+                stop = min(stop, _sample(layer, left, top, column, row))
+            first, last = -MOST, MOST
+            if per_voxel > 0.0:
+                first = min(max((nearest - at_zero) / per_voxel, -MOST), MOST)
+                last = min(max((stop - at_zero) / per_voxel, -MOST), MOST)
+            limits[0, v, u], limits[1, v, u] = first, last
+
+
+@inner_loop(forceinline=True)
+def _within(place, last):
+    """A coordinate of the picture, counted from the centre of its first pixel and cut off at its sides."""
+    return 0.0 if place != place else min(max(place - 0.5, 0.0), last)
+
+
+@inner_loop(forceinline=True)
+def _sample(layer, left, top, column, row):
+    """See ``_sampled``."""
+    c, r = int(column), int(row)
+    c0, r0 = c - left, r - top
+    c1, r1 = min(c0 + 1, layer.shape[1] - 1), min(r0 + 1, layer.shape[0] - 1)
+    one, two, three, four = layer[r0, c0], layer[r0, c1], layer[r1, c0], layer[r1, c1]
+    least, most = min(min(one, two), min(three, four)), max(max(one, two), max(three, four))
+    if most < np.inf and most - least <= SAME_SURFACE * abs(most):
+        fc, fr = column - c, row - r
+        return (1 - fr) * ((1 - fc) * one + fc * two) + fr * ((1 - fc) * three + fc * four)
+    return np.float64(layer[int(row + 0.5) - top, int(column + 0.5) - left])
 
 
 def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) -> np.ndarray:
@@ -62,15 +141,16 @@ def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) ->
 
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
     """(left, top, right, bottom): the part of the picture from which ``ray_limits`` reads a layer for this plane."""
-    column, row = _picture_positions(plane)
+    column, row = _picture_positions(plane, *_along_and_across(plane))
     return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
 
 
-def _picture_positions(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row (H, W) of each sheet pixel among the centres of the picture's pixels, cut off at its sides."""
-    x, y = plane.points()
-    h = plane.homography
-    a, b, c = (h[i, 0] * x[None, :] + h[i, 1] * y[:, None] + h[i, 2] for i in range(3))
+def _picture_positions(plane: BasePlane, columns, rows) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row (H, W) of each sheet pixel among the centres of the picture's pixels, cut off at its sides.
+
+    ``columns``, ``rows``: of ``_along_and_across``.
+    """
+    a, b, c = (columns[n] + rows[n][:, None] for n in range(3))
     with np.errstate(divide="ignore", invalid="ignore"):
         column = np.clip(np.nan_to_num(a / c) - 0.5, 0.0, plane.view.width - 1.0)
         row = np.clip(np.nan_to_num(b / c) - 0.5, 0.0, plane.view.height - 1.0)
@@ -91,7 +171,7 @@ def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
         smooth = np.isfinite(most) & (most - least <= SAME_SURFACE * np.abs(most))
         fc, fr = column - whole_column, row - whole_row
         linear = (1 - fr) * ((1 - fc) * corners[0] + fc * corners[1]) + fr * ((1 - fc) * corners[2] + fc * corners[3])
-    nearest = layer[np.rint(row).astype(np.intp) - top, np.rint(column).astype(np.intp) - left]
+    nearest = layer[(row + 0.5).astype(np.intp) - top, (column + 0.5).astype(np.intp) - left]
     return np.where(smooth, linear, nearest)
 
 
@@ -113,6 +193,5 @@ def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
         inside = (place >= 0.0) & (place <= shape_xyz[axis] - 1.0)
         ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
         ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
-        most = np.finfo(np.float32).max
-        found.append(np.clip(ends, -most, most).astype(np.float32))
+        found.append(np.clip(ends, -MOST, MOST).astype(np.float32))
     return tuple(found)

@@ -9,6 +9,7 @@ from rle_splat.effects.mesh_depth import SAMPLE_COLUMNS, SAMPLE_ROWS, mesh_depth
 from rle_splat.scene import Camera
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
+from rle_splat.view.principal_axis import candidate_pyramids
 from rle_splat.view.ray_limits import ray_limits
 
 
@@ -137,3 +138,46 @@ def test_a_silhouette_along_the_side_of_the_picture_ends_the_rays_beside_it():
     assert (column < 0.4).any() and (column > 0.6).any()
     np.testing.assert_allclose(depth[:, column < 0.4], 2.5, rtol=1e-5)
     np.testing.assert_allclose(depth[:, column > 0.6], 50.0, rtol=1e-5)
+
+
+def torn_surfaces(rng, rows, columns):
+    """(rows, columns, 16) sample depths: patches of rough surfaces and holes, over each other, and stray samples."""
+    samples = np.full((rows, columns, 16), np.inf, np.float32)
+    for _ in range(8):
+        row, column = rng.integers(0, rows), rng.integers(0, columns)
+        part = samples[row : row + 9, column : column + 9]
+        part[...] = rng.choice([2.0, 3.0, 3.2, 5.0, np.inf]) + rng.normal(0.0, 0.02, part.shape)
+    stray = rng.random(samples.shape) < 0.002
+    samples[stray] = rng.choice([1.0, 9.0, np.inf])
+    return samples
+
+
+def test_twins_find_the_same_layers():
+    rng = np.random.default_rng(11)
+    silhouettes = 0
+    for _ in range(40):
+        samples = torn_surfaces(rng, *rng.integers(1, 40, 2))
+        one, two = (depth_layers(samples, 0.3, backend=backend) for backend in ("numba", "numpy"))
+        silhouettes += one.has_silhouettes
+        for name in ("near", "far", "coverage"):
+            np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-6, err_msg=name)
+    assert silhouettes > 30
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("with_layer", [False, True])
+def test_twins_end_rays_at_the_same_places_for_any_number_of_threads(kind, with_layer):
+    view = index_view(camera(kind), np.eye(4), 44, 40)
+    layer = None
+    if with_layer:
+        layer = depth_layers(torn_surfaces(np.random.default_rng(3), 40, 44), 0.3).near
+    for axis, sign in candidate_pyramids(view):
+        plane = base_plane(view, (6, 7, 4), axis, sign, "slice", 1.5)
+        if plane is None:
+            continue
+        one, again, two = (
+            ray_limits(plane, 0.1, 50.0, layer, backend=backend, threads=threads)
+            for backend, threads in (("numba", 1), ("numba", 2), ("numpy", 1))
+        )
+        np.testing.assert_array_equal(one, again)
+        np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-5)

@@ -99,10 +99,12 @@ def test_light_adds_gradients_and_nothing_else(classification):
 
 @needs_kernels
 @pytest.mark.parametrize("classification", KERNELS)
-def test_a_mesh_in_the_volume_adds_its_rasteriser_and_nothing_else(classification):
+def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
     stages, kernels = worked(scene_of(triangles=MESH), classification)
     assert stages == STAGES[classification]
-    assert kernels - KERNELS[classification] == {"effects.mesh_depth.rasterise"}
+    assert kernels - KERNELS[classification] == {
+        "effects.mesh_depth.rasterise", "effects.depth_layers.find_layers", "view.ray_limits.limit_rays"
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
