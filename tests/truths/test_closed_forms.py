@@ -109,3 +109,17 @@ def test_single_voxel_along_an_axis(stage, elevation):
     alpha = stage.render(scene, sheet_density=3.0, termination=0.0).rgba[..., 3].ravel()
     assert np.abs(alpha + np.expm1(-tau)).max() < 3.0 * LEVEL  # the tent's kinks, resampled by the warp
     assert abs((alpha + np.expm1(-tau)).mean()) < 0.01 * LEVEL
+
+
+@PROJECTIONS
+@pytest.mark.parametrize("azimuth, elevation", ((35.0, 25.0), (-70.0, 55.0)))
+def test_single_voxel_obliquely(stage, perspective, azimuth, elevation):
+    """G8 from anywhere: the integral of three tents along each pixel's own ray."""
+    field = np.zeros((7, 7, 7))
+    field[3, 4, 2] = opacity(1.1)
+    scene = stage.on_turntable(field, azimuth, elevation, perspective, size=(64, 64), fit=0.8, spacing=(1.0, 1.2, 0.9))
+    tau = closed_forms.voxel_tau(camera_rays(scene.camera, 64, 64), scene.index_to_world, (2.0, 4.0, 3.0), 1.1)
+    alpha = stage.render(scene, depth_rule="midpoint-16", sheet_density=4.0, termination=0.0).rgba[..., 3].ravel()
+    assert tau.max() > 0.9 and (tau > 0.0).sum() > 300
+    assert np.abs(alpha + np.expm1(-tau)).max() < 0.2 * LEVEL  # the tents' kinks, resampled by the warp
+    assert abs((alpha + np.expm1(-tau)).mean()) < 0.01 * LEVEL

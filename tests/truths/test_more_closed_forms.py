@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy import closed_forms
-from rle_splat.accuracy.rays import camera_rays
+from rle_splat.accuracy.rays import Rays, camera_rays
+from rle_splat.accuracy.transfer import extinction_and_color
+from rle_splat.accuracy.truths import world_opacity_distance
 from rle_splat.classify.transfer_function import TransferFunction
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -140,3 +142,60 @@ def test_marschner_lobb_is_drawn_as_it_is_sampled(stage):
     assert true[..., 3].max() > 0.7
     found = stage.error(scene, true, depth_rule="midpoint-4", sheet_density=3.0)
     assert found.rmse < 0.3 and found.largest < 4.0, found
+
+
+@PROJECTIONS
+def test_marschner_lobb_converges_to_its_formula(stage, perspective):
+    """G11 without a grid in the truth: post of twice as many samples errs about a quarter of what it did."""
+    ramp = function(((0.0, 0.0), (1.0, 0.9)), ((0.0, 0.1, 0.9, 0.2), (1.0, 0.8, 0.1, 0.5)))
+    errors = []
+    for size in (61, 121):
+        h = 2.0 / (size - 1)
+        at = np.linspace(-1.0, 1.0, size)
+        z, y, x = np.meshgrid(at, at, at, indexing="ij")
+        signal = closed_forms.marschner_lobb(np.stack((x, y, z), axis=-1))
+        scene = stage.on_turntable(signal, 30.0, 20.0, perspective, (24, 24), 0.4, 12.0, (h, h, h),
+                                   transfer_function=ramp)  # fmt: skip
+        rays = camera_rays(scene.camera, 24, 24)
+        to_cube = np.diag((h, h, h, 1.0)) @ np.linalg.inv(scene.index_to_world)
+        to_cube[:3, 3] -= 1.0
+
+        def fields(world, to_cube=to_cube, scene=scene):
+            values = closed_forms.marschner_lobb(world @ to_cube[:3, :3].T + to_cube[:3, 3])
+            sigma, color = extinction_and_color(ramp, values, world_opacity_distance(scene))
+            return np.concatenate((color * sigma[..., None], sigma[..., None]), axis=-1)
+
+        ends = closed_forms.box_depths(rays, scene.index_to_world, (0.0,) * 3, (size - 1.0,) * 3)
+        true = closed_forms.of_formula(fields, rays, *ends, 1e-6).reshape(24, 24, 4)
+        knobs = dict(classification="post", depth_rule="preintegrated-4", sheet_density=12.0, termination=0.0)
+        errors.append(stage.error(scene, true, **knobs).rmse)
+    assert true[..., 3].min() > 0.4 and np.ptp(true[..., 0]) > 0.05
+    assert 2.9 < errors[0] / errors[1] < 4.5 and errors[1] < 0.27, errors  # 3.26, .18: a shift would halve it
+
+
+@PROJECTIONS
+def test_shepp_logan(stage, perspective):
+    """G12: ten ellipsoids whose extinctions add and cancel, each voxel holding the mean of its own box."""
+    rmse = []
+    for n in (32, 64):
+        fine = (np.arange(3 * n) + 0.5) * 2.0 / (3 * n) - 1.0
+        z, y, x = np.meshgrid(fine, fine, fine, indexing="ij", sparse=True)
+        extinction = np.zeros((3 * n,) * 3)
+        for sigma, (a, b, c), centre, degrees in closed_forms.SHEPP_LOGAN:
+            cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+            u, v = x - centre[0], y - centre[1]
+            reach = ((cos * u + sin * v) / a) ** 2 + ((cos * v - sin * u) / b) ** 2 + ((z - centre[2]) / c) ** 2
+            extinction += sigma * (reach < 1.0)
+        extinction = extinction.reshape(n, 3, n, 3, n, 3).mean(axis=(1, 3, 5)).clip(0.0) * (2.0 / n)
+        scene = stage.on_turntable(-np.expm1(-extinction), 35.0, 25.0, perspective, size=(48, 48), fit=1.1)
+        rays = camera_rays(scene.camera, 48, 48)
+        to_cube = np.diag((2.0 / n, 2.0 / n, 2.0 / n, 1.0)) @ np.linalg.inv(scene.index_to_world)
+        to_cube[:3, 3] += 1.0 / n - 1.0
+        step = rays.step @ to_cube[:3, :3].T
+        length = np.linalg.norm(step, axis=1)
+        cube = Rays(rays.origin @ to_cube[:3, :3].T + to_cube[:3, 3], step / length[:, None], length)
+        tau = closed_forms.ellipsoids_tau(cube).reshape(48, 48)
+        error = stage.render(scene, sheet_density=4.0, **FINE).rgba[..., 3] + np.expm1(-tau)
+        rmse.append(float(np.sqrt((error**2).mean()) / LEVEL))
+        assert tau.max() > 0.4 and abs(error.mean()) < 0.3 * LEVEL
+    assert rmse[0] > 1.6 * rmse[1] and rmse[1] < 4.5, rmse  # the skull is thinner than a voxel, and its rim steep

@@ -37,7 +37,7 @@ def test_vtk_sees_the_classified_interpolated_scalar(stage, perspective):
 
     def against(which, share):
         columns, rows = (g.ravel() for g in np.meshgrid(closer(SIZE, share), closer(SIZE, share)))
-        return difference(picture, stage.truth(scene, truth_name=which, pixels=(columns, rows))[0])
+        return difference(picture, stage.truth(scene, which, pixels=(columns, rows))[0])
 
     found = against("T2", (SIZE - 1) / SIZE)
     print(f"VTK against T2: RMSE {found.rmse:.2f}, max {found.largest:.1f}, bias {found.bias:.3f} levels")
