@@ -102,6 +102,13 @@ def _clip_box(scene: Scene) -> tuple[Clip, ...]:
     return (Clip("box", matrix, "outside"),)
 
 
+def _clip_plane(scene: Scene) -> tuple[Clip, ...]:
+    """Halves the volume, upright and across the view."""
+    matrix = _shining((0.5, -0.8, 0.0))
+    matrix[:3, 3] = _box(scene)[0]
+    return (Clip("plane", matrix),)
+
+
 def _distance(scene: Scene) -> float:
     """Planar, from the camera to the middle of the volume."""
     middle, _ = _box(scene)
@@ -182,6 +189,7 @@ PRICES = {
     "mesh occlusion": Price("mesh occlusion", None, lambda scene: replace(scene, triangles=_implant(scene))),
     "clipping": Price("clipping", None, lambda scene: _seen(scene, clip_start=0.95 * _distance(scene))),
     "clip objects": Price("clip objects", None, lambda scene: replace(scene, clips=_clip_box(scene))),
+    "clip plane": Price("clip objects", None, lambda scene: replace(scene, clips=_clip_plane(scene))),
     "depth of field": Price(
         "depth of field", None,
         lambda scene: _seen(scene, aperture_radius=0.01 * _box(scene)[1], focus_distance=_distance(scene)),
@@ -238,9 +246,12 @@ def _ct_head():
 
 def settings() -> tuple[Setting, ...]:
     on_lights = (
-        "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects"
+        "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects",
+        "clip plane",
     )  # fmt: skip
-    on_plain = ("shading", "specular", "clipping", "clip objects", "gradient opacity", "labels", "channels")
+    on_plain = (
+        "shading", "specular", "clipping", "clip objects", "clip plane", "gradient opacity", "labels", "channels"
+    )  # fmt: skip
     cloud = smoke()
     head, bone = _ct_head()
     return (

@@ -29,12 +29,12 @@ from .scene import NO_DEPTH, Quality, Rendering, RleSplatError, Scene
 from .splat.splat import LOADING
 from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
-from .view.clip_limits import clip_limits
+from .view.clip_limits import clip_limits, what_is_left
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
 from .view.principal_axis import candidate_pyramids
 from .view.ray_limits import box_depths, ray_limits, within_box
-from .warp.warp import warp, warp_reach
+from .warp.warp import TAPS, warp, warp_reach
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 COMPILING = "; compiling kernels, the first time only"
@@ -192,7 +192,8 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
 
 def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, cuts, clock: Clock):
     """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
-    limited = is_cut(scene, view, quality) or layers is not None or cuts is not None
+    camera_cuts = is_cut(scene, view, quality)
+    limited = camera_cuts or layers is not None or cuts is not None
     boxed = quality.classification == "refined"
     surfaces, first_pixel = [None], (0, 0)
     if layers is not None:
@@ -205,7 +206,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
         images = []
         for n, plane in enumerate(planes):
             limits = None
-            if limited:
+            if camera_cuts or layers is not None:
                 with clock.stage("clipping" if layers is None else "occlusion"):
                     limits = ray_limits(
                         plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel,
@@ -215,7 +216,11 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                 limits = within_box(plane, scene.volume.shape_xyz, limits)
             if cuts is not None:
                 with clock.stage("clip objects"):
-                    limits = clip_limits(plane, cuts, limits)
+                    limits = clip_limits(plane, cuts, limits, quality.backend, quality.threads)
+                    left = what_is_left(plane, limits, warp_reach(quality) + TAPS)
+                if left is None:
+                    continue
+                plane, limits = left
             steps = medium.splat_steps(encodings[plane.axis], plane, limits)
             stage, message = "splat", "Splatting"
             done = 0.0

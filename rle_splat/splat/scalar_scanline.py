@@ -45,6 +45,7 @@ def put_scanline(
     begin = end = far_begin = 0
     far_end = 0 if pair else width
     span = 0
+    reach[2] += 1
     while True:
         if end <= far_end:  # the one that ends first goes on
             if end >= width:
@@ -76,6 +77,7 @@ def put_scanline(
             low, high = max(first, live[s, 0]), min(last, live[s, 1])
             at = voxel + low - begin
             far_at = far_voxel + low - far_begin if pair else at
+            reach[3] += high - low
             put_scalars(line, low, high - low, scalars, weight, at, far_weight, far_at, pair)
             if lights is not None:
                 put_lights(

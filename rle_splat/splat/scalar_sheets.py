@@ -17,6 +17,7 @@ from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .cut_slab import cut_ends
 from .half_depth import half_way
+from .limited_blocks import NO_MORE, NONE_ENDED, SOME, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
 from .pixel_block import BLOCK, CLEAR
 from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
@@ -42,13 +43,13 @@ NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 def _resample_scanlines(
     pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
     shift_u, scale_u, shift_v, scale_v, begin, far, box_rows, top_row, rows, line, stride, planes, sheet, marks,
-    row_slot, row_line, row_place, reach, live, band_alive, cells, fractions, placed, matt, carried,
+    row_slot, row_line, row_place, reach, live, wanted, cells, fractions, placed, matt, carried,
 ):
     """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
 
-    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``begin``, ``far``: between which
-    it is of use.  ``box_rows`` (2, H): where each row's rays enter and leave the box.  The others: see
-    ``sheet_buffer._splat_sheet``.
+    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``wanted``: (words,) a bit for
+    each block of pixels that counts.  ``begin``, ``far``: between which the sheet is of use.  ``box_rows`` (2, H):
+    where each row's rays enter and leave the box.  The others: see ``sheet_buffer._splat_sheet``.
     Returns whether anything was found, and whether every pixel of the band is already opaque.
     """
     n_scanlines = pointers.shape[1]
@@ -90,7 +91,7 @@ def _resample_scanlines(
                     continue
                 far_voxel = data_starts[near + 1, scanline]
             if live_count < 0:
-                live_count = live_voxels(band_alive, blocks, live, shift_u, scale_u, 1.0 + overhang)
+                live_count = live_voxels(wanted, blocks, live, shift_u, scale_u, 1.0 + overhang)
                 if live_count == 0:
                     return False, True
             reach[0], reach[1] = width, 0
@@ -102,8 +103,8 @@ def _resample_scanlines(
             if reach[1] == 0:
                 continue
             found = True
-            for word in range(band_alive.size):
-                bits = marks[slot, word] & band_alive[word]
+            for word in range(wanted.size):
+                bits = marks[slot, word] & wanted[word]
                 marks[slot, word] = bits
                 while bits != NO_BITS:
                     b = word * WORD + lowest_bit(bits)
@@ -123,7 +124,7 @@ def _composite_sheet(
     kind, begin, end, thickness, depth, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look,
     sign, absorbs, least_light, sheet, planes, matt, gloss, thinning, marks, row_slot, row_line, row_place,
     sheet_before, marks_before, slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries,
-    spans, shares, looks, length_inside, before, colors, mist, half,
+    spans, shares, looks, length_inside, bounds, before, colors, mist, half,
 ):
     """One sheet over the rows of a band: scanlines mixed, classified, composited; whether a block became opaque.
 
@@ -157,6 +158,11 @@ def _composite_sheet(
                 bits ^= bit
                 if end <= box_blocks[0, b] or begin >= box_blocks[3, b]:
                     continue
+                shortened = False
+                if limits is not None:
+                    if is_outside(bounds, r, b, begin, end):
+                        continue
+                    shortened = is_shortened(bounds, r, b, begin, end)
                 upper = lower = upper_before = lower_before = absent
                 if slot != NO_ROW:
                     upper = block_at(marks, slot, b, planes, blocks, absent)
@@ -174,7 +180,7 @@ def _composite_sheet(
                         lower_before = block_at(marks_before, earlier + 1, b, planes, blocks, absent)
                     ended = False
                     if limits is not None:
-                        ended = cut_ends(
+                        ended = shortened and cut_ends(
                             limits, v, b * BLOCK, min(BLOCK, image_width - b * BLOCK), begin, end, sheet, upper, lower,
                             down, sheet_before, upper_before, lower_before, down_before, least, looks,
                         )
@@ -195,7 +201,7 @@ def _composite_sheet(
                 count = min(BLOCK, image_width - first_pixel)
                 length, deep = lengths, BLOCK * at
                 whole = begin >= max(box_blocks[1, b], enter) and end <= min(box_blocks[2, b], leave)
-                cut = limits is not None or not whole
+                cut = shortened or not whole
                 if cut:
                     inside_box(
                         box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside
@@ -249,9 +255,10 @@ def _composite_sheet(
                             half[v, first_pixel + i] = from_ + looks[i] * (to - from_)
                 live_pixels = pixels & 255
                 if limits is not None:  # a ray that has reached its end is done as well
-                    live_pixels = 0
-                    for i in range(count):
-                        live_pixels += state[row + CLEAR + i] >= least_light and limits[1, v, first_pixel + i] > end
+                    if bounds[r, NONE_ENDED, b] <= end:
+                        live_pixels = 0
+                        for i in range(count):
+                            live_pixels += state[row + CLEAR + i] >= least_light and limits[1, v, first_pixel + i] > end
                 if live_pixels == 0:
                     alive[r, word] ^= bit
                     died = True
@@ -281,18 +288,22 @@ def _splat_band(
     cells, fractions, entries = scratch.cells[mine], scratch.weights[mine], scratch.entries[mine]
     spans, shares, looks = scratch.spans[mine], scratch.shares[mine], scratch.samples[mine]
     length_inside, before, colors = scratch.length_inside[mine], scratch.before[mine], scratch.colors[mine]
+    bounds, reached = scratch.bounds[mine], scratch.reached[mine]
     n_scanlines = pointers.shape[1]
     image_width = along.size
     blocks = placed.size
     planes = 1 + len(matt) + len(gloss) + len(thinning)
     stride = line.size // planes
     band_alive = alive[BAND]
+    limited = bounds.size > 0
+    wanted = reached if limited else band_alive
     line[:stride] = NOT_KEPT
     for sheet in (here, there):
         absent = sheet.size - planes * BLOCK
         sheet[absent:] = np.float32(0.0)
         sheet[absent : absent + BLOCK] = NOT_KEPT
     begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    bound_blocks(limits, top_row, rows, bounds)
     found_before = False
     for sheet in range(first_slice.size):
         if kind[sheet] != OWN:  # what was here is the sheet before
@@ -304,12 +315,17 @@ def _splat_band(
         shift, step = offset[sheet, 1], scale[sheet, 1]
         first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
         found = opaque = False
-        if last_y > -overhang and first_y < n_scanlines - 1 + overhang:
+        some = SOME
+        if limited:
+            some = reached_blocks(bounds, begin[sheet], far[sheet], band_alive, reached)
+            if some == NO_MORE:
+                break
+        if some == SOME and last_y > -overhang and first_y < n_scanlines - 1 + overhang:
             found, opaque = _resample_scanlines(
                 pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet],
                 slice_weights, overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], far[sheet],
                 box_rows, top_row, rows, line, stride, planes, here, marks, row_slot, row_line, row_place, reach, live,
-                band_alive, cells, fractions, placed, matt, gloss + thinning,
+                wanted, cells, fractions, placed, matt, gloss + thinning,
             )
         else:
             row_slot[:] = NO_ROW
@@ -324,8 +340,8 @@ def _splat_band(
             sheet_depth(first_slice[sheet] + slice_weights[sheet, 1], begin[sheet], end[sheet]), top_row, rows,
             image_width, box_columns, box_rows, box_blocks, limits, look, sign, absorbs, least, here, planes, matt,
             gloss, thinning, marks, row_slot, row_line, row_place, there, marks_before, slot_before, line_before,
-            place_before, state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, before,
-            colors, mist, half,
+            place_before, state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, bounds,
+            before, colors, mist, half,
         )
         if died:
             band_alive[:] = NO_BITS

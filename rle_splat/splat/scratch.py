@@ -27,7 +27,8 @@ class Scratch(NamedTuple):
     blocks that is not empty.
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
-    ``reach`` (2,) first and last shifted voxel touched; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
+    ``reach`` (4,) first and last shifted voxel touched, and, of the picture so far, how many scanlines were walked and
+    voxels put on a line; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
     Rows in blocks of pixels: ``state`` colour and transmittance, in numbers of ``accumulator``, ``length`` of rays,
     ``alive`` (BAND + 1, words) a bit for each block that is not opaque, the last row for the band as a whole,
     ``bright`` (BAND, blocks) pixels above one half.
@@ -35,6 +36,8 @@ class Scratch(NamedTuple):
     ``placed`` for, per block.
     Sheets of the scalar keep the sheet before, too: ``sheet_before``, ``marks_before``, ``slot_before``,
     ``line_before`` and ``place_before``.
+    Where rays have limits: ``bounds`` (BAND + 1, 6, blocks) of ``limited_blocks``, and the blocks that are ``reached``
+    by a sheet, bits as of ``alive``.
     One block: ``samples``; ``entries``, ``spans`` and ``shares`` of ``scalar_block``; ``length_inside`` the limits;
     ``before`` the sheet in numbers of ``state``, and so ``colors``, of a block ahead of it.
     """
@@ -66,6 +69,8 @@ class Scratch(NamedTuple):
     length_inside: np.ndarray
     before: np.ndarray
     colors: np.ndarray
+    bounds: np.ndarray
+    reached: np.ndarray
 
 
 def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False) -> Scratch:
@@ -81,12 +86,12 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
     stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
-    numbers = accumulator(len(sheets.begin))
+    numbers, limited = accumulator(len(sheets.begin)), rays.limits is not None
     shapes = {
         "line": (channels * (tables.width + 2 * taps + 3), np.float32),
         "sheet": (channels * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
         "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
-        "reach": (2, np.int64), "live": (blocks, 2, np.int64),
+        "reach": (4, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
@@ -96,5 +101,6 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
         "marks_before": (slots * before, words, np.uint64), "slot_before": (BAND * before, np.int64),
         "line_before": (BAND * before, np.int64), "place_before": (BAND * before, np.float64),
         "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers), "colors": (3 * BLOCK, numbers),
+        "bounds": (BAND + 1, 6, blocks * limited, np.float32), "reached": (words * limited, np.uint64),
     }
     return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})

@@ -19,6 +19,7 @@ from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
 from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .limited_blocks import NO_MORE, NONE, NONE_ENDED, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
 from .pixel_block import BLOCK, CLEAR, composite_added, composite_extinction, place_tent, resample_tent
 from .scratch import BAND, SPREAD
@@ -32,7 +33,7 @@ from .sheet_row import (
 )
 from .voxel_scanline import ONE_BIT, WORD, add_runs
 
-NONE = -(2**62)  # below the number of any scanline
+NO_SCANLINE = -(2**62)  # below the number of any
 
 
 @inner_loop
@@ -45,13 +46,14 @@ def _stretch(widen, scale):
 def _splat_sheet(
     pointers, data_starts, runs, voxels, decoding, width, number, first_slice, slice_weights, wide, margin, shift_u,
     scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, row_line, row_place, reach, live,
-    band_alive, cells, weights, placed, samples,
+    wanted, cells, weights, placed, samples,
 ):
     """The scanlines of one sheet that a band is splatted from, resampled along the scanline, each in a slot.
 
     ``number``: of the sheet.  ``slice_weights[number]``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``,
     ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift, along and across scanlines.
-    ``margin``: voxels of zeros before a scanline's first.  Other arrays: see ``Tables`` and ``Scratch``.
+    ``margin``: voxels of zeros before a scanline's first.  ``wanted``: (words,) a bit for each block of pixels that
+    counts.  Other arrays: see ``Tables`` and ``Scratch``.
     Returns whether anything was found, and whether every pixel of the band is already opaque.
     """
     n_slices, n_scanlines = pointers.shape
@@ -67,7 +69,7 @@ def _splat_sheet(
     low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
     found = False
     live_count = -1
-    slot, tapped = -1, NONE  # of the scanline dealt with last, and its number
+    slot, tapped = -1, NO_SCANLINE  # of the scanline dealt with last, and its number
     for r in range(rows):
         y = (top_row + r - shift_v) / scale_v
         first_line = first_tap(kind, y, radius_v)
@@ -94,7 +96,7 @@ def _splat_sheet(
                 if run < 0:  # the paper's flag: nothing on this scanline
                     continue
                 if live_count < 0:
-                    live_count = live_voxels(band_alive, blocks, live, shift_u, scale_u, radius_u)
+                    live_count = live_voxels(wanted, blocks, live, shift_u, scale_u, radius_u)
                     if live_count == 0:
                         return False, True
                 add_runs(
@@ -104,8 +106,8 @@ def _splat_sheet(
             if reach[1] == 0:
                 continue
             found = True
-            for word in range(band_alive.size):
-                bits = marks[slot, word] & band_alive[word]
+            for word in range(wanted.size):
+                bits = marks[slot, word] & wanted[word]
                 marks[slot, word] = bits
                 while bits != NO_BITS:
                     b = word * WORD + lowest_bit(bits)
@@ -165,8 +167,8 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, len
 @inner_loop(forceinline=True)
 def _composite_sheet(
     scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet, marks,
-    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, before, colors, mist, samples,
-    half,
+    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, bounds, before, colors, mist,
+    samples, half,
 ):
     """One sheet over the rows of a band: its scanlines mixed, the row composited; whether a block became opaque.
 
@@ -197,6 +199,11 @@ def _composite_sheet(
                 b = word * WORD + lowest
                 bit = ONE_BIT << np.uint64(lowest)
                 bits ^= bit
+                shortened = False
+                if limits is not None:
+                    if is_outside(bounds, r, b, begin, end):
+                        continue
+                    shortened = is_shortened(bounds, r, b, begin, end)
                 upper = lower = mixed
                 if wide is None:
                     upper = 4 * BLOCK * (slot * blocks + b) if marks[slot, word] & bit != NO_BITS else transparent
@@ -212,8 +219,9 @@ def _composite_sheet(
                 count = min(BLOCK, image_width - first_pixel)
                 length, deep = lengths, BLOCK * at
                 if limits is not None:
-                    _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside)
-                    length, deep = length_inside, 0
+                    if shortened:
+                        _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside)
+                        length, deep = length_inside, 0
                 row = 4 * BLOCK * at
                 if mist is not None:
                     keep_colors(state, row, colors)
@@ -242,9 +250,10 @@ def _composite_sheet(
                         )
                 live_pixels = pixels & 255
                 if limits is not None:  # a ray that has reached its end is done as well
-                    live_pixels = 0
-                    for i in range(count):
-                        live_pixels += state[row + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
+                    if bounds[r, NONE_ENDED, b] <= end:
+                        live_pixels = 0
+                        for i in range(count):
+                            live_pixels += state[row + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
                 if live_pixels == 0:
                     alive[r, word] ^= bit
                     died = True
@@ -271,22 +280,32 @@ def _splat_band(
     alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
     cells, weights, samples = scratch.cells[mine], scratch.weights[mine], scratch.samples[mine]
     length_inside, before, colors = scratch.length_inside[mine], scratch.before[mine], scratch.colors[mine]
+    bounds, reached = scratch.bounds[mine], scratch.reached[mine]
     n_scanlines = pointers.shape[1]
     image_width = along.size
     blocks = placed.size
     margin = weights.size // cells.size if wide is not None else 1  # as many voxels as a footprint reaches
     band_alive = alive[BAND]
+    limited = bounds.size > 0
+    wanted = reached if limited else band_alive
     begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    bound_blocks(limits, top_row, rows, bounds)
     for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
         radius_v = radius * _stretch(widen, step)
         first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
         if last_y <= -radius_v or first_y >= n_scanlines - 1 + radius_v:
             continue
+        if limited:
+            some = reached_blocks(bounds, begin[sheet], end[sheet], band_alive, reached)
+            if some == NO_MORE:
+                break
+            if some == NONE:
+                continue
         found, opaque = _splat_sheet(
             pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights,
             wide, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, line, sheet_buffer, marks,
-            row_slot, row_line, row_place, reach, live, band_alive, cells, weights, placed, samples,
+            row_slot, row_line, row_place, reach, live, wanted, cells, weights, placed, samples,
         )
         if opaque:
             break  # early termination
@@ -295,7 +314,7 @@ def _splat_band(
         died = _composite_sheet(
             step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width, limits,
             least, additive_opacity, sheet_buffer, marks, row_slot, row_line, row_place, state, length, alive, bright,
-            blocks, length_inside, before, colors, mist, samples, half,
+            blocks, length_inside, bounds, before, colors, mist, samples, half,
         )
         if died:
             band_alive[:] = NO_BITS

@@ -49,6 +49,7 @@ def add_runs(
     x = 0
     span = 0
     touched_first, touched_last = width, 0
+    reach[2] += 1
     while x < width:
         x += int(runs[run])
         if x >= width:
@@ -64,6 +65,7 @@ def add_runs(
             first = max(x, live[s, 0])
             last = min(end, live[s, 1])
             source = voxel + first - x
+            reach[3] += last - first
             for i in range(first + margin, last + margin):
                 if decoding is None:
                     add4(voxels, 4 * source, weight, line, 4 * i)

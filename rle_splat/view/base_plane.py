@@ -75,9 +75,13 @@ class BasePlane:
         if len(polygon) < 3:
             return None
         place = polygon * self.density - self.origin
-        first = np.floor(place.min(axis=0)).astype(np.int64) - reach
-        last = np.minimum(np.ceil(place.max(axis=0)).astype(np.int64) + reach, size - 1)
-        first = np.maximum(first // ALIGNED * ALIGNED, 0)
+        return self.part(np.floor(place.min(axis=0)), np.ceil(place.max(axis=0)), reach)
+
+    def part(self, first, last, reach: int) -> BasePlane:
+        """A window that holds the plane's pixels (u, v) from ``first`` to ``last``, and ``reach`` on either side."""
+        first, last = (np.asarray(end).astype(np.int64) for end in (first, last))
+        last = np.minimum(last + reach, (self.width - 1, self.height - 1))
+        first = np.maximum((first - reach) // ALIGNED * ALIGNED, 0)
         width, height = (int(n) for n in last - first + 1)
         origin = tuple(int(n) for n in self.origin + first)
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first)

@@ -1,0 +1,100 @@
+"""Which blocks of pixels have a ray within its limits in a slab: nothing else of the sheet is looked at.
+
+What clip objects leave of the volume are short stretches of few rays.  From the stretches of a band's blocks follow,
+sheet by sheet, the blocks that it is splatted to, and from these the voxels of each scanline that they read, before
+any run of voxels is walked.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..jit import inner_loop
+from .pixel_block import BLOCK
+from .scratch import BAND
+from .voxel_scanline import ONE_BIT, WORD
+
+NO_BITS = np.uint64(0)
+MOST = np.float32(np.finfo(np.float32).max)
+# What is known of the rays of a block: where the first begins and the last ends, of those of which anything is left;
+# where the last of all begins and the first ends; and from where to where they have holes, or, of a whole band's block,
+# a hole that they all have.
+FIRST, LAST, ALL_BEGUN, NONE_ENDED, HOLE, HOLE_END = range(6)
+NONE, SOME, NO_MORE = range(3)
+
+
+@inner_loop
+def bound_blocks(limits, top_row, rows, bounds):
+    """What the limits leave of each block of each row of a band, and of the band's, which is the last row.
+
+    ``limits``: (2 + 2 holes, H, W), of ``arguments.Rays``, or None, and then there is nothing to do.
+    Out: ``bounds`` (BAND + 1, 6, blocks) float32, voxels along the viewing direction, by the numbers above.
+    """
+    if limits is None:
+        return
+    width = limits.shape[2]
+    for b in range(bounds.shape[2]):
+        pixels = range(b * BLOCK, min(b * BLOCK + BLOCK, width))
+        band_first, band_last = MOST, -MOST
+        for r in range(rows):
+            v = top_row + r
+            first, last, all_begun, none_ended = MOST, -MOST, -MOST, MOST
+            for u in pixels:
+                begin, end = limits[0, v, u], limits[1, v, u]
+                if begin < end:
+                    first, last = min(first, begin), max(last, end)
+                all_begun, none_ended = max(all_begun, begin), min(none_ended, end)
+            hole, hole_end = MOST, -MOST
+            for number in range(2, limits.shape[0], 2):
+                for u in pixels:
+                    if limits[number, v, u] < limits[number + 1, v, u]:
+                        hole, hole_end = min(hole, limits[number, v, u]), max(hole_end, limits[number + 1, v, u])
+            bounds[r, FIRST, b], bounds[r, LAST, b] = first, last
+            bounds[r, ALL_BEGUN, b], bounds[r, NONE_ENDED, b] = all_begun, none_ended
+            bounds[r, HOLE, b], bounds[r, HOLE_END, b] = hole, hole_end
+            band_first, band_last = min(band_first, first), max(band_last, last)
+        bounds[BAND, FIRST, b], bounds[BAND, LAST, b] = band_first, band_last
+        bounds[BAND, HOLE, b], bounds[BAND, HOLE_END, b] = MOST, -MOST
+        for number in range(2, limits.shape[0], 2):
+            hole, hole_end = -MOST, MOST
+            for v in range(top_row, top_row + rows):
+                for u in pixels:
+                    if limits[0, v, u] < limits[1, v, u]:
+                        hole, hole_end = max(hole, limits[number, v, u]), min(hole_end, limits[number + 1, v, u])
+            if hole_end - hole > bounds[BAND, HOLE_END, b] - bounds[BAND, HOLE, b]:
+                bounds[BAND, HOLE, b], bounds[BAND, HOLE_END, b] = hole, hole_end
+
+
+@inner_loop
+def reached_blocks(bounds, begin, far, alive, reached):
+    """The blocks of a band with a ray within its limits somewhere between ``begin`` and ``far``.
+
+    ``bounds``: of ``bound_blocks``.  ``alive``: (words,) a bit for each block that is not opaque yet.  Out:
+    ``reached``, likewise, those of them that are reached.  Returns NONE or SOME, or NO_MORE where no block ever will.
+    """
+    found = NO_MORE
+    reached[:] = NO_BITS
+    for b in range(bounds.shape[2]):
+        bit = ONE_BIT << np.uint64(b % WORD)
+        if alive[b // WORD] & bit == NO_BITS or bounds[BAND, LAST, b] <= begin:
+            continue
+        if found == NO_MORE:
+            found = NONE
+        in_hole = begin >= bounds[BAND, HOLE, b] and far <= bounds[BAND, HOLE_END, b]
+        if bounds[BAND, FIRST, b] < far and not in_hole:
+            reached[b // WORD] |= bit
+            found = SOME
+    return found
+
+
+@inner_loop(forceinline=True)
+def is_outside(bounds, r, b, begin, end):
+    """Whether no ray of a block of a row is within its limits anywhere in a slab."""
+    return end <= bounds[r, FIRST, b] or begin >= bounds[r, LAST, b]
+
+
+@inner_loop(forceinline=True)
+def is_shortened(bounds, r, b, begin, end):
+    """Whether any ray of a block of a row is outside its limits somewhere in a slab."""
+    inside = begin >= bounds[r, ALL_BEGUN, b] and end <= bounds[r, NONE_ENDED, b]
+    return not inside or (bounds[r, HOLE, b] < end and bounds[r, HOLE_END, b] > begin)
