@@ -75,8 +75,9 @@ def _group_free() -> int:
         root = GROUPS / "memory" if first else GROUPS
         folder = root / path.strip("/")
         for group in (folder, *folder.parents):
-            limit, used = (_number(group / name) for name in names)
-            if limit is not None and used is not None:
+            limit = _number(group / names[0])
+            used = None if limit is None else _number(group / names[1])
+            if used is not None:
                 free = min(free, limit - used + _file_cache(group))
             if group == root:
                 break

@@ -95,10 +95,12 @@ def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
         quality = quality.classified("pre")  # its voxels are classified already: a remark says so
     effects = analyse(scene, quality)
-    if is_mixed(called_for(scene, effects)):
+    left = called_for(scene, effects)
+    if is_mixed(left):
         quality = classified_by_pre(quality)
         effects = analyse(scene, quality)
-    scene = called_for(scene, effects)
+        left = called_for(scene, effects)
+    scene = left
     pictures = exposures(scene)
     refuse = refuse_empty_view and not scene.motion  # what moves may come into view
 

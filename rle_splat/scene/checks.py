@@ -45,7 +45,7 @@ def as_matrix(value, name: str) -> np.ndarray:
         raise RleSplatError(f"{name} holds a value that is not finite; give sixteen ordinary numbers.")
     if np.abs(matrix).max() > LARGEST_ENTRY:
         raise RleSplatError(f"{name} holds a value beyond {LARGEST_ENTRY:g}; give sixteen ordinary numbers.")
-    if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+    if any(abs(found - meant) > 1e-8 for found, meant in zip(matrix[3].tolist(), (0.0, 0.0, 0.0, 1.0))):
         raise RleSplatError(f"{name} must be affine: its last row has to be 0 0 0 1.")
     matrix.setflags(write=False)
     return matrix

@@ -133,11 +133,12 @@ class Box(NamedTuple):
 def box_of(plane: BasePlane, shape_xyz, block: int) -> Box:
     """The Box of a base plane, its columns in blocks of ``block``."""
     columns, rows = box_limits(plane, shape_xyz)
-    starts = np.arange(0, columns.shape[1], block)
-    ends = [
-        reduce.reduceat(columns[which], starts)
-        for which, reduce in ((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))
-    ]
-    deepest = float(np.max(plane.sheets.far - plane.sheets.begin, initial=0.0))
-    steepest = max(float(np.abs(slope).max(initial=0.0)) for slope in plane.slopes(*plane.points()))
-    return Box(columns, rows, np.stack(ends), math.ceil(deepest * steepest) + 1.0)
+    starts = range(0, columns.shape[1], block)
+    ends = np.empty((4, len(starts)), np.float32)
+    for place, (which, reduce) in enumerate(((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))):
+        reduce.reduceat(columns[which], starts, out=ends[place])
+    deepest = float((plane.sheets.far - plane.sheets.begin).max(initial=0.0))
+    # A slope is linear in its place.
+    corners = (places[[0, -1]] for places in plane.points())
+    steepest = max(float(np.abs(slope).max()) for slope in plane.slopes(*corners))
+    return Box(columns, rows, ends, math.ceil(deepest * steepest) + 1.0)

@@ -15,7 +15,7 @@ NO_BITS = np.uint64(0)
 
 
 @inner_loop
-def begin_band(state, lengths, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope):
+def begin_band(state, lengths, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope):
     """Clear the rows of a band: no colour, all light; pixels beyond the image are opaque from the start."""
     image_width = along.size
     blocks = placed.size
@@ -23,6 +23,8 @@ def begin_band(state, lengths, alive, bright, placed, top_row, rows, along, alon
     mark_blocks(alive, BAND, 0, blocks - 1)
     placed[:] = -1
     state[:] = np.float32(0.0)
+    lengths[:] = np.float32(0.0)
+    half[top_row : top_row + rows] = np.inf
     for r in range(rows):
         mark_blocks(alive, r, 0, blocks - 1)
         v = top_row + r

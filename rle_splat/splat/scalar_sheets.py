@@ -298,11 +298,12 @@ def _splat_band(
     limited = bounds.size > 0
     wanted = reached if limited else band_alive
     line[:stride] = NOT_KEPT
+    line[stride:] = np.float32(0.0)
     for sheet in (here, there):
         absent = sheet.size - planes * BLOCK
         sheet[absent:] = np.float32(0.0)
         sheet[absent : absent + BLOCK] = NOT_KEPT
-    begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    begin_band(state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope)
     bound_blocks(limits, top_row, rows, bounds)
     found_before = False
     for sheet in range(first_slice.size):

@@ -139,6 +139,7 @@ def splat_scalar_sheets_numpy(
 ):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_scalar_rows`` does."""
     height, width = half.shape
+    half[...] = np.inf
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
     leave = np.minimum(box.columns[1], box.rows[1][:, None]).astype(np.float64)

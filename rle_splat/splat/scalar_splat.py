@@ -67,7 +67,7 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
 
 
 def _from_centre(encoded: ScalarVolume, *stored) -> list:
-    return [np.float32(np.clip(value - encoded.centre, -1e38, 1e38)) for value in stored]
+    return [np.float32(min(max(value - encoded.centre, -1e38), 1e38)) for value in stored]
 
 
 def _look(encoded: ScalarVolume, table: ValueTable) -> tuple:
@@ -104,7 +104,7 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
     thinning = (channels,) if encoded.thinned else ()
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
-    half = np.full((plane.height, plane.width), np.inf, np.float32)
+    half = np.empty((plane.height, plane.width), np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
     arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least)
     if not compiled(quality.backend):

@@ -1,4 +1,8 @@
-"""The scratch memory of the sheet-buffer loop, allocated once a picture: nothing is allocated inside the loops."""
+"""The scratch memory of the sheet-buffer loop, kept from picture to picture: nothing is allocated inside the loops.
+
+It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all pictures
+share it; a kernel clears what it relies on.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,13 @@ import numpy as np
 from .pixel_block import BLOCK, accumulator
 from .voxel_scanline import WORD
 
-# Rows of scratch from one worker to the next: the shortest rows are a few bytes, and two workers that write to the
-# same cache line slow each other down (measured: two threads were no faster than one).  What is not touched costs
+# Rows of scratch from one worker to the next: the shortest rows are some dozen bytes, and two workers that write to
+# the same cache line slow each other down (measured: two threads were no faster than one).  What is not touched costs
 # no memory.
-SPREAD = 16
+SPREAD = 4
+CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as long
+MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
+_KEPT: list[np.ndarray] = []
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
@@ -21,13 +28,13 @@ class Scratch(NamedTuple):
     """What each worker writes on while it walks through the sheets: arrays with the worker (times SPREAD) as
     their first axis, flat behind it unless a shape is given.
 
-    ``line``: one voxel scanline, float32, four channels a voxel; all zero between two uses.  (Of sheets of the scalar:
-    planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at
+    ``line``: one voxel scanline, float32, four channels a voxel; all zero between two scanlines.  (Of sheets of the
+    scalar: planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at
     the end a block that stays transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their
     blocks that is not empty.
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
-    ``reach`` (4,) first and last shifted voxel touched, and, of the picture so far, how many scanlines were walked and
+    ``reach``: first and last shifted voxel touched, and, of the picture so far, how many scanlines were walked and
     voxels put on a line; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
     Rows in blocks of pixels: ``state`` colour and transmittance, in numbers of ``accumulator``, ``length`` of rays,
     ``alive`` (BAND + 1, words) a bit for each block that is not opaque, the last row for the band as a whole,
@@ -88,10 +95,10 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     numbers, limited = accumulator(len(sheets.begin)), rays.limits is not None
     shapes = {
-        "line": (channels * (tables.width + 2 * taps + 3), np.float32),
+        "line": (channels * _whole(tables.width + 2 * taps + 3, BLOCK), np.float32),
         "sheet": (channels * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
         "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
-        "reach": (4, np.int64), "live": (blocks, 2, np.int64),
+        "reach": (CACHE_LINE // 8, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
@@ -103,4 +110,30 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
         "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers), "colors": (3 * BLOCK, numbers),
         "bounds": (BAND + 1, 6, blocks * limited, np.float32), "reached": (words * limited, np.uint64),
     }
-    return Scratch(**{name: np.zeros((workers * SPREAD, *shape), kind) for name, (*shape, kind) in shapes.items()})
+    rows, places, size = workers * SPREAD, [], 0
+    for *shape, kind in shapes.values():
+        places.append(size)
+        size += _whole(rows * math.prod(shape) * np.dtype(kind).itemsize, CACHE_LINE)
+    memory = _memory(size)
+    scratch = Scratch(*(
+        np.ndarray((rows, *shape), kind, memory, at) for (*shape, kind), at in zip(shapes.values(), places)
+    ))
+    scratch.reach[:] = 0
+    return scratch
+
+
+def _whole(count: int, unit: int) -> int:
+    """``count`` rounded up to whole units."""
+    return -(-count // unit) * unit
+
+
+def _memory(size: int) -> np.ndarray:
+    """At least ``size`` bytes, from the beginning of a cache line on: what was there before, or more."""
+    held = _KEPT[-1] if _KEPT else np.empty(0, np.uint8)
+    if held.size >= size:
+        return held
+    memory = np.empty(size + CACHE_LINE, np.uint8)
+    memory = memory[-memory.ctypes.data % CACHE_LINE :]
+    if size <= MOST_KEPT:
+        _KEPT[:] = [memory]
+    return memory

@@ -286,9 +286,12 @@ def _splat_band(
     blocks = placed.size
     margin = weights.size // cells.size if wide is not None else 1  # as many voxels as a footprint reaches
     band_alive = alive[BAND]
+    line[:] = np.float32(0.0)
+    sheet_buffer[sheet_buffer.size - 8 * BLOCK :] = np.float32(0.0)
+    length_inside[:] = np.float32(0.0)
     limited = bounds.size > 0
     wanted = reached if limited else band_alive
-    begin_band(state, length, alive, bright, placed, top_row, rows, along, along_slope, across, across_slope)
+    begin_band(state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope)
     bound_blocks(limits, top_row, rows, bounds)
     for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
@@ -356,7 +359,7 @@ def splat_rows(
     ``mist``: None, or its MistRays.
     ``next_band``: (1,) int64 zero; whichever worker is free takes the next band.
     Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
-    viewing direction at which the transmittance falls below one half, left alone where it does not.
+    viewing direction at which the transmittance falls below one half, inf where it does not.
     """
     share_out(
         _splat_bands, workers,

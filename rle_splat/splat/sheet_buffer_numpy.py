@@ -98,6 +98,7 @@ def within_holes(limits, begin, end):
 def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
+    half[...] = np.inf
     n_slices = tables.pointers.shape[0]
     length = rays.lengths()
     limits = rays.limits

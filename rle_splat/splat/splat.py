@@ -49,7 +49,7 @@ def splat_steps(
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, length_unit, quality.length_correction, limits)
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
-    half = np.full((plane.height, plane.width), np.inf, np.float32)
+    half = np.empty((plane.height, plane.width), np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
     footprint = FOOTPRINTS[quality.kernel]
     widen = quality.minification == "widen" and bool(plane.scale.min() < 1.0)
@@ -74,16 +74,16 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
     """Generator: yields LOADING, then fractions done; all rows of a base plane by a kernel like ``splat_rows``, whose
     first ``arguments`` are given."""
 
-    def splat(first, last):
-        with parallel_call(workers):
-            splat_rows(*arguments, first, last, workers, np.zeros(1, np.int64), scratch, pixels, half)
+    def splat(first, last, threads):
+        with parallel_call(threads):
+            splat_rows(*arguments, first, last, threads, np.zeros(1, np.int64), scratch, pixels, half)
 
     yield LOADING
-    splat(0, 0)
+    splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
-        splat(first, min(first + rows_at_once, plane.height))
+        splat(first, min(first + rows_at_once, plane.height), workers)
 
 
 def sheet_list(encoded, plane: BasePlane) -> SheetList:
@@ -98,7 +98,7 @@ def sheet_list(encoded, plane: BasePlane) -> SheetList:
         placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale, plane.offset,
         placed.far, kind,
     )  # fmt: skip
-    return SheetList(*(column[shown] for column in columns))
+    return SheetList(*(columns if shown.all() else (column[shown] for column in columns)))
 
 
 def _reached(encoded, sheets: Sheets) -> np.ndarray:

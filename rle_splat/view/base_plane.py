@@ -8,6 +8,7 @@ one-dimensional convolution: the claim the paper rests on.  One homography then 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -87,10 +88,16 @@ class BasePlane:
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first)
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Base-plane coordinates X (W,) and Y (H,) of the sheet pixels, float64."""
-        x = (np.arange(self.width) + self.origin[0]) / self.density[0]
-        y = (np.arange(self.height) + self.origin[1]) / self.density[1]
-        return x, y
+        """Base-plane coordinates X (W,) and Y (H,) of the sheet pixels, float64, read-only."""
+        return self._points
+
+    @cached_property
+    def _points(self):
+        sides = zip((self.width, self.height), self.origin, self.density)
+        found = tuple((np.arange(count) + first) / density for count, first, density in sides)
+        for places in found:
+            places.flags.writeable = False
+        return found
 
     def slopes(self, x, y) -> tuple[np.ndarray, np.ndarray]:
         """Sideways advance per slice of the rays through base-plane points, index units (algorithm.md 1.4, 5)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -109,10 +110,24 @@ def place_sheets(
     left out and the cell around the eye is integrated from the eye on (algorithm.md 1.4).  ``boxed``: the medium ends
     at the first and the last slice, without the footprints' ramps.
     """
+    _, first, last = _ends(n_slices, sign, footprint, boxed)
+    eye = -np.inf if eye_position is None else sign * float(eye_position)
+    # All eyes before the first sheet have the same ones, and so have all behind the last.
+    eye = -np.inf if eye <= first - NEAREST_SLICE else min(eye, last)
+    return _sheets_from(eye, n_slices, sign, rule, footprint, boxed)
+
+
+def _ends(n_slices: int, sign: int, footprint: Footprint, boxed: bool) -> tuple[int, float, float]:
+    """By how many voxels the medium reaches past the slices; where it begins and ends along the viewing direction."""
     past = 0 if boxed else math.ceil(footprint.radius)
     front, back = -float(past), n_slices - 1.0 + past
-    first, last = (front, back) if sign > 0 else (-back, -front)  # in viewing order
-    eye = -np.inf if eye_position is None else sign * float(eye_position)
+    return (past, front, back) if sign > 0 else (past, -back, -front)
+
+
+@lru_cache(maxsize=32)
+def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Footprint, boxed: bool) -> Sheets:
+    """``place_sheets`` for an eye along the viewing direction, kept, as most frames have those of the last one."""
+    past, first, last = _ends(n_slices, sign, footprint, boxed)
     position, thickness, kinds = [], [], []
     start = first
     slabs, depth = preintegrated_of(rule), CELL_DEPTHS.get(rule, 1)

@@ -185,13 +185,17 @@ def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     found = []
     points = plane.points()
     for place, slope, axis in zip(points, plane.slopes(*points), AXES[plane.axis]):
-        place, slope = np.broadcast_arrays(place, np.float64(slope))
+        last = shape_xyz[axis] - 1.0
+        ends = np.empty((2, len(place)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.stack(((0.0 - place) / slope, (shape_xyz[axis] - 1.0 - place) / slope)) + plane.reference
-        ends = np.sort(plane.sign * ends, axis=0)
-        straight = slope == 0.0
-        inside = (place >= 0.0) & (place <= shape_xyz[axis] - 1.0)
-        ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
-        ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
+            at_first = plane.sign * ((0.0 - place) / slope + plane.reference)
+            at_last = plane.sign * ((last - place) / slope + plane.reference)
+        np.minimum(at_first, at_last, out=ends[0])
+        np.maximum(at_first, at_last, out=ends[1])
+        straight = np.equal(slope, 0.0)
+        if straight.any():
+            inside = (place >= 0.0) & (place <= last)
+            ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
+            ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
         found.append(np.clip(ends, -MOST, MOST).astype(np.float32))
     return tuple(found)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..jit import kernel, parallel_call
 from ..parallel import share_out
+from ..scene import NO_DEPTH
 from .taps import tap2x2, tap4x4
 
 # Half depths that differ by more than this many voxels lie on different surfaces and are not interpolated.
@@ -85,18 +86,24 @@ def _keep_own(directions, first_column, row, axis, sign, at):
 @kernel(inner=True)
 def _resample_rows(
     samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_color,
-    picture_size, picture_origin, first_row, picture, depths,
+    picture_size, picture_origin, first, window, first_row, picture, depths,
 ):
     """ROWS rows of ``resample`` from ``first_row`` on.  The arrays are flat, sizes are (width, height); ``maps``: rows
-    u, v, w, w times the depth at axis position 0, and per voxel, of a pixel of the picture."""
+    u, v, w, w times the depth at axis position 0, and per voxel, of a pixel of the picture.  ``window``: (left, top,
+    right, bottom), outside which no pixel looks into the sheet."""
     width, picture_width = sheet_size[0], picture_size[0]
     parallel_rays = directions[axis, 0] == 0.0 and directions[axis, 1] == 0.0 and directions[axis, 2] == 0.0
     at, across, down = np.empty(STRETCH, np.int64), np.empty(STRETCH, np.float32), np.empty(STRETCH, np.float32)
     for r in range(first_row, first_row + ROWS):
         if r >= picture_size[1]:
             break
+        if first:
+            picture[4 * r * picture_width : 4 * (r + 1) * picture_width] = np.float32(0.0)
+            depths[r * picture_width : (r + 1) * picture_width] = np.float32(NO_DEPTH)
+        if r < window[1] or r >= window[3]:
+            continue
         row = r + picture_origin[1] + 0.5
-        for c in range(0, picture_width, STRETCH):
+        for c in range(window[0], window[2], STRETCH):
             column = c + picture_origin[0]
             wanted = _find_places(maps, column, row, sheet_size, sheet_origin, at, across, down)
             if wanted and not parallel_rays:
@@ -124,14 +131,29 @@ def _resample_rows(
 @kernel(inner=True)
 def _resample_bands(
     first_band, last_band, samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
-    most_color, picture_size, picture_origin, picture, depths,
+    most_color, picture_size, picture_origin, first, window, picture, depths,
 ):
     """Some bands of ROWS rows; see ``_resample_rows``."""
     for band in range(first_band, last_band):
         _resample_rows(
             samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_color,
-            picture_size, picture_origin, band * ROWS, picture, depths,
+            picture_size, picture_origin, first, window, band * ROWS, picture, depths,
         )
+
+
+def _window(to_sheet, sheet_shape, sheet_origin, picture_shape, picture_origin):
+    """(left, top, right, bottom): a part of the picture outside which no pixel looks into the sheet."""
+    height, width = picture_shape
+    (u, v), (rows, columns) = sheet_origin, sheet_shape
+    corners = np.array(((u, u + columns, u + columns, u), (v, v, v + rows, v + rows), (1.0, 1.0, 1.0, 1.0)))
+    x, y, w = np.linalg.solve(to_sheet, corners)
+    if not (w > 0.0).all():  # seen from behind in part: its corners are no bounds
+        return 0, 0, width, height
+    sides = (x / w - picture_origin[0], width), (y / w - picture_origin[1], height)
+    (left, right), (top, bottom) = (
+        (int(min(max(at.min() - 1.0, 0.0), count)), int(max(min(at.max() + 2.0, count), 0.0))) for at, count in sides
+    )
+    return left, top, right, bottom
 
 
 @kernel
@@ -141,7 +163,7 @@ def _resample(bands, arguments):
 
 def resample(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
-    rgba, depth, threads=0,
+    first, rgba, depth, threads=0,
 ):
     """Fill the pixels that belong to one base plane.
 
@@ -149,7 +171,8 @@ def resample(
     (``filters.table_of``; not read for two), weighs.  ``half``: (h, w) float32 half depths along the viewing
     direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet pixel.  ``directions``: (3, 3) picture pixel
     to index-space ray, all zero for parallel rays.  ``depth_map``: (2, 3), sheet pixel to planar depth at position 0
-    and per voxel.  Out: ``rgba`` (H, W, 4), ``depth`` (H, W).
+    and per voxel.  ``first``: whether this is the first plane of a picture, which is cleared then.  Out: ``rgba``
+    (H, W, 4), ``depth`` (H, W), NO_DEPTH where there is none.
 
     ``sheet_origin`` (u, v) and ``picture_origin`` (column, row): the numbers of the first pixel of the arrays.  All
     positions are reckoned in these numbers, so that a window of a sheet, or of a picture, gets the same bits.
@@ -157,7 +180,8 @@ def resample(
     arguments = (
         pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin,
         np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_color,
-        depth.shape[::-1], picture_origin, rgba.reshape(-1), depth.reshape(-1),
+        depth.shape[::-1], picture_origin, first,
+        _window(to_sheet, half.shape, sheet_origin, depth.shape, picture_origin), rgba.reshape(-1), depth.reshape(-1),
     )
     with parallel_call(threads):
         _resample(-(-len(depth) // ROWS), arguments)

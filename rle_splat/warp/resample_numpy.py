@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..scene import NO_DEPTH
 from ..view.principal_axis import dominant_axis
 from .resample import SAME_SURFACE
 
@@ -21,11 +22,19 @@ def _weights(fraction, polynomials):
     return _product(polynomials.T, (np.ones_like(fraction), fraction, square, square * fraction))
 
 
+def clear(rgba, depth):
+    """Nothing to be seen in a picture, (H, W, 4), and its depths, (H, W)."""
+    rgba[...] = 0.0
+    depth[...] = NO_DEPTH
+
+
 def resample_numpy(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
-    rgba, depth,
+    first, rgba, depth,
 ):
     """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
+    if first:
+        clear(rgba, depth)
     height, width = depth.shape
     sheet_height, sheet_width = half.shape
     column, row = np.meshgrid(picture_origin[0] + np.arange(width) + 0.5, picture_origin[1] + np.arange(height) + 0.5)

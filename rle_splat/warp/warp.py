@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..jit import compiled
-from ..scene import NO_DEPTH, Quality
+from ..scene import Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
 from .filters import is_prefiltered, table_of, taps_of
 from .resample import resample
-from .resample_numpy import resample_numpy
+from .resample_numpy import clear, resample_numpy
 from .spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
 
 TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
@@ -34,13 +34,15 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
     transmittance stays above one half, of the region's size.
     """
     left, top, right, bottom = region
-    rgba = np.zeros((bottom - top, right - left, 4), np.float32)
-    depth = np.full((bottom - top, right - left), np.float32(NO_DEPTH), np.float32)
+    rgba = np.empty((bottom - top, right - left, 4), np.float32)
+    depth = np.empty((bottom - top, right - left), np.float32)
+    if not images:
+        clear(rgba, depth)
     name = quality.warp_filter
     with_kernels = compiled(quality.backend)
     square = view.projection[:, :3]
     directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
-    for image in images:
+    for number, image in enumerate(images):
         plane = image.base_plane
         pixels = _coefficients(image.pixels, quality) if is_prefiltered(name) else image.pixels
         to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
@@ -48,7 +50,7 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
         to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
             pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, taps_of(name),
-            table_of(name), np.float32(most_color), _depth_map(plane), (left, top), rgba, depth,
+            table_of(name), np.float32(most_color), _depth_map(plane), (left, top), number == 0, rgba, depth,
         )
         if with_kernels:
             resample(*arguments, quality.threads)

@@ -8,7 +8,7 @@ import pytest
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.render import render
 from rle_splat.scene import Clip, Quality, Scene
-from rle_splat.splat import scalar_splat, splat
+from rle_splat.splat import scalar_splat, scratch, splat
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -31,6 +31,8 @@ def counted(monkeypatch):
     """``counted(scene, quality)``: (scanlines walked, voxels put on a line) while the scene is rendered, thin enough
     that no early end of rays decides."""
     made = []
+    monkeypatch.setattr(scratch, "MOST_KEPT", 0)  # each plane counts in a scratch of its own
+    monkeypatch.setattr(scratch, "_KEPT", [])
 
     def keeping(original):
         def scratch_for(*arguments, **more):
@@ -45,7 +47,7 @@ def counted(monkeypatch):
     def count(scene, quality):
         made.clear()
         render(scene, quality)
-        return tuple(sum(int(scratch.reach[:, number].sum()) for scratch in made) for number in (2, 3))
+        return tuple(sum(int(one.reach[:, number].sum()) for one in made) for number in (2, 3))
 
     return count
 

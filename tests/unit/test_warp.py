@@ -73,8 +73,8 @@ def test_a_window_has_the_coefficients_of_the_whole(prefilter):
 
 def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin=(0, 0), picture_origin=(0, 0)):
     """``image``: colour and alpha, or what the filter weighs instead."""
-    rgba = np.zeros((*size, 4), np.float32)
-    depth = np.full(size, 1e10, np.float32)
+    rgba = np.full((*size, 4), np.nan, np.float32)
+    depth = np.full(size, np.nan, np.float32)
     pixels = np.ascontiguousarray(image, dtype=np.float32)
     if not is_prefiltered(name):
         pixels = pixels * np.float32((1, 1, 1, -1)) + np.float32((0, 0, 0, 1))
@@ -82,7 +82,7 @@ def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin
     depth_map = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]])
     function(
         pixels, half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, taps_of(name), table_of(name), np.float32(most),
-        depth_map, picture_origin, rgba, depth,
+        depth_map, picture_origin, True, rgba, depth,
     )
     return rgba, depth
 
@@ -186,6 +186,30 @@ def test_twins_agree():
         one, two = (run(function, pixels, no_ties, name, (30, 40), half) for function in RESAMPLERS)
         np.testing.assert_allclose(one[0], two[0], atol=2e-6)
         np.testing.assert_allclose(one[1], two[1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("to_sheet", [
+    np.array([[0.9, 0.4, -31.0], [-0.4, 0.9, 7.0], [0.0, 0.0, 1.0]]),
+    np.array([[0.9, 0.4, -31.0], [-0.4, 0.9, 7.0], [4e-3, -2e-3, 1.0]]),
+    np.linalg.inv(np.array([[1.0, 0.0, 20.0137], [0.0, 1.0, 20.0211], [-0.04, 0.0, 1.0]])),  # a horizon goes through the sheet
+    np.array([[0.9, 0.4, -500.0], [-0.4, 0.9, 7.0], [0.0, 0.0, 1.0]]),  # beside the picture
+])  # fmt: skip
+def test_every_pixel_that_looks_into_a_sheet_is_found(to_sheet):
+    """The kernel looks only in a part of the picture, the twin everywhere; what sees nothing is left as it was."""
+    pixels = np.random.default_rng(21).random((33, 44, 4)).astype(np.float32)
+    half = np.full((33, 44), 5.0, np.float32)
+    found = []
+    for function in RESAMPLERS:
+        rgba, depth = np.full((90, 110, 4), 7.0, np.float32), np.full((90, 110), 7.0, np.float32)
+        function(
+            pixels, half, (0, 0), to_sheet, np.zeros((3, 3)), 2, 1, 2, table_of("bilinear"), np.float32(1.0),
+            np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]]), (0, 0), False, rgba, depth,
+        )
+        found.append((rgba, depth))
+    np.testing.assert_allclose(found[0][0], found[1][0], atol=2e-6)
+    np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-6)
+    seen = (found[1][1] != 7.0).mean()
+    assert seen == 0.0 if to_sheet[0, 2] < -100.0 else 0.05 < seen < 0.95
 
 
 @pytest.mark.parametrize("function", RESAMPLERS)
