@@ -13,6 +13,7 @@ from .axes import AXIS_NAMES
 from .effects.analyse import EffectSet, analyse, called_for
 from .effects.camera_clip import is_cut
 from .effects.clips import NOTHING_LEFT, cuts_of
+from .effects.far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
 from .effects.mesh_occlusion import BEHIND, mesh_layers
 from .effects.mixing import BY_PRE, classified_by_pre, is_mixed
 from .encode.scalars import ScalarVolume
@@ -193,39 +194,46 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
 
 
 def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, cuts, clock: Clock):
-    """Generator: splats every base plane once, or once per depth layer, and warps; returns rgba and depth."""
+    """Generator: splats every base plane, what lies behind silhouettes of meshes too, and warps; returns rgba and
+    depth."""
     camera_cuts = is_cut(scene, view, quality)
-    limited = camera_cuts or layers is not None or cuts is not None
     boxed = quality.classification == "refined"
-    surfaces, first_pixel = [None], (0, 0)
-    if layers is not None:
-        first_pixel = layers.first_pixel
-        surfaces = [layers.near, layers.far] if layers.has_silhouettes else [layers.near]
-    pictures = []
     most_color = max(medium.most_color(encodings.values()), *(scene.mist.color if scene.mist else (0.0,)))
-    parts = max(len(surfaces) * len(planes), 1)
-    for s, surface in enumerate(surfaces):
+    looks = [(None, scene.region, list(enumerate(planes)))]
+    if layers is not None:
+        looks = layers_to_splat(layers, scene.region, planes, warp_reach(quality))
+    parts, done = max(sum(len(of_look) for _, _, of_look in looks), 1), 0
+    rgba = depth = None
+    near = {}  # of each base plane before silhouettes: itself, where its rays end, its image
+    for layer, region, of_look in looks:
         images = []
-        for n, plane in enumerate(planes):
-            limits = None
+        for n, plane in of_look:
+            limits = like = None
             if camera_cuts or layers is not None:
                 with clock.stage("clipping" if layers is None else "occlusion"):
                     limits = ray_limits(
-                        plane, scene.camera.clip_start, scene.camera.clip_end, surface, first_pixel,
+                        plane, scene.camera.clip_start, scene.camera.clip_end, layer,
+                        (0, 0) if layers is None else layers.first_pixel,
                         backend=quality.backend, threads=quality.threads,
                     )
             if boxed:
                 limits = within_box(plane, scene.volume.shape_xyz, limits)
+            ends, whole = limits, plane
+            if n in near:
+                with clock.stage("occlusion"):
+                    like = leave_out_like(plane, limits, *near[n][:2])
             if cuts is not None:
                 with clock.stage("clip objects"):
                     limits = clip_limits(plane, cuts, limits, quality.backend, quality.threads)
-                    left = what_is_left(plane, limits, warp_reach(quality) + TAPS)
+                    left = (plane, limits) if like is not None else what_is_left(
+                        plane, limits, warp_reach(quality) + TAPS
+                    )
                 if left is None:
+                    near[n] = whole, ends, None
                     continue
                 plane, limits = left
             steps = medium.splat_steps(encodings[plane.axis], plane, limits)
-            stage, message = "splat", "Splatting"
-            done = 0.0
+            stage, message, part = "splat", "Splatting", 0.0
             while True:
                 try:
                     with clock.stage(stage):
@@ -235,18 +243,22 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                     break
                 loading = step is LOADING
                 stage, message = ("kernels", LOADING_KERNELS) if loading else ("splat", "Splatting")
-                done = done if loading else step
-                yield Progress(0.2 + 0.75 * (s * len(planes) + n + done) / parts, message)
+                part = part if loading else step
+                yield Progress(0.2 + 0.75 * (done + part) / parts, message)
+            done += 1
+            if like is None:
+                near[n] = whole, ends, images[-1]
+            else:
+                with clock.stage("occlusion"):
+                    take_like(images[-1], near[n][2], like)
         with clock.stage("warp"):
-            found = warp(images, view, scene.region, quality, most_color)
-            pictures.append(found if medium.picture is None else medium.picture(*found))
-    rgba, depth = pictures[0]
-    if len(pictures) == 2:
-        with clock.stage("warp"):
-            coverage = layers.coverage_of(scene.region)
-            rgba = coverage[..., None] * rgba + (1.0 - coverage[..., None]) * pictures[1][0]
-            depth = np.where(coverage >= 0.5, depth, pictures[1][1])
-    if limited:
+            found = warp(images, view, region, quality, most_color)
+            found = found if medium.picture is None else medium.picture(*found)
+            if rgba is None:
+                rgba, depth = found
+            else:
+                mix_layers(layers, scene.region, region, rgba, depth, *found)
+    if camera_cuts or layers is not None or cuts is not None:
         depth = _within_clip(depth, scene.camera)
     return rgba, depth
 

@@ -1,0 +1,71 @@
+"""What lies behind silhouettes of meshes: a second picture of few pixels, and of the rays that end elsewhere there.
+
+A silhouette's pixels show what is before the mesh and what is beside it.  The second picture is a window around all
+silhouettes, and in it only blocks of pixels with rays that end elsewhere are splatted: the others are as they were, to
+the bit, because blocks of pixels do not depend on each other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..splat.intermediate_image import IntermediateImage
+from ..splat.pixel_block import BLOCK
+from ..view.base_plane import BasePlane
+from ..view.ray_limits import MOST
+from .depth_layers import DepthLayers
+
+
+def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach: int) -> list[tuple]:
+    """(layer, the part of the picture it is wanted for, (number, base plane) of those that show any of it), once or
+    twice: all of ``region`` (left, top, right, bottom) as far as the near layer, and what is seen past silhouettes.
+
+    ``reach``: sheet pixels on either side of a ray that its pixel depends on.
+    """
+    found = [(layers.near, region, list(enumerate(planes)))]
+    rows, columns = np.nonzero(layers.coverage_of(region) < 1.0)
+    if len(rows) > 0:
+        left, top = region[0], region[1]
+        behind = (
+            left + int(columns.min()), top + int(rows.min()), left + int(columns.max()) + 1, top + int(rows.max()) + 1
+        )
+        windows = [(n, plane.window(behind, reach)) for n, plane in enumerate(planes)]
+        found.append((layers.far, behind, [(n, window) for n, window in windows if window is not None]))
+    return found
+
+
+def leave_out_like(plane: BasePlane, limits, near: BasePlane, near_limits) -> np.ndarray:
+    """(H, W) bool: the pixels of a far layer's ``plane``, a window of ``near``, whose block has the same limits there,
+    ``near_limits``; their rays are made empty in ``limits`` (2, H, W)."""
+    column, row = (plane.origin[n] - near.origin[n] for n in (0, 1))  # a whole number of blocks
+    there = near_limits[:, row : row + plane.height, column : column + plane.width]
+    blocks = np.logical_and.reduceat((limits == there).all(axis=0), np.arange(0, plane.width, BLOCK), axis=1)
+    like = np.repeat(blocks, BLOCK, axis=1)[:, : plane.width]
+    limits[0][like], limits[1][like] = MOST, -MOST
+    return like
+
+
+def take_like(image: IntermediateImage, near: IntermediateImage | None, like) -> None:
+    """Fill in what ``leave_out_like`` has left out.  ``near``: any window of its base plane; what it does not hold is
+    empty, as what was left out is already, and so is all of it where it is None."""
+    if near is None:
+        return
+    of_image, of_near = [], []
+    for n in (1, 0):
+        first = max(image.base_plane.origin[n], near.base_plane.origin[n])
+        last = min(one.base_plane.origin[n] + one.pixels.shape[1 - n] for one in (image, near))
+        for part, one in ((of_image, image), (of_near, near)):
+            start = one.base_plane.origin[n]
+            part.append(slice(first - start, max(last, first) - start))
+    of_image, of_near = tuple(of_image), tuple(of_near)
+    np.copyto(image.pixels[of_image], near.pixels[of_near], where=like[of_image][..., None])
+    np.copyto(image.half_depth[of_image], near.half_depth[of_near], where=like[of_image])
+
+
+def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_depth) -> None:
+    """Mix the pixels ``behind`` silhouettes into the picture of ``region``, by what of them a mesh covers."""
+    left, top = behind[0] - region[0], behind[1] - region[1]
+    part = slice(top, top + far_depth.shape[0]), slice(left, left + far_depth.shape[1])
+    coverage = layers.coverage_of(behind)
+    rgba[part] = coverage[..., None] * rgba[part] + (1.0 - coverage[..., None]) * far_rgba
+    depth[part] = np.where(coverage >= 0.5, depth[part], far_depth)

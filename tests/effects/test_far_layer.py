@@ -1,0 +1,61 @@
+"""Proves that what is seen past silhouettes is the same, to the bit, whether all of it is splatted a second time or
+only the blocks of pixels whose rays end elsewhere than before them."""
+
+import importlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.render import render
+from rle_splat.scene import Clip, Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+road = importlib.import_module("rle_splat.render")  # the package's own name is that of the function
+LOOK = TransferFunction(opacity=((0.2, 0.0), (0.6, 0.3)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
+# Two sheets of triangles across the volume, one before the other, with corners inside the picture.
+MESH = np.array([
+    ((-8, -9, -3), (9, -6, -4), (-5, 3, 8)), ((-5, 2, -8), (11, 5, -6), (6, 1, 9)),
+    ((40, 5, 0), (40, 9, 0), (44, 5, 3)),
+], float)  # fmt: skip
+
+
+def scene_of(perspective, **more):
+    volume = Volume(np.random.default_rng(5).random((22, 20, 18), np.float32), np.eye(4))
+    camera, matrix = turntable(volume, 30.0, 20.0, perspective=perspective, width=90, height=80)
+    return Scene(volume, LOOK, camera, 90, 80, matrix, triangles=MESH, **more)
+
+
+CASES = {
+    "post": ({}, "post"), "pre": ({}, "pre"), "refined": ({}, "refined"), "mip": ({"mode": "mip"}, "post"),
+    "xray": ({"mode": "xray"}, "post"), "crop": ({"crop": (20, 15, 77, 70)}, "post"),
+    "clipped": ({"clips": (Clip("box", np.diag((4.0, 5.0, 4.0, 1.0)), "outside"),)}, "post"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("backend", ["numba", "numpy"])
+@pytest.mark.parametrize("perspective", [False, True])
+@pytest.mark.parametrize("case", CASES)
+def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, perspective, backend, monkeypatch):
+    more, classification = CASES[case]
+    scene = scene_of(perspective, **more)
+    quality = Quality(classification=classification, backend=backend)
+    left_out = []
+    asked = road.leave_out_like
+    monkeypatch.setattr(road, "leave_out_like", lambda *a: left_out.append(asked(*a)) or left_out[-1])
+    found = render(scene, quality)
+    assert left_out and all(0.1 < like.mean() < 1.0 for like in left_out)
+
+    def whole(layers, region, planes, reach):
+        numbered = list(enumerate(planes))
+        return [(layers.near, region, numbered), (layers.far, region, numbered)]
+
+    monkeypatch.setattr(road, "layers_to_splat", whole)
+    monkeypatch.setattr(road, "leave_out_like", lambda plane, *_: np.zeros((plane.height, plane.width), bool))
+    expected = render(scene, quality)
+    np.testing.assert_array_equal(found.rgba, expected.rgba)
+    np.testing.assert_array_equal(found.depth, expected.depth)
+    without = render(replace(scene, triangles=None), quality)
+    assert np.abs(without.rgba - found.rgba).max() > 0.05, "the meshes hide nothing, so nothing was tested"
