@@ -38,12 +38,14 @@ from rle_splat.scene import (
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
+from .effects_page import write_page
 from .frames import Neighbours, circumstances, describe
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
 
 AZIMUTH, ELEVATION, STEP = 35.0, 20.0, 0.5  # degrees; how far the camera turns from frame to frame
 REPEATS = 5
+PLAIN, LIT, SMOKE = SCENES = "plain CT", "lit CT", "smoke"
 MATT, SHINY = Shade(0.2, 0.8, 0.0, 20.0), 0.4
 SUN_STRENGTH, LAMP_STRENGTH = 3.0, 20.0  # W/m^2; W for each squared length of the volume's half diagonal
 FRAME_TARGET, LIGHT_TARGET = 250.0, 150.0  # milliseconds: the lit CT's frame at 512 x 512; a light pass on 256^3
@@ -206,6 +208,10 @@ PRICES = {
 }  # fmt: skip
 
 
+MANY_PICTURES = ("depth of field", "motion blur")  # the mean of several: they multiply what all others cost
+ALL, ALL_PICTURES = "all together", "all, with lens and shutter"
+
+
 def given(scene: Scene, label: str) -> Scene:
     """The scene with a price, and with what that rests on."""
     price = PRICES[label]
@@ -218,7 +224,7 @@ def given(scene: Scene, label: str) -> Scene:
 @dataclass(frozen=True)
 class Setting:
     """A volume and its look, seen in perspective; ``lit`` by two matt lights from the start, and what is ``priced``
-    on it, each alone and, but for modes, all together."""
+    on it, each alone and, but for modes, all together: once without what takes several pictures, and once with it."""
 
     name: str
     volume: Volume
@@ -247,7 +253,7 @@ def _ct_head():
 def settings() -> tuple[Setting, ...]:
     on_lights = (
         "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects",
-        "clip plane",
+        "clip plane", "depth of field",
     )  # fmt: skip
     on_plain = (
         "shading", "specular", "clipping", "clip objects", "clip plane", "gradient opacity", "labels", "channels"
@@ -255,11 +261,11 @@ def settings() -> tuple[Setting, ...]:
     cloud = smoke()
     head, bone = _ct_head()
     return (
-        Setting("plain CT", head, bone, False, tuple(
+        Setting(PLAIN, head, bone, False, tuple(
             n for n in PRICES if n in on_plain or n.startswith("mode ")
         )),
-        Setting("lit CT", head, bone, True, tuple(n for n in PRICES if n in on_lights)),
-        Setting("smoke", cloud, preset("smoke"), False, tuple(n for n in PRICES if not n.startswith("mode "))),
+        Setting(LIT, head, bone, True, tuple(n for n in PRICES if n in on_lights)),
+        Setting(SMOKE, cloud, preset("smoke"), False, tuple(n for n in PRICES if not n.startswith("mode "))),
     )  # fmt: skip
 
 
@@ -324,14 +330,17 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
     def priced(label):
         return lambda azimuth: given(base(azimuth), label)
 
-    def everything(azimuth):
-        scene = base(azimuth)
-        for label in together:
-            scene = given(scene, label)
-        return scene
+    def all_of(labels):
+        def make(azimuth):
+            scene = base(azimuth)
+            for label in labels:
+                scene = given(scene, label)
+            return scene
+
+        return make
 
     def forced_off(azimuth):
-        return replace(everything(azimuth), effects={PRICES[label].effect: False for label in together})
+        return replace(all_of(together)(azimuth), effects={PRICES[label].effect: False for label in together})
 
     def never_heard_of(azimuth):
         scene = forced_off(azimuth)
@@ -343,7 +352,10 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
         over = None if setting.lit else PRICES[label].over  # a lit scene has all that an effect rests on
         below = base if over is None else priced(over)
         rows.append(_row(setting, label, over or "base", *compare(below, priced(label), quality, repeats)))
-    rows.append(_row(setting, "all together", "base", *compare(base, everything, quality, repeats)))
+    of_one = [label for label in together if label not in MANY_PICTURES]
+    rows.append(_row(setting, ALL, "base", *compare(base, all_of(of_one), quality, repeats)))
+    if len(of_one) < len(together):
+        rows.append(_row(setting, ALL_PICTURES, "base", *compare(base, all_of(together), quality, repeats)))
     rows.append(_row(setting, "all off by hand", "never", *compare(never_heard_of, forced_off, quality, repeats)))
     return rows
 
@@ -389,7 +401,7 @@ def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict:
 
 def header() -> str:
     return (
-        f"{'scene':<10}{'effect':<19}{'over':<10}{'first ms':>10}{'x':>7}{'frame ms':>10}{'x':>7}"
+        f"{'scene':<10}{'effect':<27}{'over':<10}{'first ms':>10}{'x':>7}{'frame ms':>10}{'x':>7}"
         f"{'own, first':>12}{'off ms':>8}  made by a frame"
     )
 
@@ -399,7 +411,7 @@ def line(row: dict) -> str:
     price = PRICES.get(row["effect"])
     own = row["own_first_ms"].get(price.effect) if price else None
     return (
-        f"{row['scene']:<10}{row['effect']:<19}{row['over']:<10}{row['first_ms']:10.1f}{row['first_ratio']:7.2f}"
+        f"{row['scene']:<10}{row['effect']:<27}{row['over']:<10}{row['first_ms']:10.1f}{row['first_ratio']:7.2f}"
         f"{row['frame_ms']:10.1f}{row['frame_ratio']:7.2f}{'-' if own is None else f'{own:.1f}':>12}"
         f"{row['off_ms']:8.1f}  {', '.join(row['made_by_a_frame']) or '-'}"
     )
@@ -407,7 +419,7 @@ def line(row: dict) -> str:
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench effects", description=__doc__)
-    parser.add_argument("--scene", nargs="*", choices=("plain CT", "lit CT", "smoke"), help="instead of all three")
+    parser.add_argument("--scene", nargs="*", choices=SCENES, help="instead of all three")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the light pass's volume")
     parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
@@ -415,6 +427,7 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--docs", action="store_true", help="put the tables into docs/effects.md and docs/effects.json")
     options = parser.parse_args(arguments)
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
     where, neighbours, table = circumstances(options.threads), Neighbours(), []
@@ -430,21 +443,25 @@ def main(arguments) -> int:
             print(line(row), flush=True)
     unpriced = [name for name in EFFECTS if name not in {price.effect for price in PRICES.values()} | {"headlight"}]
     print(f"\nNot priced: {', '.join(unpriced) or 'none'}.")
-    lit = next((row for row in table if (row["scene"], row["effect"]) == ("lit CT", "all together")), None)
+    lit = next((row for row in table if (row["scene"], row["effect"]) == (LIT, ALL)), None)
     if lit is not None:
         print(
             f"Lit CT, all effects: {lit['frame_ms']:.0f} ms a frame at {options.size}; the target is {FRAME_TARGET:g} "
             f"at 512. A turn of the camera makes anew: {', '.join(lit['made_by_a_frame']) or 'nothing'}."
         )
-    passed = light_pass(quality, options.side, options.size, options.repeats)
-    print(
-        f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
-        f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
-    )
+    passed = None
+    if not options.scene or LIT in options.scene:
+        passed = light_pass(quality, options.side, options.size, options.repeats)
+        print(
+            f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
+            f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
+        )
     print(neighbours.describe())
     where["others_busy_cores"] = neighbours.cores()
+    found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
+             "classification": options.classification, "not_priced": unpriced, "light_pass": passed}  # fmt: skip
+    if options.docs:
+        write_page(found)
     if options.json:
-        found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
-                 "classification": options.classification, "not_priced": unpriced, "light_pass": passed}
         options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     return 0

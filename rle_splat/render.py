@@ -229,7 +229,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                         plane, limits, warp_reach(quality) + TAPS
                     )
                 if left is None:
-                    near[n] = whole, ends, None
+                    near[n], done = (whole, ends, None), done + 1
                     continue
                 plane, limits = left
             steps = medium.splat_steps(encodings[plane.axis], plane, limits)

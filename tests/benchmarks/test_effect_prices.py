@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import effects
+from benchmarks import effects, effects_page
 from benchmarks.scenes import shells
 from rle_splat.effects.analyse import EFFECTS, analyse
 from rle_splat.scene import Quality
@@ -34,12 +34,43 @@ def test_a_price_turns_its_effect_on(label, setting):
 
 def test_rows_say_what_was_made_and_that_off_is_nothing():
     rows = {row["effect"]: row for row in effects.measure(LIT, QUALITY, 16, 1)}
-    assert list(rows) == ["specular", "mesh occlusion", "all together", "all off by hand"]
+    assert list(rows) == ["specular", "mesh occlusion", effects.ALL, "all off by hand"]
     assert rows["specular"]["made_by_a_frame"] == ["light", "lights"]
     assert rows["mesh occlusion"]["made_by_a_frame"] == []
     assert rows["all off by hand"]["more_kernels"] == rows["all off by hand"]["fewer_kernels"] == []
     for row in rows.values():
         assert row["off_ms"] == 0.0 and np.isfinite([row["first_ms"], row["frame_ms"]]).all()
+
+
+def test_lens_and_shutter_have_a_row_of_their_own():
+    lens = effects.Setting("shells", *shells(24), False, ("clipping", "depth of field"))
+    rows = {row["effect"]: row for row in effects.measure(lens, QUALITY, 384, 1)}
+    assert list(rows) == ["clipping", "depth of field", effects.ALL, effects.ALL_PICTURES, "all off by hand"]
+    assert "depth of field" not in rows[effects.ALL]["on"] and "depth of field" in rows[effects.ALL_PICTURES]["on"]
+
+
+def test_a_scene_s_table_replaces_its_own_and_no_other(tmp_path):
+    for name in ("effects.md", "effects.json"):
+        if (effects_page.DOCS / name).exists():
+            (tmp_path / name).write_text((effects_page.DOCS / name).read_text(encoding="utf-8"), encoding="utf-8")
+
+    def report(scene, milliseconds):
+        row = {
+            "scene": scene, "effect": "mode mip", "over": "base", "first_ms": 3.0, "first_ratio": 1.5,
+            "frame_ms": milliseconds, "frame_ratio": 2.5, "own_first_ms": {"mode": 7.0}, "off_ms": 0.0,
+            "more_kernels": ["one"], "made_by_a_frame": [],
+        }  # fmt: skip
+        where = effects.circumstances(1) | {"others_busy_cores": 0.1}
+        return {"rows": [row], "circumstances": where, "size": 16, "quality": "draft", "classification": "post",
+                "light_pass": None}  # fmt: skip
+
+    for scene, milliseconds in (("plain CT", 111.0), ("smoke", 222.0), ("plain CT", 333.0)):
+        effects_page.write_page(report(scene, milliseconds), tmp_path)
+    page = (tmp_path / "effects.md").read_text(encoding="utf-8")
+    plain, smoke = (page.partition(f"<!-- begin prices of {name} -->")[2].partition("<!-- end")[0]
+                    for name in ("plain CT", "smoke"))  # fmt: skip
+    assert "| mode mip | base | 3 (1.50) | 333 (2.50) | 7 | 1 | nothing |" in plain and "111" not in page
+    assert "222 (2.50)" in smoke and "Off: 0 ms in every row" in plain
 
 
 def test_table_and_report(tmp_path, capsys, monkeypatch):

@@ -94,6 +94,23 @@ def test_meshes_in_front_inside_and_behind(volume, tmp_path):
     assert np.abs(picture[2, 2]).max() == 0.0  # beside the volume
 
 
+def test_holdouts_hide_the_volume_behind_them_and_show_nothing_of_themselves(volume, tmp_path):
+    """An object that is a holdout, and one in a collection that the view layer holds out."""
+    own = strip(2.0, 3.5, 4.0, (0.1, 1.0, 0.1))
+    own.is_holdout = True
+    by_layer = strip(4.0, 5.5, 2.3, (0.6, 0.6, 0.1))
+    collection = bpy.data.collections.new("held out")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(by_layer)
+    collection.objects.link(by_layer)
+    bpy.context.view_layer.layer_collection.children["held out"].holdout = True
+    strip(-2.0, 10.0, -5.0, (0.1, 0.1, 1.0))  # behind all
+    bpy.ops.rle_splat.composite()
+    picture = scenes.rendered(tmp_path / "out.exr")
+    for x, rgba in {2.8: over(N - 0.5 - 4.0), 4.8: over(N - 0.5 - 2.3), 7.5: over(N, (0.1, 0.1, 1.0), 1.0)}.items():
+        np.testing.assert_allclose(picture[32, column_of(x)], rgba, atol=TOLERANCE, err_msg=f"at x = {x}")
+
+
 def test_a_silhouette_inside_the_volume_is_antialiased(volume, tmp_path):
     pixel = VIEW / 64
     covered = 6 / 16  # of column 40
