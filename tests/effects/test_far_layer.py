@@ -32,6 +32,7 @@ CASES = {
     "post": ({}, "post"), "pre": ({}, "pre"), "refined": ({}, "refined"), "mip": ({"mode": "mip"}, "post"),
     "xray": ({"mode": "xray"}, "post"), "crop": ({"crop": (20, 15, 77, 70)}, "post"),
     "clipped": ({"clips": (Clip("box", np.diag((4.0, 5.0, 4.0, 1.0)), "outside"),)}, "post"),
+    "little left": ({"clips": (Clip("box", np.diag((4.0, 5.0, 4.0, 1.0))),)}, "post"),
 }  # fmt: skip
 
 
@@ -58,4 +59,4 @@ def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, p
     np.testing.assert_array_equal(found.rgba, expected.rgba)
     np.testing.assert_array_equal(found.depth, expected.depth)
     without = render(replace(scene, triangles=None), quality)
-    assert np.abs(without.rgba - found.rgba).max() > 0.05, "the meshes hide nothing, so nothing was tested"
+    assert np.abs(without.rgba - found.rgba).max() > 0.04, "the meshes hide nothing, so nothing was tested"
