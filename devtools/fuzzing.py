@@ -9,7 +9,7 @@ import time
 from itertools import count
 
 from .environments import CORE, ensure
-from .places import BUILD, ROOT, clean_environ, say
+from .places import KERNELS, ROOT, clean_environ, say
 
 FUZZ_VARIABLE = "RLE_SPLAT_FUZZ"
 TESTS = ROOT / "tests" / "stability"
@@ -26,7 +26,7 @@ def fuzz(seconds: float, arguments=()) -> int:
     once; stops at the first failure and says how to see it again."""
     files = sorted(TESTS.glob("test_*fuzz*.py"))
     python, end, finished, cut_short = ensure(CORE), time.monotonic() + seconds, 0, 0
-    environ = clean_environ(**{FUZZ_VARIABLE: "1", "NUMBA_CACHE_DIR": str(BUILD / "numba-cache")})
+    environ = clean_environ(**{FUZZ_VARIABLE: "1", "RLE_SPLAT_CACHE": str(KERNELS)})
     share = max(seconds / len(files), LEAST_SECONDS)
     for turn in count():
         if turn >= len(files) and time.monotonic() >= end:

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .environments import CORE, ensure
-from .places import BUILD, ROOT, Failure, clean_environ, say
+from .places import KERNELS, ROOT, Failure, clean_environ, say
 
 COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
-VALUES, ENCODING, ACCUMULATION, GEOMETRY = (
-    f"tests/stability/test_{group}.py" for group in ("values", "encoding", "accumulation", "geometry")
+VALUES, ENCODING, ACCUMULATION, GEOMETRY, TWINS = (
+    f"tests/stability/test_{group}.py" for group in ("values", "encoding", "accumulation", "geometry", "twins")
 )
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
 
@@ -162,6 +162,14 @@ MUTANTS = (
         (ACCUMULATION, "-k", "A10_a_constant and numpy and gaussian and simpson and float32"),
     ),
     Mutant(
+        "the place of a ray multiplied by an inverse in place of divided", "K1",
+        ((
+            "view/footprints.py", "return (pixel - shift) / scale",
+            "return pixel * (1.0 / scale) - shift * (1.0 / scale)",
+        ),),
+        (TWINS, "-k", "K1 and nearest and float32"),
+    ),
+    Mutant(
         "the eye of parallel rays without its sign", "C6",
         (("view/eye.py", "if depth[:3] @ eye[:3] > 0.0:", "if False:"),),
         (GEOMETRY, "-k", "C6_axes and float32"),
@@ -215,8 +223,8 @@ def mutations(only: str = "") -> int:
             source = ROOT / name
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(source, folder / name, ignore=ignored) if source.is_dir() else shutil.copy(source, folder)
-        whole = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"))
-        broken = clean_environ(NUMBA_CACHE_DIR=str(cache), RLE_SPLAT_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
+        whole = clean_environ(RLE_SPLAT_CACHE=str(KERNELS))
+        broken = clean_environ(RLE_SPLAT_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
         for mutant in chosen:
             begun = time.monotonic()
             # Without the mutation they must be green, or red would prove nothing.

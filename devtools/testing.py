@@ -10,7 +10,7 @@ from pathlib import Path
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CORE, ensure, ensure_bpy
-from .places import BUILD, OUT, ROOT, Failure, clean_environ, say
+from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, say
 from .pythons import find_python
 from .real_blender_tests import WHOLE, real_blender_stage, window_stage
 from .stages import Stage, broken, judged, skipped, summary
@@ -39,14 +39,14 @@ def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: 
 
 
 def _core(arguments, name: str = "core", aside: bool = False) -> Stage:
-    environ = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"), **{FIGURES_VARIABLE: str(FIGURES)})
+    environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), **{FIGURES_VARIABLE: str(FIGURES)})
     return _pytest(name, ensure(CORE), ["--ignore=tests/blender", *arguments], CORE_SECONDS, environ, aside)
 
 
 def _whole_core(options) -> list[Stage]:
     """The core's tests, the catalogue of hard cases beside the others: half the time on two cores."""
     ensure(CORE)
-    without = clean_environ(NUMBA_CACHE_DIR=str(BUILD / "numba-cache"))
+    without = clean_environ(RLE_SPLAT_CACHE=str(KERNELS))
     with ThreadPoolExecutor(1) as beside:
         hard = beside.submit(_core, [STABILITY_TESTS, *options], "hard cases", True)
         others = ["--ignore=tests/blender", "--ignore=tests/stability", *options]

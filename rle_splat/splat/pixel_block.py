@@ -67,19 +67,20 @@ if numba is not None:
         return negated.power_of_two(kind), p
 
     @intrinsic
-    def place_tent(typing, cells, fractions, to, start, step, top):
+    def place_tent(typing, cells, fractions, to, start, scale, top):
         """Where the samples of one block lie on a scanline: float index of the left voxel, fraction to the right one.
 
-        ``start``, ``step`` and ``top``, the last valid coordinate: float64, in voxels, shifted by one: index 0 of a
-        scanline is voxel -1, and the outermost voxels are zero.  Out: ``cells`` int32 and ``fractions`` float32, from
-        number ``to`` on.
+        ``start``: of the first sample in sheet pixels from voxel 0, ``scale`` sheet pixels a voxel, both float64;
+        divided by it as ``footprints.voxel_at`` is.  ``top``: the last valid coordinate, float64, in voxels, shifted
+        by one: index 0 of a scanline is voxel -1, and the outermost voxels are zero.  Out: ``cells`` int32 and
+        ``fractions`` float32, from number ``to`` on.
         """
 
         def generate(context, builder, signature, arguments):
-            cells, fractions, to, start, step, top = arguments
-            start, step, top = (Vector.spread(builder, number, BLOCK) for number in (start, step, top))
+            cells, fractions, to, start, scale, top = arguments
+            start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
             pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
-            x = (start + pixels * step).most(0.0).least(top)
+            x = ((start + pixels) / scale + 1.0).most(0.0).least(top)
             cell = x.truncated()
             (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
             four = Vector(builder, builder.shl(cell.value, ir.Constant(ir.VectorType(INTEGER, BLOCK), [2] * BLOCK)))
@@ -252,7 +253,7 @@ if numba is not None:
 
 else:  # never called: callers take the numpy twin
 
-    def place_tent(cells, fractions, to, start, step, top): ...
+    def place_tent(cells, fractions, to, start, scale, top): ...
 
     def resample_tent(line, cells, fractions, first, sheet, at): ...
 

@@ -23,18 +23,18 @@ if numba is not None:
     from .pixel_block import composited, slab
 
     @intrinsic
-    def place_inside(typing, cells, fractions, to, start, step, top):
+    def place_inside(typing, cells, fractions, to, start, scale, top):
         """Where the samples of one block lie on a scanline, none beyond its ends: see ``pixel_block.place_tent``.
 
-        ``start``, ``step`` and ``top``, the last voxel: float64, in voxels.  Out: ``cells`` int32, the number of the
-        left voxel, and ``fractions`` float32 to the right one, from number ``to`` on.
+        ``top``: the last voxel, float64.  Out: ``cells`` int32, the number of the left voxel, and ``fractions``
+        float32 to the right one, from number ``to`` on.
         """
 
         def generate(context, builder, signature, arguments):
-            cells, fractions, to, start, step, top = arguments
-            start, step, top = (Vector.spread(builder, number, BLOCK) for number in (start, step, top))
+            cells, fractions, to, start, scale, top = arguments
+            start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
             pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
-            x = (start + pixels * step).most(0.0).least(top)
+            x = ((start + pixels) / scale).most(0.0).least(top)
             cell = x.truncated()
             (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
             cell.store(place(context, builder, signature.args[0], cells, to))
@@ -305,7 +305,7 @@ if numba is not None:
 
 else:  # never called: callers take the numpy twin
 
-    def place_inside(cells, fractions, to, start, step, top): ...
+    def place_inside(cells, fractions, to, start, scale, top): ...
 
     def resample_plane(line, base, cells, fractions, first, sheet, at): ...
 

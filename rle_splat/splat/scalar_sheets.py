@@ -14,6 +14,7 @@ from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
+from ..view.footprints import voxel_at
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .cut_slab import cut_ends
 from .half_depth import half_way
@@ -54,7 +55,6 @@ def _resample_scanlines(
     """
     n_scanlines = pointers.shape[1]
     blocks = placed.size
-    step = 1.0 / scale_u
     near = first_slice
     weight, far_weight = slice_weights[number, 0], slice_weights[number, 1]
     if weight == 0.0:
@@ -67,7 +67,7 @@ def _resample_scanlines(
         v = top_row + r
         if begin >= box_rows[1, v] or far <= box_rows[0, v]:
             continue
-        y = min(max((v - shift_v) / scale_v, 0.0), n_scanlines - 1.0)
+        y = min(max(voxel_at(v, shift_v, scale_v), 0.0), n_scanlines - 1.0)
         first_line = max(min(int(y), n_scanlines - 2), 0)
         if first_line > tapped:
             tapped = first_line - 1
@@ -111,7 +111,7 @@ def _resample_scanlines(
                     bits &= bits - ONE_BIT
                     if placed[b] != number:  # the same for all scanlines of the sheet
                         placed[b] = number
-                        place_inside(cells, fractions, BLOCK * b, (b * BLOCK - shift_u) * step, step, width - 1.0)
+                        place_inside(cells, fractions, BLOCK * b, b * BLOCK - shift_u, scale_u, width - 1.0)
                     at = planes * BLOCK * (slot * blocks + b)
                     for plane in range(planes):
                         resample_plane(line, plane * stride, cells, fractions, BLOCK * b, sheet, at + BLOCK * plane)

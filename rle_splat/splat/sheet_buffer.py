@@ -17,7 +17,7 @@ import numpy as np
 from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
-from ..view.footprints import TENT, first_tap, footprint_weight, tap_count
+from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .band import NO_BITS, begin_band, live_voxels, write_rows
 from .limited_blocks import NO_MORE, NONE, NONE_ENDED, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
@@ -64,14 +64,13 @@ def _splat_sheet(
         stretch_u = _stretch(widen, scale_u)
         radius_u, radius_v = radius * stretch_u, radius * _stretch(widen, scale_v)
     taps_u, taps_v = tap_count(radius_u), tap_count(radius_v)
-    step = 1.0 / scale_u
     # Pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach.
-    low_end, top = margin - radius_u - 0.5, width - 0.5 + margin + radius_u
+    low, top = -radius_u - 0.5, width - 0.5 + radius_u
     found = False
     live_count = -1
     slot, tapped = -1, NO_SCANLINE  # of the scanline dealt with last, and its number
     for r in range(rows):
-        y = (top_row + r - shift_v) / scale_v
+        y = voxel_at(top_row + r, shift_v, scale_v)
         first_line = first_tap(kind, y, radius_v)
         if first_line > tapped:
             tapped = first_line - 1
@@ -115,13 +114,12 @@ def _splat_sheet(
                     at = 4 * BLOCK * (slot * blocks + b)
                     if placed[b] != number:  # the taps are the same for all scanlines of the sheet
                         placed[b] = number
-                        start = (b * BLOCK - shift_u) * step + margin
                         if wide is None:
-                            place_tent(cells, weights, BLOCK * b, start, step, top)
+                            place_tent(cells, weights, BLOCK * b, b * BLOCK - shift_u, scale_u, top + margin)
                         else:
                             place_wide_taps(
                                 cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, kind,
-                                stretch_u, radius_u, start, step, low_end, top,
+                                stretch_u, radius_u, b * BLOCK, shift_u, scale_u, margin, low, top,
                             )
                     if wide is None:
                         resample_tent(line, cells, weights, BLOCK * b, sheet, at)
@@ -142,11 +140,11 @@ def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks,
     mixed[:] = np.float32(0.0)
     total = 0.0
     for tap in range(taps):
-        total += footprint_weight(kind, (y - (first + tap)) / stretch)
+        total += tap_weight(kind, y, first + tap, stretch)
     for tap in range(taps):
         if (marks[slot + tap, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
             continue
-        weight = np.float32(footprint_weight(kind, (y - (first + tap)) / stretch) / total)
+        weight = np.float32(tap_weight(kind, y, first + tap, stretch) / total)
         at = 4 * BLOCK * ((slot + tap) * blocks + b)
         block = sheet[at : at + 4 * BLOCK]
         for i in range(4 * BLOCK):

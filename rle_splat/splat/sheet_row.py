@@ -9,7 +9,7 @@ import numpy as np
 from ..bits import lowest_bit
 from ..jit import inner_loop
 from ..lanes import add4
-from ..view.footprints import first_tap, footprint_weight
+from ..view.footprints import first_tap, tap_weight, voxel_at
 from .half_depth import half_way
 from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED, planar
 from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
@@ -20,24 +20,25 @@ _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the 
 
 
 @inner_loop
-def place_wide_taps(cells, weights, taps, kind, stretch, radius, start, step, low, top):
+def place_wide_taps(cells, weights, taps, kind, stretch, radius, first_pixel, shift, scale, margin, low, top):
     """Where the samples of one block lie for a footprint of any width: first voxel, and its ``taps`` weights.
 
-    ``weights[tap * BLOCK + i]`` float32, normalised by their sum over all voxels.  ``stretch``: how much wider than
-    a voxel the footprint is made; ``radius``: stretched.  ``low`` and ``top``: first and last shifted coordinate.
+    ``cells``: number of the first voxel, ``margin`` more.  ``weights[tap * BLOCK + i]`` float32, normalised by their
+    sum over all voxels.  ``stretch``: how much wider than a voxel the footprint is made; ``radius``: stretched.
+    ``first_pixel``, ``shift``, ``scale``: see ``voxel_at``.  ``low`` and ``top``: first and last place.
     """
     for i in range(BLOCK):
-        x = min(max(start + i * step, low), top)
+        x = min(max(voxel_at(first_pixel + i, shift, scale), low), top)
         first = first_tap(kind, x, radius)
-        cells[i] = np.int32(first)
+        cells[i] = np.int32(first + margin)
         total = 0.0
         for tap in range(taps):
-            weight = footprint_weight(kind, (x - (first + tap)) / stretch)
+            weight = tap_weight(kind, x, first + tap, stretch)
             weights[tap * BLOCK + i] = weight
             total += weight
-        scale = np.float32(1.0 / total) if total > 0.0 else _ZERO
+        over = np.float32(1.0 / total) if total > 0.0 else _ZERO
         for tap in range(taps):
-            weights[tap * BLOCK + i] *= scale
+            weights[tap * BLOCK + i] *= over
 
 
 @inner_loop

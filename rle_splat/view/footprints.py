@@ -41,7 +41,15 @@ FOOTPRINTS = {
 assert tuple(FOOTPRINTS) == NAMES, "the table of names in scene/quality.py is the one that people see"
 
 
-@kernel
+@kernel(exact=True)
+def voxel_at(pixel, shift, scale):
+    """Where a sheet pixel lies among voxels: pixel = ``scale`` * voxel + ``shift``.
+
+    Rounded as numpy rounds it: footprints with an edge, and voxels that are not kept, ask on which side it is."""
+    return (pixel - shift) / scale
+
+
+@kernel(exact=True)
 def footprint_weight(kind, t):
     """The kernel at ``t`` voxels from its centre; float64.  The box is closed on its left side only."""
     d = abs(t)
@@ -66,12 +74,18 @@ def tap_count(radius):
     return max(math.ceil(2.0 * radius), 1)
 
 
-@kernel
+@kernel(exact=True)
 def first_tap(kind, x, radius):
     """The first voxel whose footprint of ``radius`` reaches ``x``; a box's right end belongs to the next voxel."""
     if kind == NEAREST:
         return math.floor(x - radius) + 1
     return math.ceil(x - radius)
+
+
+@kernel(exact=True)
+def tap_weight(kind, x, voxel, stretch):
+    """What ``voxel`` gives to ``x`` by a footprint made wider by ``stretch``, before it is normalised; float64."""
+    return footprint_weight(kind, (x - voxel) / stretch)
 
 
 def footprint_values(kind: int, t: np.ndarray) -> np.ndarray:

@@ -1,0 +1,180 @@
+"""Kernels held against their numpy twins, stage by stage and ray by ray, and what may set them apart.
+
+Both splat each base plane from the same tables, and warp the same sheets, so that what differs is seen where it comes
+from.  A ray may be had otherwise for a reason of a closed list only, which is looked for in that ray: ``Splat.judged``.
+Each reason has a case of its own in test_twins.py.
+"""
+
+from __future__ import annotations
+
+import inspect
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from unittest.mock import patch
+
+import numpy as np
+
+from rle_splat.encode.tables import RunLengthVolume
+from rle_splat.render import render_steps, warp
+from rle_splat.splat.scalar_splat import scalar_splat_steps, value_splat_steps
+from rle_splat.splat.splat import OPAQUE, splat_steps
+from rle_splat.steps import drain
+
+SPLATS = {
+    "rle_splat.medium.splat_steps": splat_steps,
+    "rle_splat.scalar_medium.scalar_splat_steps": scalar_splat_steps,
+    "rle_splat.scalar_medium.value_splat_steps": value_splat_steps,
+}
+# No ray is known better than to this part of a voxel, and no value than to this part of the largest: shares of voxels
+# are float32.
+NUDGE = 2.0**-22
+ROUNDING = 2.0**-20  # of colour and transmittance: so much to begin with, and a sixteenth more for each sheet
+END = 2.0**-20  # of the transmittance at which a ray ends, for each sheet
+# A code's step, of the largest colour and of the density itself, by the bytes of a record (encode/records.py).
+STEPS = {8: (2.0**-11, 2.0**-11), 6: (1 / 1023, 2.0**-11), 4: (1 / 127, 4.8e-3)}
+ALMOST = 1e-4  # as good as the same, of what a moved ray shows
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How many rays kernels and twin have otherwise by more than roundings: ``ends`` and ``edges``, with a cause, and
+    ``odd`` ones without."""
+
+    ends: int
+    edges: int
+    odd: int
+
+
+@dataclass(eq=False)
+class Splat:
+    """One base plane's: what ``steps`` was ``given``, by name, and the ``image`` that it made.
+
+    ``most``: largest channel of an unassociated colour."""
+
+    steps: object
+    given: dict
+    image: object
+    most: float = 1.0
+
+    def by_twin(self, along=0.0, across=0.0, turn=0.0, grow=0.0) -> np.ndarray:
+        """(H, W, 4) colour and transmittance that the twin makes of it.
+
+        ``along``, ``across``: voxels by which its rays are moved.  ``turn``: part of the largest number by which the
+        values move that the table of values begins and ends at.  ``grow``: part of itself by which matter grows."""
+        plane, given = self.given["plane"], dict(self.given)
+        given["quality"] = replace(given["quality"], backend="numpy")
+        given["plane"] = replace(plane, offset=plane.offset + np.array((along, across)) * plane.scale)
+        if turn:
+            given["table"] = _turned(given["encoded"], given["table"], turn)
+        if grow:
+            records = (given["encoded"].decoded() * (1.0 + grow)).astype(np.float32)
+            given["encoded"] = replace(given["encoded"], voxel_data=records, decoding=None)
+        with np.errstate(all="ignore"):
+            return drain(self.steps(**given)).pixels
+
+    def judged(self) -> Judgement:
+        """Why rays of the twin are not the kernels'.
+
+        An end: the transmittance was within its roundings of that at which rays end, so that one of the two went on;
+        what it saw then is no more than that much of the brightest.  An edge: moved by NUDGE, looked up as far from its
+        value, or through matter that is denser by as much, the twin's own ray changes by half the difference or more:
+        each sheet may fall to its own side."""
+        weight = 1.0 / np.array([max(self.most, 1.0)] * 3 + [1.0])
+        kernels, twin = self.image.pixels, self.by_twin()
+        apart = (abs(kernels.astype(np.float64) - twin) * weight).max(axis=-1)
+        sheets = len(self.image.base_plane.sheets)
+        odd = apart > ROUNDING * (1.0 + sheets / 16.0)
+        least = max(self.given["quality"].termination, OPAQUE)
+        ended = np.maximum(kernels[..., 3], twin[..., 3])
+        end = odd & (ended < least) & (ended >= least * (1.0 - END * sheets)) & (apart <= least * (1.0 + ALMOST))
+        odd &= ~end
+        edge = np.zeros_like(odd)
+        if odd.any():
+            moved = [{"along": a * NUDGE, "across": b * NUDGE} for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+            if self.steps is splat_steps:
+                moved += [{"grow": NUDGE}, {"grow": -NUDGE}]
+            elif self.steps is scalar_splat_steps:
+                moved += [{"turn": side * NUDGE / part} for side in (-1, 1) for part in (1, 2, 4, 8)]
+            among = [self.by_twin(**how) for how in moved]
+            change = np.max([abs(image - twin) * weight for image in among], axis=(0, 3))
+            edge = odd & (apart <= 2.0 * change + ALMOST)
+            odd &= ~edge
+        return Judgement(int(end.sum()), int(edge.sum()), int(odd.sum()))
+
+
+def _turned(encoded, table, turn: float):
+    """A value table that is looked up a little beside the value."""
+    ends = {name: getattr(table, name) for name in ("origin", "low", "high", "nearest", "furthest")}
+    numbers = [*(end - encoded.centre for end in ends.values()), *encoded.scalars.astype(np.float64)]
+    most = max(abs(number) for number in numbers if abs(number) < 1e37)
+    return replace(table, **{name: end + turn * most for name, end in ends.items()})
+
+
+@contextmanager
+def stages(splats: list, warps: list):
+    """While it lasts, each Splat of what is rendered is kept, and each warp's images, other arguments and result."""
+
+    def kept(steps):
+        def splat(*arguments, **named):
+            image = yield from steps(*arguments, **named)
+            splats.append(Splat(steps, inspect.signature(steps).bind(*arguments, **named).arguments, image))
+            return image
+
+        return splat
+
+    def warped(images, *rest):
+        for one in splats:
+            if any(one.image is image for image in images):
+                one.most = float(rest[-1])
+        warps.append((images, rest, warp(images, *rest)))
+        return warps[-1][-1]
+
+    with ExitStack() as stack:
+        for name, steps in SPLATS.items():
+            stack.enter_context(patch(name, kept(steps)))
+        stack.enter_context(patch("rle_splat.render.warp", warped))
+        yield
+
+
+def by_stages(scene, quality, kept=None):
+    """(Rendering, Splats, warps) of a scene; see ``stages``."""
+    splats, warps = [], []
+    with stages(splats, warps), np.errstate(all="ignore"):
+        made = drain(render_steps(scene, quality, kept, refuse_empty_view=False))
+    return made, splats, warps
+
+
+def warps_apart(warps) -> float:
+    """Largest difference between a warp's picture and its twin's of the same sheets, colour by the brightest."""
+    worst = 0.0
+    for images, (view, region, quality, most), (rgba, _) in warps:
+        twin, _ = warp(images, view, region, replace(quality, backend="numpy"), most)
+        off = abs(rgba.astype(np.float64) - twin) / np.array([max(most, 1.0)] * 3 + [1.0])
+        worst = max(worst, float(off.max(initial=0.0)))
+    return worst
+
+
+def tables_apart(one, two) -> tuple[int, float]:
+    """Tables of two encodings that are not the same, and by how much their records are apart: in units of the largest,
+    or, of codes, in steps."""
+    scalar = not isinstance(one, RunLengthVolume)
+    pair = (one.tables, two.tables) if scalar else (one, two)
+    names = ("scanline_pointers", "scanline_data_pointers", "data_pointers", "runs")
+    unlike = sum(not np.array_equal(*(getattr(each, name) for each in pair)) for name in names)
+    if unlike:
+        return unlike, np.inf
+    if scalar:
+        unlike += not np.array_equal(one.scalars, two.scalars)
+        return unlike, _apart(*(_light(each) for each in (one, two)))
+    densities, colors = ([each.decoded()[:, part] for each in pair] for part in (slice(3, 4), slice(0, 3)))
+    return unlike, max(_apart(*densities), _apart(*colors))
+
+
+def _light(encoded):
+    """Light of a ScalarVolume, in some unit."""
+    return np.zeros(0) if encoded.lights is None else (encoded.lights.astype(np.uint32) << 12).view(np.float32)
+
+
+def _apart(one, two) -> float:
+    most = float(np.abs(one).max(initial=0.0))
+    return float(np.abs(one.astype(np.float64) - two).max(initial=0.0)) / most if most > 0.0 else 0.0
