@@ -78,8 +78,10 @@ def _lens(evaluated, depsgraph) -> dict:
     if not dof.use_dof:
         return {}
     fstop = max(typed(dof.aperture_fstop), LEAST_FSTOP)
+    # An orthographic camera has no focal length: its aperture is that of a lens of one unit (measured in Cycles 5.0).
+    length = 1.0 if evaluated.data.type == "ORTHO" else typed(evaluated.data.lens) * METRES_PER_MM
     return {
-        "aperture_radius": typed(evaluated.data.lens) * METRES_PER_MM / (2.0 * fstop),
+        "aperture_radius": length / (2.0 * fstop),
         "focus_distance": max(_focus_distance(evaluated, dof, depsgraph), LEAST_FOCUS),
         "aperture_blades": dof.aperture_blades if dof.aperture_blades >= 3 else 0,
         "aperture_rotation": typed(dof.aperture_rotation),

@@ -244,19 +244,26 @@ def main(job: dict) -> int:
     scene.render.filepath = "//render.png"
     bpy.ops.wm.save_mainfile()
 
-    fraction = covered(splat)
+    report.update(title=job["title"], seconds=clock)
+    return finish(folder, report)
+
+
+def finish(folder: Path, report: dict) -> int:
+    """Keep the report, with what the picture shows; the script's exit code, which is 1 where it shows nothing."""
+    settings = bpy.context.scene.rle_splat
+    fraction = covered(settings.image)
     report.update(
-        blender=bpy.app.version_string, title=job["title"], seconds=clock, covered_fraction=round(fraction, 4),
-        message=scene.rle_splat.message,
-    )  # fmt: skip
+        blender=bpy.app.version_string, covered_fraction=round(fraction, 4), message=settings.message
+    )
     (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-    if fraction == 0.0 or scene.rle_splat.message:
-        print(scene.rle_splat.message or "The picture shows nothing of the volume.", file=sys.stderr)
+    if fraction == 0.0 or settings.message:
+        print(settings.message or "The picture shows nothing of the volume.", file=sys.stderr)
         return 1
     return 0
 
 
-if __name__ == "__main__":
+def run(main) -> None:
+    """Do the job that the command line gives, and end the process with its exit code."""
     try:
         code = main(json.loads(sys.argv[1]))
     except RuntimeError as problem:  # what an operator reports comes as a RuntimeError
@@ -265,3 +272,7 @@ if __name__ == "__main__":
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)  # bpy 4.5 can hang when the interpreter ends with its classes registered
+
+
+if __name__ == "__main__":
+    run(main)

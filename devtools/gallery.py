@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import time
 
-from .demo import install_for
-from .environments import any_bpy, ensure_bpy
-from .places import OUT, ROOT, Failure, clean_environ, say
+from .blender_job import run_job
+from .environments import any_bpy
+from .places import OUT, ROOT, Failure, say
 
 FOLDER = OUT / "gallery"
 SECONDS = 400  # of one scene
@@ -48,24 +47,8 @@ def _make(name: str, version: str, width: int, height: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for script in SCRIPTS:  # what makes the .blend, beside it
         shutil.copyfile(ROOT / "devtools" / script, folder / script)
-    user, zip_path, finish = install_for(version)
-    job = {"zip": str(zip_path or ""), "install": zip_path is not None, "scene": name, "folder": str(folder),
-           "size": [width, height]}  # fmt: skip
-    log = folder / "blender.log"
     say(f"{SCENES[name]} ...")
-    command = [str(ensure_bpy(version)), str(ROOT / "devtools" / "gallery_scene.py"), json.dumps(job)]
-    environ = clean_environ(BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1")
-    with log.open("w", encoding="utf-8", errors="replace") as output:
-        try:
-            code = subprocess.run(
-                command, env=environ, stdout=output, stderr=subprocess.STDOUT, timeout=SECONDS
-            ).returncode
-        except subprocess.TimeoutExpired:
-            raise Failure(f"Blender took longer than {SECONDS} s; its words are in {log}.") from None
-    if code != 0:
-        say(log.read_text(encoding="utf-8", errors="replace")[-1500:])
-        raise Failure(f"The scene was not made (exit code {code}); Blender's words are above and in {log}.")
-    finish()
+    run_job(version, "gallery_scene.py", folder, SECONDS, scene=name, size=[width, height])
     say(f"  {folder / 'render.png'}  {time.monotonic() - began:.0f} s")
 
 

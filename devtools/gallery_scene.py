@@ -8,14 +8,12 @@ they make it anew.
 from __future__ import annotations
 
 import json
-import os
-import sys
 from importlib import import_module
 from pathlib import Path
 
 import bpy
 import gallery_data
-from demo_scene import MODULE, covered, enable, render_settings
+from demo_scene import MODULE, enable, finish, render_settings, run
 from gallery_sets import DATA_OF, SETS
 
 
@@ -39,26 +37,14 @@ def main(job: dict) -> int:
     import_module(f"{MODULE}.bridge.render_scene").forget_stages()
     bpy.ops.rle_splat.render_image(use_meshes=True)
     report = json.loads(scene.rle_splat.last_report_json)
-    fraction = covered(scene.rle_splat.image)
+    report["source"] = source
     bpy.ops.rle_splat.composite()
     scene.render.filepath = str(folder / "render.png")
     bpy.ops.render.render(write_still=True)
     scene.render.filepath = "//render.png"
     bpy.ops.wm.save_mainfile()
-    report.update(blender=bpy.app.version_string, source=source, covered_fraction=round(fraction, 4))
-    (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-    if fraction == 0.0 or scene.rle_splat.message:
-        print(scene.rle_splat.message or "The picture shows nothing of the volume.", file=sys.stderr)
-        return 1
-    return 0
+    return finish(folder, report)
 
 
 if __name__ == "__main__":
-    try:
-        code = main(json.loads(sys.argv[1]))
-    except RuntimeError as problem:  # what an operator reports comes as a RuntimeError
-        print(problem, file=sys.stderr)
-        code = 1
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)  # bpy 4.5 can hang when the interpreter ends with its classes registered
+    run(main)

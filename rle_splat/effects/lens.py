@@ -2,7 +2,8 @@
 
 A thin lens blurs a point at depth z to a disk, the picture of its aperture (algorithm.md 4.2).  Each point of the
 aperture sees the scene as a pinhole there would whose sensor is shifted so that the plane of focus stays in place; the
-mean over the aperture is the lens's picture.
+mean over the aperture is the lens's picture.  An orthographic camera has a lens too, as in Cycles: each of its points
+sees along parallel rays that slant.
 """
 
 from __future__ import annotations
@@ -55,10 +56,16 @@ def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float
 
 
 def through_lens(camera: Camera, point: np.ndarray) -> Camera:
-    """The pinhole at ``point`` of the aperture, (2,) in aperture radii to the right and up, focused as the lens is."""
+    """The sharp camera at ``point`` of the aperture, (2,) in aperture radii to the right and up, focused as the lens.
+
+    A pinhole whose sensor is shifted; or parallel rays that slant, as Cycles has them, through the places of the plane
+    of focus that the unslanted ones go through.
+    """
+    offset = camera.aperture_radius * np.asarray(point, dtype=np.float64)
+    if camera.type == "ORTHO":
+        return replace(camera, slant=tuple(-offset / camera.focus_distance), aperture_radius=0.0)
     placed = np.array(camera.matrix_world)
     sides = placed[:3, :2] / np.linalg.norm(placed[:3, :2], axis=0)
-    offset = camera.aperture_radius * np.asarray(point, dtype=np.float64)
     placed[:3, 3] += sides @ offset
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
     shift = offset / (camera.focus_distance * sensor / camera.lens)
@@ -69,17 +76,19 @@ def through_lens(camera: Camera, point: np.ndarray) -> Camera:
 
 
 def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
-    """Pixels across the disk to which a point at planar ``depth``, world units, is blurred: the thin lens's formula."""
+    """Pixels across the disk to which a point at planar ``depth``, world units, is blurred: the thin lens's formula; of
+    parallel rays, in which pixels are everywhere as large, that of a cone whose tip is in focus."""
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
-    per_unit = fitted_pixels(camera, width, height) * camera.lens / sensor  # pixels of a length at unit depth
+    across = camera.ortho_scale if camera.type == "ORTHO" else depth * sensor / camera.lens
     spread = 2.0 * camera.aperture_radius * max(1.0, 1.0 / camera.aperture_ratio)
-    return per_unit * spread * abs(depth - camera.focus_distance) / (depth * camera.focus_distance)
+    blur = spread * abs(depth - camera.focus_distance) / camera.focus_distance
+    return fitted_pixels(camera, width, height) / across * blur
 
 
 def widest_blur(scene: Scene) -> float:
-    """The widest blur of anything in the volume's box, pixels; none of an orthographic camera, which has no lens."""
+    """The widest blur of anything in the volume's box, pixels."""
     camera = scene.camera
-    if camera.type != "PERSP" or camera.aperture_radius == 0.0:
+    if camera.aperture_radius == 0.0:
         return 0.0
     view = index_view(camera, scene.index_to_world, scene.width, scene.height)
     nearest, furthest = box_depths(view, scene.volume.shape_xyz)
@@ -98,8 +107,6 @@ def lens_pictures(scene: Scene) -> int:
 def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
     if scene.camera.aperture_radius == 0.0:
         return False, "the camera has none"
-    if scene.camera.type != "PERSP":
-        return False, "the camera is orthographic, and its picture has no lens"
     blur = widest_blur(scene)
     if blur <= SHARP:
         return False, f"nothing is blurred by more than {SHARP:g} pixels"

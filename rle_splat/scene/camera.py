@@ -25,6 +25,8 @@ class Camera:
     clip distances in world units, ``shift_x`` and ``shift_y`` in fractions of the larger image side.
     ``aperture_radius``, world units, is that of the lens, 0 for none; what lies at ``focus_distance``, planar and in
     world units, is sharp.  ``aperture_blades``, ``aperture_rotation`` (radians) and ``aperture_ratio`` shape its blur.
+    ``slant``: how far the rays of an orthographic camera move, to the right and up, for each unit that they go ahead;
+    what lies at ``focus_distance`` stays where it is.
     """
 
     matrix_world: np.ndarray = field(default_factory=identity)
@@ -44,6 +46,7 @@ class Camera:
     aperture_blades: int = 0
     aperture_rotation: float = 0.0
     aperture_ratio: float = 1.0
+    slant: tuple = (0.0, 0.0)
 
     def __post_init__(self):
         put = partial(object.__setattr__, self)
@@ -76,6 +79,12 @@ class Camera:
             put(name, float(value))
         if not isinstance(self.aperture_blades, (int, np.integer)) or not 0 <= self.aperture_blades <= MOST_BLADES:
             raise RleSplatError(f"The camera's aperture_blades must be a whole number from 0 to {MOST_BLADES}.")
+        slant = tuple(self.slant) if np.iterable(self.slant) else ()
+        if len(slant) != 2 or not all(is_finite_number(s) and abs(s) <= LARGEST_SHARE for s in slant):
+            raise RleSplatError(f"The camera's slant must be two finite numbers within {LARGEST_SHARE:g} of zero.")
+        if self.type != "ORTHO" and any(slant):
+            raise RleSplatError("Only an orthographic camera has a slant; leave it out.")
+        put("slant", tuple(float(s) for s in slant))
         aspect = tuple(self.pixel_aspect) if np.iterable(self.pixel_aspect) else ()
         if len(aspect) != 2:
             raise RleSplatError("The camera's pixel_aspect must be two numbers.")

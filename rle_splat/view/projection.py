@@ -41,7 +41,7 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     Row 0 is on top; pixel (c, r) covers [c, c+1) x [r, r+1).  The third component is the planar depth for a
     perspective camera and 1 for an orthographic one.  Sensor fit, shift and pixel aspect follow Blender: the
     fitted side decides the scale, the shift is in fractions of that side, and a vertical fit uses the sensor
-    height only when it is asked for by name.
+    height only when it is asked for by name.  What lies before or behind the plane of focus moves by ``slant``.
     """
     aspect_x, aspect_y = camera.pixel_aspect
     tallness = aspect_y / aspect_x  # height of a pixel in widths of a pixel
@@ -54,6 +54,9 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
 
     to_camera = world_to_camera(camera)
     right, up, ahead = to_camera[0], to_camera[1], -to_camera[2]
+    if camera.type == "ORTHO":
+        beyond = ahead - np.array((0.0, 0.0, 0.0, camera.focus_distance))
+        right, up = right - camera.slant[0] * beyond, up - camera.slant[1] * beyond
     weight = ahead if camera.type == "PERSP" else np.array((0.0, 0.0, 0.0, 1.0))
     return np.stack((
         right / pixel + centre_column * weight,

@@ -53,6 +53,39 @@ def test_the_aperture_is_that_of_the_f_number(blot, bridge):
     assert camera.aperture_rotation == pytest.approx(0.5)
 
 
+def test_an_orthographic_camera_has_the_aperture_of_a_lens_of_one_unit(blot, bridge):
+    """Its radius is one over twice the f-number."""
+    data = bpy.context.scene.camera.data
+    data.type, data.ortho_scale = "ORTHO", 3.0
+    data.dof.use_dof, data.dof.aperture_fstop, data.dof.focus_distance = True, 4.0, 6.0
+    assert plain_scene(bridge, blot).camera.aperture_radius == pytest.approx(0.125)
+    blurred = widths(picture(blot))
+    data.dof.use_dof = False
+    sharp = widths(picture(blot))
+    diameter = 96.0 / 3.0 * 0.25 * 2.0 / 6.0  # pixels: 2R |z - f| / f, 96 of them for 3 units
+    assert 4.0 * np.sqrt(np.subtract(blurred, sharp)) == pytest.approx(np.full(2, diameter), rel=0.06)
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("depth", [7.0, 14.0])
+def test_cycles_blurs_a_bright_speck_as_far(addon, bridge, core, tmp_path, kind, depth):
+    """The radius that a plain Camera has, in the formula that the splat's blur is held to, is Cycles' own."""
+    half = 0.02
+    corners = [(x, y, -depth) for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))]
+    scenes.add_mesh(corners, [(0, 1, 2, 3)], (1000.0,) * 3)
+    data = scenes.add_camera((0.0, 0.0, 0.0), type=kind, lens=60.0, ortho_scale=6.0).data
+    scenes.use_cycles((256, 256), samples=256)
+    bpy.context.scene.cycles.use_adaptive_sampling = False
+    sharp = widths(scenes.rendered(tmp_path / "sharp.exr")[..., 0])
+    data.dof.use_dof, data.dof.aperture_fstop = True, 1.0 if kind == "ORTHO" else 0.05
+    data.dof.focus_distance = 10.0
+    blurred = widths(scenes.rendered(tmp_path / "blurred.exr")[..., 0])
+    camera, width, height = bridge("camera").read_camera(bpy.context.evaluated_depsgraph_get())
+    expected = core("effects.lens").blur_pixels(camera, width, height, depth)
+    assert expected > 10.0
+    assert 4.0 * np.sqrt(np.subtract(blurred, sharp)) == pytest.approx(np.full(2, expected), rel=0.05)
+
+
 def test_a_focus_object_is_measured_along_the_view(blot, bridge):
     target = bpy.data.objects.new("Focus", None)
     bpy.context.scene.collection.objects.link(target)

@@ -12,6 +12,7 @@ from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, mot
 from rle_splat.exposure import exposures
 from rle_splat.render import render
 from rle_splat.scene import Camera, Pose, Quality, RleSplatError, Scene
+from rle_splat.view.eye import index_view
 from rle_splat.view.projection import world_to_pixel
 from rle_splat.volume.volume import Volume
 
@@ -56,6 +57,40 @@ def test_a_speck_is_blurred_to_the_disk_of_the_thin_lens(depth):
     assert blur_pixels(scene.camera, SIZE, SIZE, depth) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize("depth", [2.5, 3.0, 6.0])
+def test_an_orthographic_camera_blurs_by_the_distance_from_the_focus_alone(depth):
+    scene = speck(depth, type="ORTHO", ortho_scale=2.5)
+    # A cone of rays of radius R at the camera whose tip is in focus: 2R |z - f| / f across, of SIZE pixels for 2.5.
+    expected = SIZE / 2.5 * 0.2 * abs(depth - 4.0) / 4.0
+    blurred, total = spread(render(scene, Quality()).rgba[..., 3])
+    sharp, sharp_total = spread(render(pinhole(scene)).rgba[..., 3])
+    found = 4.0 * np.sqrt(np.array(blurred) - np.array(sharp))
+    assert found == pytest.approx(np.full(2, expected), rel=0.06)
+    assert total == pytest.approx(sharp_total, rel=0.03), "a lens takes no light away"
+    assert blur_pixels(scene.camera, SIZE, SIZE, depth) == pytest.approx(expected, rel=1e-12)
+
+
+def test_slanted_rays_move_what_is_out_of_focus_and_keep_its_depth():
+    """To the side by slant times the distance from the focus; the nearer end to the other side than the further."""
+    for depth in (3.0, 6.0):
+        scene = speck(depth, type="ORTHO", ortho_scale=2.5, aperture_radius=0.0)
+        slanted = replace(scene, camera=replace(scene.camera, slant=(0.2, -0.1)))
+        pictures = [render(one) for one in (scene, slanted)]
+        row, column = np.mgrid[:SIZE, :SIZE]
+        middles = [
+            np.array([(picture.rgba[..., 3] * place).sum() for place in (column, row)]) / picture.rgba[..., 3].sum()
+            for picture in pictures
+        ]
+        # What rays that go to the right as they go ahead meet behind the focus, they show further to the left.
+        expected = SIZE / 2.5 * (depth - 4.0) * np.array((-0.2, -0.1))
+        assert middles[1] - middles[0] == pytest.approx(expected, abs=0.05)
+        one, two = (
+            view.depth[:3] @ np.full(3, 6.0) + view.depth[3]
+            for view in (index_view(s.camera, s.index_to_world, SIZE, SIZE) for s in (scene, slanted))
+        )
+        assert one == two == pytest.approx(depth)
+
+
 def test_what_lies_in_the_plane_of_focus_is_sharp():
     scene = speck(4.0)
     assert lens_pictures(scene) == 1
@@ -68,12 +103,13 @@ def test_what_lies_in_the_plane_of_focus_is_sharp():
 
 @pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
 @pytest.mark.parametrize("point", [(1.0, 0.0), (-0.3, 0.8)])
-def test_every_point_of_the_lens_sees_the_plane_of_focus_at_the_same_pixels(fit, point):
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_every_point_of_the_lens_sees_the_plane_of_focus_at_the_same_pixels(fit, point, kind):
     turned = np.eye(4)
     turned[:3, :3] = [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]]
     turned[:3, 3] = (1.0, -2.0, 3.0)
     camera = Camera(
-        turned, lens=35.0, sensor_fit=fit, shift_x=0.2, shift_y=-0.1, pixel_aspect=(1.0, 1.5),
+        turned, kind, lens=35.0, sensor_fit=fit, shift_x=0.2, shift_y=-0.1, pixel_aspect=(1.0, 1.5),
         focus_distance=7.0, aperture_radius=0.4,
     )  # fmt: skip
     random = np.random.default_rng(1)
@@ -118,13 +154,12 @@ def test_a_camera_without_a_lens_makes_one_picture_and_the_same_bits():
     focused = replace(scene, camera=replace(scene.camera, focus_distance=1.0))
     assert exposures(scene) == [scene]
     assert np.array_equal(render(scene).rgba, render(focused).rgba)
-    orthographic = replace(scene, camera=replace(scene.camera, type="ORTHO", aperture_radius=1.0))
-    assert lens_pictures(orthographic) == 1
 
 
 @pytest.mark.parametrize(("more", "on", "words"), [
     ({}, True, "blurs up to 3.5 pixels"), ({"aperture_radius": 0.0}, False, "the camera has none"),
-    ({"type": "ORTHO"}, False, "orthographic"), ({"aperture_radius": 0.001}, False, "nothing is blurred"),
+    ({"type": "ORTHO", "ortho_scale": 2.0}, True, "blurs up to 3."),
+    ({"aperture_radius": 0.001}, False, "nothing is blurred"),
 ])  # fmt: skip
 def test_depth_of_field_says_why(more, on, words):
     scene = speck(3.0)
