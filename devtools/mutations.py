@@ -19,8 +19,9 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 
 COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
-VALUES, ENCODING, ACCUMULATION, GEOMETRY, TWINS = (
-    f"tests/stability/test_{group}.py" for group in ("values", "encoding", "accumulation", "geometry", "twins")
+VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, TWINS = (
+    f"tests/stability/test_{group}.py"
+    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "twins")
 )
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
 
@@ -92,13 +93,13 @@ MUTANTS = (
             "classify/transfer_function.py", "return tuple(sorted(rows, key=lambda row: row[0]))",
             "return tuple(rows)",
         ),),
-        (VALUES, "-k", "V10_steps and numpy"),
+        (STORED, "-k", "V10_steps and numpy"),
     ),
     Mutant(
         "a step taken from the left", "V10",
         (("classify/transfer_function.py", 'np.searchsorted(positions, values, side="right")',
           'np.searchsorted(positions, values, side="left")'),),
-        (VALUES, "-k", "V10_a_step or (V10_steps and numpy)"),
+        (STORED, "-k", "V10_a_step or (V10_steps and numpy)"),
     ),
     Mutant(
         "a look-up by what is not outside, which NaN never is", "V6",
@@ -107,7 +108,7 @@ MUTANTS = (
             "((values[:, None] >= shown.intervals[:, 0]) & (values[:, None] < shown.intervals[:, 1]))",
             "(~((values[:, None] < shown.intervals[:, 0]) | (values[:, None] >= shown.intervals[:, 1])))",
         ),),
-        (VALUES, "-k", "V6_not and numpy"),
+        (STORED, "-k", "V6_not and numpy"),
     ),
     Mutant(
         "infinities not brought to the end values", "V7",
@@ -116,12 +117,12 @@ MUTANTS = (
             "values = np.clip(stored.astype(np.float64) * scaling[0] + scaling[1], -LARGEST, LARGEST)",
             "values = stored.astype(np.float64) * scaling[0] + scaling[1]",
         ),),
-        (VALUES, "-k", "V7_V9 and numpy"),
+        (STORED, "-k", "V7_V9 and numpy"),
     ),
     Mutant(
         "a normal of any gradient, zero too", "V8",
         (("volume/gradient.py", "np.where(keep, world.T / length, 0.0)", "world.T / length"),),
-        (VALUES, "-k", "V8_a_constant_volume_has and numpy"),
+        (STORED, "-k", "V8_a_constant_volume_has and numpy"),
     ),
     Mutant(
         "colours of any brightness", "V14",

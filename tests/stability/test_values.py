@@ -1,7 +1,6 @@
-"""Values, V1 to V15 of the catalogue: opacities at both ends, what is not a number, transfer functions with steps,
-stored types, and colours and extinctions of any size.  However else they are classified: test_values_classified.py."""
+"""Values, V1 to V5, V14 and V15 of the catalogue: opacities at both ends, colours and extinctions of any size.  What is
+stored, and how it is read: test_values_stored.py; however else it is classified: test_values_classified.py."""
 
-import gzip
 import math
 from dataclasses import replace
 
@@ -11,18 +10,14 @@ import pytest
 from rle_splat.accuracy.metrics import difference
 from rle_splat.classify.classification import classify, optical_depth
 from rle_splat.classify.limits import BRIGHTEST, LEAST_DISTANCE
-from rle_splat.classify.shading import normals, shade
-from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
-from rle_splat.read.formats import read_volume
 from rle_splat.render import render
 from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
-from rle_splat.volume.gradient import unit_normals
-from rle_splat.volume.volume import STORED_TYPES, Volume
+from rle_splat.volume.volume import Volume
 from tests.stability.scenes import (
     BACKENDS,
     EXACT,
-    STEPPED,
     WHITE,
     columns,
     from_above,
@@ -30,18 +25,9 @@ from tests.stability.scenes import (
     noise,
     sheets,
     turned,
-    unlike,
 )
 
-LEVEL = 1.0 / 255.0
-BITS = "differing bits"
-LISTS = ("row_start", "column", "extinction", "opacity", "color")
 every_backend = pytest.mark.parametrize("backend", BACKENDS)
-
-
-def lists_unlike(one, two) -> int:
-    """How many entries of two ClassifiedVolumes differ."""
-    return sum(unlike(getattr(one, name), getattr(two, name)) for name in LISTS)
 
 
 # --- opacities at both ends -----------------------------------------------------------------------------------
@@ -187,270 +173,6 @@ def test_V5_phi(record, width, backend):
         "V5", "relative error of phi, tau from 1e-30 to 100", np.abs(seen[:, 0] / tau / phi - 1.0).max(), 3e-7, width
     )
     record("V5", "error of the transmittance", np.abs(seen[:, 3] - np.exp(-tau)).max(), 2.0**-23, width)
-
-
-# --- what is no number, or beyond the ends --------------------------------------------------------------------
-
-
-@every_backend
-@pytest.mark.parametrize("dtype", ("float32", "float64"))
-def test_V6_not_a_number_is_transparent_and_counted(record, dtype, backend):
-    values = noise(dtype)
-    holes = np.random.default_rng(5).random(values.shape) < 0.2
-    with_nan, with_air = values.copy(), values.copy()
-    with_nan[holes], with_air[holes] = np.nan, 0.0
-    one, two = (Volume(v, np.eye(4)) for v in (with_nan, with_air))
-    first, second = (classify(v, STEPPED, np.eye(4), backend=backend) for v in (one, two))
-    assert first.nan_voxels == holes.sum() and second.nan_voxels == 0
-    record(
-        "V6",
-        f"{BITS} of the looks, against those voxels transparent",
-        lists_unlike(first, second),
-        0,
-        "either",
-        "the same numbers in any width",
-    )
-    unshaded = replace(STEPPED, shade=None)
-    quality = Quality(backend=backend, classification="pre")
-    pictures = [render(turned(v, unshaded), quality) for v in (one, two)]
-    assert f"{holes.sum()} voxels are not numbers" in " ".join(pictures[0].report["remarks"])
-    record("V6", f"{BITS} of the picture", unlike(*(p.rgba for p in pictures)), 0, "either", "the same sums")
-    shaded = render(turned(one, STEPPED), quality).rgba
-    record("V6", "pixels that are not finite, shaded", (~np.isfinite(shaded)).sum(), 0, "either", "whole numbers")
-
-
-@every_backend
-@pytest.mark.parametrize("slope", (1.0, -1.0))
-def test_V7_V9_infinities_and_data_beyond_the_ends(record, slope, backend):
-    ends = TransferFunction(opacity=((-5, 0.3), (0, 0.0), (5, 0.7)), color=((-5, 1, 0, 0), (5, 0, 1, 0)), shade=None)
-    stored = np.array([-np.inf, np.inf, 1e308, -1e308, 5.0, -5.0, 0.0, 2.0]).reshape(2, 2, 2)
-    held = np.clip(stored, -5, 5)
-    one, two = (Volume(v, np.eye(4), slope=slope) for v in (stored, held))
-    classified = [classify(v, ends, np.eye(4), backend=backend) for v in (one, two)]
-    assert classified[0].visible_voxels == 7 and classified[0].nan_voxels == 0
-    why = "the same numbers in any width"
-    pictures = [render(turned(v, ends), Quality(backend=backend, classification="pre")).rgba for v in (one, two)]
-    for case in ("V7", "V9"):
-        record(
-            case, f"{BITS} of the looks, against data clamped to the ends", lists_unlike(*classified), 0, "either", why
-        )
-        record(case, f"{BITS} of the picture, against data clamped to the ends", unlike(*pictures), 0, "either", why)
-    lit = render(turned(one, replace(ends, shade=Shade())), Quality(backend=backend, classification="pre")).rgba
-    record("V7", "pixels that are not finite, shaded", (~np.isfinite(lit)).sum(), 0, "either", "whole numbers")
-
-
-# --- gradients ------------------------------------------------------------------------------------------------
-
-
-def all_normals(voxels, backend) -> np.ndarray:
-    volume = Volume(voxels, np.eye(4))
-    nx, ny, nz = volume.shape_xyz
-    rows, column = np.arange(nz * ny + 1, dtype=np.int64) * nx, np.tile(np.arange(nx, dtype=np.uint16), nz * ny)
-    return unit_normals(volume, rows, column, np.eye(4), backend=backend).reshape(*voxels.shape, 3)
-
-
-@every_backend
-@pytest.mark.parametrize("dtype", STORED_TYPES)
-def test_V8_a_constant_volume_has_no_normal_and_keeps_its_color(record, dtype, backend):
-    volume = Volume(np.full((4, 4, 4), 77, dtype), np.eye(4))
-    with np.errstate(all="raise"):
-        found = np.count_nonzero(all_normals(volume.voxels, backend))
-    record("V8", "components of normals other than 0", found, 0, "either", "whole numbers")
-    white = TransferFunction(opacity=((0, 0.5),), color=((0, 0.2, 0.5, 1.0),))
-    classified = classify(volume, white, np.eye(4), backend=backend)
-    n = normals(classified, volume, np.eye(4), backend=backend)
-    how = dict(headlight_direction=(0, 0, -1), eye=(0, 0, 1, 0), backend=backend)
-    colors = shade(classified, n, np.eye(4), Shade(), (), **how)
-    record(
-        "V8",
-        f"{BITS} of the shaded colours from the unshaded",
-        unlike(colors, classified.color),
-        0,
-        "either",
-        "the same numbers in any width",
-    )
-
-
-@every_backend
-def test_V8_a_constant_volume_is_symmetric(record, width, backend):
-    cube = np.full((6, 6, 6), 50.0, np.float32)
-    scene = from_above(cube, matter(((0, 0.3),), ((0, 0.2, 0.5, 1.0),), shade=Shade()))
-    picture = columns(replace(scene, headlight=True), backend)
-    worst = max(np.abs(picture - np.flip(picture, axis)).max() for axis in (0, 1))
-    worst = max(worst, np.abs(picture - picture.transpose(1, 0, 2)).max())
-    record("V8", "asymmetry of its picture, levels", 255.0 * worst, 0.0, width)
-
-
-@every_backend
-@pytest.mark.parametrize("dtype, mean, worst", (("float32", 0.35, 0.8), ("uint8", 0.4, 1.0)))
-def test_V13_angles_on_a_sphere(record, dtype, mean, worst, backend):
-    z, y, x = np.indices((40, 40, 40)) - 19.5
-    radius = np.sqrt(x * x + y * y + z * z)
-    field = 255.0 / (1.0 + np.exp((radius - 13.0) / 1.5))
-    voxels = np.rint(field).astype(dtype) if dtype == "uint8" else field.astype(dtype)
-    edge = np.abs(radius - 13.0) < 1.5
-    outward = np.stack((x, y, z), axis=-1)[edge] / radius[edge][:, None]
-    angle = np.degrees(np.arccos(np.clip(-(all_normals(voxels, backend)[edge] * outward).sum(axis=1), -1.0, 1.0)))
-    why = "gradients are formed in float64 and kept as float32"
-    record("V13", f"mean angle error on a sphere of {dtype}, degrees", angle.mean(), mean, "float32", why)
-    record("V13", f"largest angle error on a sphere of {dtype}, degrees", angle.max(), worst, "float32", why)
-
-
-@every_backend
-def test_V13_below_the_noise_floor_there_is_no_normal(record, backend):
-    x = np.indices((5, 5, 40))[2]
-    slow = (x // 8).astype(np.uint8)  # one step in eight voxels: mostly flat
-    lone = np.zeros((5, 5, 5), np.uint8)
-    lone[2, 2, 2] = 1  # one stray step: Sobel sees an eighth of it straight ahead
-    flat = (x % 8 > 0) & (x % 8 < 7)
-    wobble = 1000.0 * (1.0 + 2.0**-23 * np.random.default_rng(1).integers(-2, 3, (5, 5, 5)))
-    found = [
-        np.count_nonzero(all_normals(voxels, backend)[where])
-        for voxels, where in ((lone, ...), (slow, flat), (wobble.astype(np.float32), ...))
-    ]
-    record("V13", "normals among steps of one stored value and rounding", sum(found), 0, "either", "whole numbers")
-    clear = (1000.0 + 0.1 * x).astype(np.float32)
-    off = np.abs(all_normals(clear, backend) - (1, 0, 0)).max()
-    record("V13", "error of a normal just above the floor", off, 1e-6, "float32", "normals are kept as float32")
-
-
-# --- transfer functions ---------------------------------------------------------------------------------------
-
-
-@every_backend
-@pytest.mark.parametrize("dtype", ("uint8", "int16", "float32", "float64"))
-def test_V10_steps_duplicates_unsorted_and_single_points(record, dtype, backend):
-    """Each function against the values read off it by hand, through the lists of every stored type."""
-    values = np.array([0, 3, 4, 5, 6, 9, 10, 60], dtype).reshape(2, 2, 2)
-    functions = {
-        "unsorted": (((10, 0.6), (0, 0.2)), [0.2, 0.32, 0.36, 0.4, 0.44, 0.56, 0.6, 0.6]),
-        "single": (((3, 0.7),), [0.7] * 8),
-        "step": (((0, 0.1), (5, 0.1), (5, 0.9), (10, 0.9)), [0.1] * 3 + [0.9] * 5),
-        "three at once": (((5, 0.1), (5, 0.5), (5, 0.9)), [0.1] * 3 + [0.9] * 5),
-        "equal values keep their order": (((5, 0.9), (0, 0.5), (5, 0.1)), [0.5, 0.74, 0.82, 0.1, 0.1, 0.1, 0.1, 0.1]),
-    }
-    volume = Volume(values, np.eye(4))
-    with np.errstate(divide="raise", invalid="raise", over="raise"):
-        for points, alphas in functions.values():
-            classified = classify(volume, matter(points), np.eye(4), backend=backend)
-            assert classified.visible_voxels == 8
-            off = np.abs(classified.opacity - np.array(alphas)).max()
-            record("V10", "error of alpha at steps and duplicates", off, 2.0**-24, "float32")
-            off = np.abs(matter(points).alpha_at(values.ravel()) - np.array(alphas)).max()
-            record("V10", "error of alpha at steps and duplicates", off, 2.0**-24, "float64")
-    with pytest.raises(RleSplatError, match="no opacity points"):
-        matter(())
-
-
-def test_V10_a_step_is_right_continuous(record):
-    step = matter(((0, 0.1), (5, 0.1), (5, 0.9), (10, 0.9)))
-    below, at = step.alpha_at(np.nextafter(5.0, 0.0)), step.alpha_at(5.0)
-    record(
-        "V10",
-        "error of alpha just left of a step and on it",
-        max(abs(below - 0.1), abs(at - 0.9)),
-        1e-15,
-        "float64",
-        "transfer functions are read in float64",
-    )
-
-
-@every_backend
-@pytest.mark.parametrize("dtype", ("uint8", "uint16", "int16"))
-def test_V10_tables_of_stored_values_are_exact(record, dtype, backend):
-    """8- and 16-bit volumes go by a table of every stored value: at any size of it nothing is interpolated."""
-    bounds = np.iinfo(dtype)
-    stored = np.linspace(bounds.min, bounds.max, 512).astype(dtype).reshape(8, 8, 8)
-    volume = Volume(stored, np.eye(4), slope=0.37, intercept=-11.0)
-    low, high = volume.value_range
-    rugged = matter(tuple((v, 0.1 + 0.8 * (i % 2)) for i, v in enumerate(np.linspace(low, high, 97))))
-    classified = classify(volume, rugged, np.eye(4), backend=backend)
-    off = np.abs(classified.opacity - rugged.alpha_at(volume.physical(stored)).ravel()).max()
-    record(
-        "V10",
-        "difference of a table of stored values from the points",
-        off,
-        2.0**-24,
-        "float32",
-        "a table's entries are made in float64 and kept as float32",
-    )
-
-
-@every_backend
-@pytest.mark.parametrize("dtype", ("int16", "float32"))
-def test_V11_a_range_of_one_value_is_a_step(record, width, dtype, backend):
-    ramp = matter(((0, 0.0), (100, 0.8)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0)))
-    step = matter(((40, 0.0), (40, 0.8)), ((40, 1.0, 0.2, 0.1), (40, 0.1, 0.3, 1.0)))
-    volume = Volume(noise(dtype), np.eye(4))
-    assert (volume.voxels > 40).any() and (volume.voxels < 40).any()
-    with np.errstate(divide="raise", invalid="raise"):
-        for narrow in (ramp.remapped(40, 40), ramp.windowed(40, 0.0)):
-            pictures = [columns(from_above(volume.voxels, tf), backend) for tf in (narrow, step)]
-            record("V11", f"{BITS} of the picture, against a step", unlike(*pictures), 0, width)
-    assert 0.5 < pictures[0][..., 3].max()
-
-
-# --- stored types ---------------------------------------------------------------------------------------------
-
-
-@every_backend
-@pytest.mark.parametrize("dtype", STORED_TYPES)
-def test_V12_slope_and_intercept_come_before_the_points(record, dtype, backend):
-    """A function that shows a single physical value, just where exact arithmetic in float64 puts it."""
-    stored = noise(dtype)
-    volume = Volume(stored, np.eye(4), slope=-2.5, intercept=0.125)
-    for value in (float(stored.max()), float(stored.min()), float(stored[0, 0, 0])):
-        at = -2.5 * value + 0.125  # exact: few bits
-        shows = matter(((at, 0.0), (at, 0.5), (np.nextafter(at, np.inf), 0.5), (np.nextafter(at, np.inf), 0.0)))
-        seen = classify(volume, shows, np.eye(4), backend=backend).visible_voxels
-        record(
-            "V12",
-            "voxels shown wrongly by a function of one physical value",
-            abs(seen - int((stored == value).sum())),
-            0,
-            "float64",
-            "physical values are float64 for every stored type",
-        )
-
-
-@pytest.mark.parametrize("packed", (False, True))
-@pytest.mark.parametrize("dtype", STORED_TYPES)
-def test_V12_a_big_endian_file_is_its_byteswapped_twin(record, tmp_path, dtype, packed):
-    stored = noise(dtype, (3, 4, 5))
-    volumes = []
-    for order in "<>":
-        path = tmp_path / f"{'big' if order == '>' else 'little'}.raw{'.gz' if packed else ''}"
-        content = stored.astype(stored.dtype.newbyteorder(order)).tobytes()
-        path.write_bytes(gzip.compress(content) if packed else content)
-        volumes.append(read_volume(path, shape=(5, 4, 3), dtype=dtype, byte_order="big" if order == ">" else "little"))
-    assert volumes[0].key == volumes[1].key
-    record(
-        "V12",
-        "voxels that differ between a big- and a little-endian file",
-        unlike(*(v.voxels for v in volumes)),
-        0,
-        "either",
-        "stored values",
-    )
-
-
-@every_backend
-def test_V12_wrapped_values_are_told_apart(record, backend):
-    """The same bytes as int16 and as uint16: -1 is not 65535."""
-    stored = np.array([-1, -1024, 3071, 32767, -32768, 0, 1, -2], np.int16).reshape(2, 2, 2)
-    dense = matter(((0, 0.0), (0, 0.5)))
-    seen = [
-        classify(Volume(v, np.eye(4)), dense, np.eye(4), backend=backend).visible_voxels
-        for v in (stored, stored.view(np.uint16))
-    ]
-    record(
-        "V12",
-        "voxels at or above 0, miscounted as signed or unsigned",
-        abs(seen[0] - 4) + abs(seen[1] - 8),
-        0,
-        "either",
-        "whole numbers",
-    )
 
 
 # --- colours and extinctions of any size ----------------------------------------------------------------------

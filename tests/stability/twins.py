@@ -126,8 +126,9 @@ def stages(splats: list, warps: list):
         for one in splats:
             if any(one.image is image for image in images):
                 one.most = float(rest[-1])
-        warps.append((images, rest, warp(images, *rest)))
-        return warps[-1][-1]
+        made = warp(images, *rest)
+        warps.append((images, rest, tuple(each.copy() for each in made)))  # pictures are mixed in place
+        return made
 
     with ExitStack() as stack:
         for name, steps in SPLATS.items():
