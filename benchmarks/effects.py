@@ -364,7 +364,7 @@ def _row(setting: Setting, label: str, over: str, below: _Runs, runs: _Runs) -> 
     listed = {effect["name"]: effect for effect in runs.first_report["effects"]}
     in_frame = {effect["name"]: effect for effect in runs.report["effects"]}
     return {
-        "scene": setting.name, "effect": label, "over": over,
+        "scene": setting.name, "effect": label, "of": PRICES[label].effect if label in PRICES else None, "over": over,
         "first_ms": runs.first, "frame_ms": runs.frame, "over_first_ms": below.first, "over_frame_ms": below.frame,
         "first_ratio": runs.first / below.first, "frame_ratio": runs.frame / below.frame,
         "on": [name for name, effect in listed.items() if effect["on"]],
@@ -408,8 +408,7 @@ def header() -> str:
 
 def line(row: dict) -> str:
     """One line of the table."""
-    price = PRICES.get(row["effect"])
-    own = row["own_first_ms"].get(price.effect) if price else None
+    own = row["own_first_ms"].get(row["of"])
     return (
         f"{row['scene']:<10}{row['effect']:<27}{row['over']:<10}{row['first_ms']:10.1f}{row['first_ratio']:7.2f}"
         f"{row['frame_ms']:10.1f}{row['frame_ratio']:7.2f}{'-' if own is None else f'{own:.1f}':>12}"

@@ -54,7 +54,7 @@ def table(of_scene: dict) -> str:
 
 def _own(row: dict) -> str:
     """Milliseconds of an effect's own stage in the first picture; of several effects they are no sum."""
-    own = row["own_first_ms"].get("mode" if row["effect"].startswith("mode ") else row["effect"])
+    own = row["own_first_ms"].get(row["of"])
     return "-" if own is None else f"{own:.0f}"
 
 

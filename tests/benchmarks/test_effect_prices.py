@@ -56,7 +56,7 @@ def test_a_scene_s_table_replaces_its_own_and_no_other(tmp_path):
 
     def report(scene, milliseconds):
         row = {
-            "scene": scene, "effect": "mode mip", "over": "base", "first_ms": 3.0, "first_ratio": 1.5,
+            "scene": scene, "effect": "mode mip", "of": "mode", "over": "base", "first_ms": 3.0, "first_ratio": 1.5,
             "frame_ms": milliseconds, "frame_ratio": 2.5, "own_first_ms": {"mode": 7.0}, "off_ms": 0.0,
             "more_kernels": ["one"], "made_by_a_frame": [],
         }  # fmt: skip
