@@ -4,13 +4,27 @@ import sys
 
 from rle_splat.scene import RleSplatError
 
-from . import accuracy, calibrate, editing, effects, engine, paper, records, scaling, stages, systems, tolerance, turn
+from . import (
+    accuracy,
+    calibrate,
+    editing,
+    effects,
+    engine,
+    paper,
+    presets,
+    records,
+    scaling,
+    stages,
+    systems,
+    tolerance,
+    turn,
+)
 
 BENCHMARKS = {
     "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
-    "effects": effects.main,
+    "effects": effects.main, "presets": presets.main,
 }  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from .planning_scenes import JUDGED_SCANS, judged_scenes
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
 OTHER_SEED = 20031
+LONGEST = 20.0  # seconds of a picture after which a scene is asked for no tighter ones, which would take longer yet
 STEEPEST = 0.1  # of the picture's pixels, of which some are drawn
 # What has to hold: shares of the pictures that claim to keep their tolerance, and of all predicted times.
 KEPT_SHARE, WORST, TIMED_SHARE, TIMED_FACTOR = 0.95, 2.0, 0.9, 2.0
@@ -49,10 +50,12 @@ def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> f
 
 
 def judge_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: int = PROBES) -> list[dict]:
-    """One JSON-ready row per tolerance."""
+    """One JSON-ready row per tolerance, from the mildest on, as long as no picture took longer than LONGEST."""
     kept, rows, which = Kept(), [], truth_of(quality)
     shading = shading_of(scene, which)
-    for tolerance in tolerances:
+    for tolerance in sorted(tolerances, reverse=True):
+        if rows and rows[-1]["seconds"] > LONGEST:
+            break
         began = time.perf_counter()
         rendering = render_within(scene, tolerance, quality, kept=kept, probes=probes)
         spent = time.perf_counter() - began
@@ -152,14 +155,18 @@ def main(arguments) -> int:
         for classification in options.classification:
             quality = Quality(classification=classification, threads=options.threads)
             render(scene, quality)  # loads the kernels, which is not a picture's time
-            for row in judge_scene(scene, quality, options.tolerance, options.probes):
+            judged = judge_scene(scene, quality, options.tolerance, options.probes)
+            for row in judged:
                 rows[classification].append({"scene": name, "classification": classification, **row})
                 print(line(name, row), flush=True)
+            if len(judged) < len(options.tolerance):
+                asked = ", ".join(f"{t:g}" for t in sorted(options.tolerance, reverse=True)[len(judged) :])
+                left_out.append(f"{name}, {classification}, at {asked}")
     verdicts = {classification: verdict(found) for classification, found in rows.items()}
     for classification, found in verdicts.items():
         print("\n".join((f"\n{classification}:", *sentences(found))))
     if left_out:
-        print(f"Not begun within {options.minutes:g} minutes: {', '.join(left_out)}.")
+        print(f"Left out, as too long: {'; '.join(left_out)}.")
     print(neighbours.describe())
     where["others_busy_cores"] = neighbours.cores()
     if options.json:
