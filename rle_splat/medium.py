@@ -181,21 +181,21 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     if not job.has("visible", visible_key):
         steps = job.steps("blocks", voxels_key, lambda: value_block_steps(volume, **machine))
         blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
-        steps = timed(shown.count_steps() if mixed else count_steps(shown, blocks, **machine), clock, stage)
+        steps = timed(shown.count_steps(**machine) if mixed else count_steps(shown, blocks, **machine), clock, stage)
         counted = yield from portion(steps, 0.02, 0.06, "Counting")
         needs = wanted(counted)
         job.kept.make_room(needs.needed)
         refuse_too_much(needs)
         told = f"Classifying {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all"
         yield Progress(0.06, told)
-        fill = shown.fill_steps if mixed else partial(fill_steps, shown, **machine)
+        fill = partial(shown.fill_steps, **machine) if mixed else partial(fill_steps, shown, **machine)
         steps = job.steps("visible", visible_key, lambda: fill(blocks, counted))
         voxels = yield from portion(timed(steps, clock, stage), 0.06, 0.1, told)
     else:
         voxels = job.get("visible", visible_key, None)
         needs = wanted((np.diff(voxels.row_start), voxels.row_pieces))
     with clock.stage(stage):
-        look_at = shown.classified if mixed else partial(classified, shown, **machine)
+        look_at = partial(shown.classified, **machine) if mixed else partial(classified, shown, **machine)
         found = job.get("looks", looks_key, lambda: look_at(voxels, length), lambda c: c.looks.nbytes)
     with clock.stage("shade"):
         if not shaded:

@@ -8,18 +8,19 @@ is between two voxels is between two classified ones, as the paper's pipeline ha
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ..jit import read_only
 from ..volume.blocks import Blocks, slabs
 from ..volume.counts import counts_values
 from .classification import EXTINCTION, LOOKS, OPACITY, RED, ClassifiedVolume, opacity_distance, optical_depth
-from .visible import Visibility, VisibleVoxels, row_offsets
+from .mixture_kernels import add_looks, count_seen, mark_seen, mix, put_columns
+from .visible import VisibleVoxels, row_offsets
 
-VOXELS_AT_ONCE = 1 << 20
+VOXELS_AT_ONCE = 1 << 20  # whose float64 looks stay near the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,47 +37,93 @@ class _Part:
     known: np.ndarray | None = None
 
     @cached_property
-    def alphas(self) -> tuple[Callable | None, ...]:
-        return tuple(None if f is None else _looked_up(self.volume, f.alpha_at) for f in self.functions)
+    def has_tables(self) -> bool:
+        """Whether there are so few values, of the volume and of the labels, that each has an entry in a table."""
+        return counts_values(self.volume.voxels.dtype) and (self.labels is None or counts_values(self.labels.dtype))
 
     @cached_property
-    def colors(self) -> tuple[Callable | None, ...]:
-        return tuple(None if f is None else _looked_up(self.volume, f.color_at) for f in self.functions)
+    def stored(self) -> np.ndarray:
+        """(voxels,) values as they are stored; their bit patterns where there are tables."""
+        return _patterns(self.volume.voxels) if self.has_tables else self.volume.voxels.reshape(-1)
 
-    def numbers(self, places) -> np.ndarray | None:
-        """(n,) which function the voxels at ``places``, an index of the flat volume, have; None for the first."""
+    @cached_property
+    def label_patterns(self) -> np.ndarray | None:
+        return None if self.labels is None else _patterns(self.labels)
+
+    @cached_property
+    def number_table(self) -> np.ndarray:
+        """By a label's bit pattern, the number of its function."""
         if self.labels is None:
-            return None
-        label = self.labels.reshape(-1)[places]
-        number = np.searchsorted(self.known, label)
-        return np.where(self.known[np.minimum(number, len(self.known) - 1)] == label, number + 1, 0)
+            return np.zeros(1, np.uint16)
+        values = _patterns_of(self.labels.dtype).view(self.labels.dtype)
+        return self._numbers(values).astype(np.uint16)
 
-    def at(self, places, looks, numbers, channels=()) -> np.ndarray:
-        """(n, *channels) float64 of the voxels at ``places``, which have the functions ``numbers``, by their ``alphas``
-        or ``colors``."""
-        stored = self.volume.voxels.reshape(-1)[places]
-        if numbers is None:
-            return looks[0](stored)
-        found = np.zeros((len(stored), *channels))
-        for number, look in enumerate(looks):
+    @cached_property
+    def size(self) -> int:
+        """Entries of one function in the tables."""
+        return 1 << (8 * self.volume.voxels.dtype.itemsize)
+
+    @cached_property
+    def alphas(self) -> np.ndarray:
+        """By entry of the tables, float64."""
+        return np.concatenate([self._alpha(f, self._every_value) for f in self.functions])
+
+    @cached_property
+    def colors(self) -> np.ndarray:
+        """(entries, 3) float64."""
+        return np.concatenate([self._color(f, self._every_value) for f in self.functions])
+
+    @cached_property
+    def _every_value(self) -> np.ndarray:
+        return _patterns_of(self.volume.voxels.dtype).view(self.volume.voxels.dtype)
+
+    def _alpha(self, function, stored) -> np.ndarray:
+        if function is None:
+            return np.zeros(len(stored))
+        return np.nan_to_num(np.asarray(function.alpha_at(self.volume.physical(stored)), np.float64))
+
+    def _color(self, function, stored) -> np.ndarray:
+        if function is None:
+            return np.zeros((len(stored), 3))
+        return np.nan_to_num(np.asarray(function.color_at(self.volume.physical(stored)), np.float64))
+
+    def _numbers(self, labels) -> np.ndarray:
+        """(n,) which function each of some labels has."""
+        number = np.searchsorted(self.known, labels)
+        return np.where(self.known[np.minimum(number, len(self.known) - 1)] == labels, number + 1, 0)
+
+    def tables(self, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
+        """What ``add_looks`` looks up; ``length``: world length of one of the volume's units."""
+        own = np.repeat(self._distances(volume, length), self.size)
+        return self.alphas, optical_depth(self.alphas) / own, self.colors, own == distance
+
+    def looked_up(self, places, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
+        """The same of the voxels at ``places``, an index of the flat volume, by the functions themselves."""
+        stored = self.stored[places]
+        numbers = np.zeros(len(stored), np.intp)
+        if self.labels is not None:
+            numbers = self._numbers(self.labels.reshape(-1)[places])
+        alpha, color = np.zeros(len(stored)), np.zeros((len(stored), 3))
+        for number, function in enumerate(self.functions):
             chosen = numbers == number
-            if look is not None and chosen.any():
-                found[chosen] = look(stored[chosen])
-        return found
+            if function is not None and chosen.any():
+                alpha[chosen] = self._alpha(function, stored[chosen])
+                color[chosen] = self._color(function, stored[chosen])
+        own = self._distances(volume, length)[numbers]
+        return alpha, optical_depth(alpha) / own, color, own == distance
 
-    def distances(self, volume, length: float, numbers) -> np.ndarray:
-        """World length that opacities refer to, one or by voxel; see ``classification.opacity_distance``."""
-        each = [np.inf if f is None else opacity_distance(volume, f, length) for f in self.functions]
-        return np.float64(each[0]) if numbers is None else np.array(each)[numbers]
+    def _distances(self, volume, length: float) -> np.ndarray:
+        """World length that opacities refer to, of each function; see ``classification.opacity_distance``."""
+        return np.array([np.inf if f is None else opacity_distance(volume, f, length) for f in self.functions])
 
 
-def _looked_up(volume, function: Callable) -> Callable:
-    """``function`` of physical values as one of stored values; by a table where there are few."""
-    if not counts_values(volume.voxels.dtype):
-        return lambda stored: np.nan_to_num(np.asarray(function(volume.physical(stored)), np.float64))
-    table = np.asarray(function(Visibility(volume, None).pattern_values), np.float64)
-    pattern = f"u{volume.voxels.dtype.itemsize}"
-    return lambda stored: table[stored.view(pattern)]
+def _patterns(voxels) -> np.ndarray:
+    """(n,) bit patterns of a volume of whole numbers, flat."""
+    return read_only(np.ascontiguousarray(voxels).reshape(-1).view(f"u{voxels.dtype.itemsize}"))
+
+
+def _patterns_of(dtype) -> np.ndarray:
+    return np.arange(1 << (8 * dtype.itemsize), dtype=f"u{dtype.itemsize}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,62 +151,66 @@ class Mixture:
         labels = None if self.labels is None else (self.labels.volume.key, sorted(self.labels.functions))
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
-    def count_steps(self):
+    def count_steps(self, *, backend: str = "auto", threads: int = 0):
         """Generator: yields the fraction done; returns (visible voxels, connected pieces) per row, (nz * ny,) each."""
         nx, ny, nz = self.volume.shape_xyz
         counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
-        for first, last in slabs(nz, ny * nx):
+        for first, last in slabs(nz, ny * nx, VOXELS_AT_ONCE):
             yield first / nz
-            seen, rows = self._seen(first, last), slice(first * ny, last * ny)
-            counts[rows] = seen.sum(axis=1)
-            row_pieces[rows] = (seen[:, 1:] & ~seen[:, :-1]).sum(axis=1) + seen[:, 0]
+            seen, rows = self._seen(first, last, backend, threads), slice(first * ny, last * ny)
+            count_seen(seen, counts[rows], row_pieces[rows], backend, threads)
         return counts, row_pieces
 
-    def fill_steps(self, blocks: Blocks, counted):
+    def fill_steps(self, blocks: Blocks, counted, *, backend: str = "auto", threads: int = 0):
         """Generator: yields the fraction done; returns the VisibleVoxels of what ``count_steps`` returned."""
         nx, ny, nz = self.volume.shape_xyz
         counts, row_pieces = counted
         row_start = row_offsets(counts)
         column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
-        for first, last in slabs(nz, ny * nx):
+        for first, last in slabs(nz, ny * nx, VOXELS_AT_ONCE):
             yield first / nz
-            part = slice(row_start[first * ny], row_start[last * ny])
-            column[part] = np.nonzero(self._seen(first, last))[1]
+            seen = self._seen(first, last, backend, threads)
+            put_columns(seen, row_start[first * ny : last * ny + 1], column, backend, threads)
         stored = np.zeros(len(column), np.uint8)  # no value of the volume's own: the looks say it all
         return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
 
-    def classified(self, voxels: VisibleVoxels, length: float) -> ClassifiedVolume:
+    def classified(
+        self, voxels: VisibleVoxels, length: float, *, backend: str = "auto", threads: int = 0
+    ) -> ClassifiedVolume:
         """The looks of visible voxels; ``length``: world length of one of the volume's units."""
+        distance = opacity_distance(self.volume, self.tf, length)
+        tables = [part.tables(self.volume, length, distance) if part.has_tables else None for part in self._parts]
         looks = np.empty((len(voxels), LOOKS), np.float32)
-        rows = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
-        places = rows * self.volume.shape_xyz[0] + voxels.column
+        nx, row_start = self.volume.shape_xyz[0], voxels.row_start
         for begin in range(0, len(voxels), VOXELS_AT_ONCE):
-            part = slice(begin, begin + VOXELS_AT_ONCE)
-            self._write_looks(places[part], length, looks[part])
-        return ClassifiedVolume(voxels, looks, False, length, opacity_distance(self.volume, self.tf, length))
+            end = min(begin + VOXELS_AT_ONCE, len(voxels))
+            first, last = np.searchsorted(row_start, (begin, end - 1), side="right") - 1
+            held = np.diff(np.clip(row_start[first : last + 2], begin, end))
+            places = np.repeat(np.arange(first, last + 1) * nx, held) + voxels.column[begin:end]
+            mixed = np.zeros((end - begin, LOOKS))
+            for part, table in zip(self._parts, tables):
+                if table is None:
+                    mix(mixed, *part.looked_up(places, self.volume, length, distance), distance)
+                else:
+                    add_looks(
+                        places, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
+                        backend, threads,
+                    )
+            looks[begin:end, EXTINCTION], looks[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
+            looks[begin:end, RED:] = mixed[:, 2:]
+        return ClassifiedVolume(voxels, looks, False, length, distance)
 
-    def _seen(self, first: int, last: int) -> np.ndarray:
+    def _seen(self, first: int, last: int, backend: str, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) any channel shows."""
         nx, ny, _ = self.volume.shape_xyz
         places = slice(first * ny * nx, last * ny * nx)
         seen = np.zeros((last - first) * ny * nx, bool)
         for part in self._parts:
-            seen |= part.at(places, part.alphas, part.numbers(places)) > 0.0
+            if part.has_tables:
+                labels = None if part.labels is None else part.label_patterns[places]
+                mark_seen(
+                    part.stored[places], labels, part.number_table, part.alphas > 0.0, part.size, seen, backend, threads
+                )
+            else:
+                seen |= part.looked_up(places, self.volume, 1.0, 1.0)[0] > 0.0
         return seen.reshape(-1, nx)
-
-    def _write_looks(self, places, length: float, looks) -> None:
-        distance = opacity_distance(self.volume, self.tf, length)
-        total, opacity, mixed = 0.0, 0.0, []
-        for part in self._parts:
-            numbers = part.numbers(places)
-            alpha = part.at(places, part.alphas, numbers)
-            own = part.distances(self.volume, length, numbers)
-            sigma = optical_depth(alpha) / own
-            # What one function shows alone, per the distance of the first, keeps its opacity to the bit.
-            alone = (total == 0.0) & (own == distance)
-            added = np.where(alone, alpha, -np.expm1(-(total + sigma) * distance))
-            opacity = np.where(sigma == 0.0, opacity, added)
-            total = total + sigma
-            mixed.append((sigma, part.at(places, part.colors, numbers, (3,))))
-        looks[:, EXTINCTION], looks[:, OPACITY] = total, opacity
-        looks[:, RED:] = sum((sigma / total)[:, None] * color for sigma, color in mixed)
