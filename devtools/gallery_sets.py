@@ -33,8 +33,8 @@ ORGAN_COLORS = {
 # Along each ray the largest value counts; bone is not to outshine blood by far.
 VESSEL_LOOK = {
     "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.9], [255, 1.0]],
-    "color": [[0, 0.0, 0.0, 0.0], [40, 0.1, 0.01, 0.01], [90, 0.36, 0.05, 0.03], [150, 0.72, 0.3, 0.14],
-              [255, 1.0, 0.9, 0.75]],
+    "color": [[0, 0.0, 0.0, 0.0], [40, 0.06, 0.006, 0.006], [90, 0.24, 0.03, 0.02], [150, 0.5, 0.17, 0.08],
+              [220, 0.72, 0.46, 0.27], [255, 0.85, 0.7, 0.52]],
     "shade": False,
 }  # fmt: skip
 
@@ -87,6 +87,7 @@ def plate(volume_object, folder: Path) -> None:
     middle, size = _sized(volume_object)
     if volume_object.rle_splat.intercept:  # the scan, whose z runs from the crown down
         _turned(volume_object, 180.0, "X", middle)
+        _without_wire()
     _camera(middle, size, (-1.5, 2.1, 0.75), aim=(0.0, 0.0, 0.02))
     titanium = material("Titanium", (0.58, 0.57, 0.56), roughness=0.5, metallic=0.6)
     steel = material("Screws", (0.86, 0.86, 0.88), roughness=0.35, metallic=0.7)
@@ -96,6 +97,17 @@ def plate(volume_object, folder: Path) -> None:
         "Rim", "AREA", 22.0 * size**2, middle + size * Vector((2.2, -0.8, 1.4)), middle, (0.7, 0.82, 1.0), size=size
     )
     _world((0.05, 0.06, 0.08), 0.4)
+
+
+def _without_wire() -> None:
+    """Cut away the wire of the head rest that runs upright through the scan, and stands out above the crown."""
+    bpy.context.view_layer.update()
+    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    box = bpy.context.view_layer.objects.active
+    box.name = "Wire"
+    bpy.context.view_layer.update()
+    # In the scan's own box, from -1 to 1: about column 193, row 238 of 256.
+    box.matrix_world @= Matrix.Translation((0.514, 0.867, 0.0)) @ Matrix.Diagonal((0.055, 0.039, 1.1, 1.0))
 
 
 def _bend_plate(volume_object, middle, toward, coat, screw_coat) -> None:
@@ -181,7 +193,10 @@ def chest(volume_object, folder: Path) -> None:
             row.label_name, row.color = ORGAN_COLORS[row.label]
             row.use_color = True
     _look(volume_object, CHEST_LOOK, folder)
-    _camera(middle, size, (-1.0, -2.5, 0.55), aim=(0.05, 0.0, 0.0))
+    # Labels are classified voxel by voxel: a wider footprint than the tent rounds their steps off.
+    settings = bpy.context.scene.rle_splat
+    settings.classification, settings.kernel = "pre", "bspline2"
+    _camera(middle, size, (-1.0, -2.5, 0.55), aim=(0.02, 0.0, 0.0))
     bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
     box = bpy.context.scene.rle_splat.clip_objects.objects[0]
     low = box_of(volume_object)[0]
@@ -222,7 +237,7 @@ def angiography(volume_object, folder: Path) -> None:
     _look(volume_object, VESSEL_LOOK, folder)
     settings = bpy.context.scene.rle_splat
     settings.mode = "mip"
-    _camera(middle, size, (0.35, -2.2, 0.12))
+    _camera(middle, size, (0.35, -2.55, 0.12))
     bpy.ops.rle_splat.add_clip(kind="PLANE", keep="INSIDE")
     arrow = settings.clip_objects.objects[0]
     arrow.location, arrow.rotation_euler = middle + size * Vector((0.0, 0.1, 0.0)), (math.radians(-90.0), 0.0, 0.0)
