@@ -22,6 +22,7 @@ from ..rle_splat import scene as tables
 from ..rle_splat.effects.ray_mode import MODE_NAMES
 from . import box
 from .accuracy import AccuracyRowProperties
+from .channels import ChannelProperties
 from .effects import EffectOverrideProperties, EffectRowProperties
 from .labels import LabelProperties
 from .settings import scene_scale_of, suit_classification, suit_knobs
@@ -123,6 +124,8 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
         "labels that are hidden or have a look of their own, pictures are classified by pre", subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="What each label looks like")
+    channels: CollectionProperty(
+        type=ChannelProperties, name="Channels", description="Further volumes on the same grid that are added")
     clip_keep: LiveEnum(
         name="Keep", description="Which side of this clip object stays", items=CLIP_ITEMS)
     transfer: LivePointer(
@@ -260,8 +263,8 @@ class SceneSettings(bpy.types.PropertyGroup):
 
 
 CLASSES = (
-    EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, LabelProperties, VolumeProperties,
-    SceneSettings,
+    EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, LabelProperties, ChannelProperties,
+    VolumeProperties, SceneSettings,
 )
 
 

@@ -15,6 +15,7 @@ from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.tolerance import tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
+from .channels import read_channels
 from .clip_objects import clip_objects, read_clips
 from .effects import overrides_of
 from .labels import read_labels
@@ -73,6 +74,7 @@ def read_scene(
         triangles=triangles if triangles is not None and len(triangles) else None,
         crop=frame_crop(scene.render) if in_region else None,
         clips=read_clips(depsgraph),
+        channels=read_channels(volume_object, depsgraph),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         mode=scene.rle_splat.mode,
         mist=read_mist(depsgraph),

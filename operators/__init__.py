@@ -6,6 +6,7 @@ from . import (
     accuracy,
     add_clip,
     apply_preset,
+    channels,
     composite,
     import_volume,
     keyframe_transfer,
@@ -21,7 +22,7 @@ from . import (
 
 MODULES = (
     import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite, list_effects, accuracy, add_clip, read_labels,
+    set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels,
 )
 
 

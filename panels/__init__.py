@@ -2,9 +2,9 @@
 
 import bpy
 
-from . import accuracy, clip_objects, effects, labels, picture, quality, report, shading, transfer, volume
+from . import accuracy, channels, clip_objects, effects, labels, picture, quality, report, shading, transfer, volume
 
-MODULES = (volume, transfer, shading, labels, clip_objects, quality, picture, effects, report, accuracy)
+MODULES = (volume, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy)
 
 
 def register():

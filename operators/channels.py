@@ -1,0 +1,62 @@
+"""Add Channels and Remove Channel: further volumes in the active one's picture."""
+
+import bpy
+from bpy.props import IntProperty
+
+from ..bridge import channels, volumes
+from ..rle_splat.scene import RleSplatError
+from .refusal import has_volume, refuse
+
+
+class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
+    """Add the other selected volumes to the picture of the active one, each by its own transfer function"""
+
+    bl_idname = "rle_splat.add_channels"
+    bl_label = "Add Selected Volumes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not has_volume(cls, context):
+            return False
+        owner = volumes.volume_object(context)
+        if not any(channels.can_be_added(owner, one) for one in context.selected_objects):
+            cls.poll_message_set("Select another volume on the same grid, and the first one last")
+            return False
+        return True
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        others = [one for one in context.selected_objects if channels.can_be_added(owner, one)]
+        try:
+            channels.add_channels(owner, others)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        self.report({"INFO"}, f"{len(others)} channel(s) added to {owner.name}")
+        return {"FINISHED"}
+
+
+class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
+    """Take a volume out of the picture; the volume itself stays"""
+
+    bl_idname = "rle_splat.remove_channel"
+    bl_label = "Remove Channel"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(name="Number", description="Which one, from 0", min=0)
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        rows = owner.rle_splat.channels
+        if self.index >= len(rows):
+            return refuse(self, f"There are {len(rows)} channels and none of number {self.index}; choose one of them.")
+        rows.remove(self.index)
+        owner.update_tag()
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_add_channels, RLE_SPLAT_OT_remove_channel)

@@ -1,0 +1,107 @@
+"""Proves that further volume objects add to a volume's picture, each by its own transfer function."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+N, ALPHA = 9, 0.2
+RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.2, 0.9)
+
+
+@pytest.fixture
+def pair(bridge, core, tmp_path):
+    """Two homogeneous cubes on one grid, red and blue, the first active; seen from above."""
+    made = []
+    for name, color in (("second", BLUE), ("first", RED)):
+        made.append(scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name=name))
+        scenes.give_transfer(
+            bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, made[-1],
+            ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), color)
+    scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 48
+    bpy.context.scene.rle_splat.lighting = "NONE"
+    second, first = made
+    select(first, second)
+    return first, second
+
+
+def select(active, *others):
+    for one in bpy.context.selected_objects:
+        one.select_set(False)
+    for one in (*others, active):
+        one.select_set(True)
+    bpy.context.view_layer.objects.active = active
+
+
+def middle():
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    return scenes.image_pixels(bpy.context.scene.rle_splat.image)[20:28, 20:28].reshape(-1, 4).mean(axis=0)
+
+
+def reported(name):
+    report = json.loads(bpy.context.scene.rle_splat.last_report_json)
+    return next(row for row in report["effects"] if row["name"] == name)
+
+
+def test_extinctions_add_and_colours_by_their_share(pair):
+    first, second = pair
+    alone = middle()
+    assert not reported("channels")["on"]
+    assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
+    assert [row.source for row in first.rle_splat.channels] == [second]
+    both = middle()
+    assert reported("channels")["on"] and "1 further channel" in reported("channels")["reason"]
+    # pre pads the cube by a ramp of one voxel in all: N voxels of each, where post has N - 1
+    depth = -N * np.log1p(-ALPHA)
+    assert both[3] == pytest.approx(-np.expm1(-2.0 * depth), abs=2e-3)
+    np.testing.assert_allclose(both[:3] / both[3], np.add(RED, BLUE) / 2.0, atol=5e-3)
+    np.testing.assert_allclose(alone[:3] / alone[3], RED, atol=5e-3)
+
+    first.rle_splat.channels[0].show = False
+    np.testing.assert_array_equal(middle(), alone)
+    first.rle_splat.channels[0].show = True
+    np.testing.assert_array_equal(middle(), both)
+    assert bpy.ops.rle_splat.remove_channel(index=0) == {"FINISHED"}
+    assert len(first.rle_splat.channels) == 0 and second.name in bpy.data.objects
+    np.testing.assert_array_equal(middle(), alone)
+
+
+def test_the_channels_own_transfer_function_counts(pair, bridge, core):
+    second = pair[1]
+    bpy.ops.rle_splat.add_channels()
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, second,
+        ((0.0, 0.0), (255.0, 0.0)), BLUE)
+    np.testing.assert_allclose(middle()[:3] / middle()[3], RED, atol=5e-3)
+    assert "nothing is shown of" in reported("channels")["reason"]
+
+
+def test_channels_survive_the_file_and_a_deleted_volume(pair, tmp_path):
+    first, second = pair
+    alone = middle()
+    bpy.ops.rle_splat.add_channels()
+    both, name, other = middle(), first.name, second.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    first, second = bpy.data.objects[name], bpy.data.objects[other]
+    select(first, second)
+    np.testing.assert_array_equal(middle(), both)
+    bpy.data.objects.remove(second)
+    np.testing.assert_array_equal(middle(), alone)
+
+
+def test_what_cannot_be_a_channel_is_refused_in_a_sentence(pair, refused, tmp_path):
+    first = pair[0]
+    assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
+    refused(bpy.ops.rle_splat.add_channels, "is a channel of")
+    small = scenes.import_raw(tmp_path, np.full((N, N, N - 2), 100, np.uint8), name="small")
+    select(first, small)
+    refused(bpy.ops.rle_splat.add_channels, "7 x 9 x 9 voxels")
+    refused(lambda: bpy.ops.rle_splat.remove_channel(index=5), "none of number 5")
+    select(first)
+    assert not bpy.ops.rle_splat.add_channels.poll()
