@@ -1,7 +1,7 @@
 """The scratch memory of the sheet-buffer loop, kept from picture to picture: nothing is allocated inside the loops.
 
-It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all pictures
-share it; a kernel clears what it relies on.
+It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all
+pictures share it; a kernel clears what it relies on.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Scratch(NamedTuple):
     their first axis, flat behind it unless a shape is given.
 
     ``line``: one voxel scanline, float32, four channels a voxel; all zero between two scanlines.  (Of sheets of the
-    scalar: planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each, and at
-    the end a block that stays transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of their
-    blocks that is not empty.
+    scalar: planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each,
+    and at the end a block that stays transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of
+    their blocks that is not empty.
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
     ``reach``: first and last shifted voxel touched, and, of the picture so far, how many scanlines were walked and

@@ -7,7 +7,6 @@ from rle_splat.jit import compiled
 from rle_splat.render import render
 from rle_splat.scene import Mist, Quality
 from rle_splat.splat import scratch
-
 from tests.unit.test_crop import TRIANGLES, bits, scene_of
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")

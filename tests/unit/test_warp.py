@@ -191,7 +191,7 @@ def test_twins_agree():
 @pytest.mark.parametrize("to_sheet", [
     np.array([[0.9, 0.4, -31.0], [-0.4, 0.9, 7.0], [0.0, 0.0, 1.0]]),
     np.array([[0.9, 0.4, -31.0], [-0.4, 0.9, 7.0], [4e-3, -2e-3, 1.0]]),
-    np.linalg.inv(np.array([[1.0, 0.0, 20.0137], [0.0, 1.0, 20.0211], [-0.04, 0.0, 1.0]])),  # a horizon goes through the sheet
+    np.linalg.inv(np.array([[1.0, 0.0, 20.0137], [0.0, 1.0, 20.0211], [-0.04, 0.0, 1.0]])),  # a horizon across
     np.array([[0.9, 0.4, -500.0], [-0.4, 0.9, 7.0], [0.0, 0.0, 1.0]]),  # beside the picture
 ])  # fmt: skip
 def test_every_pixel_that_looks_into_a_sheet_is_found(to_sheet):
