@@ -88,14 +88,19 @@ def otsu_threshold(spread: Histogram) -> float:
     """
     weights = spread.counts / spread.counts.sum()
     lower = np.cumsum(weights)[:-1]
-    sums = np.cumsum(weights * spread.centers)
+    sums = np.cumsum(weights * (spread.centers / _largest(spread)))  # their squares would leave float64's range
     with np.errstate(divide="ignore", invalid="ignore"):  # an empty class has no mean
         between = (sums[-1] * lower - sums[:-1]) ** 2 / (lower * (1.0 - lower))
     between = np.where(np.isfinite(between), between, 0.0)
     if between.size == 0:
         return float(spread.centers[0])
     best = np.flatnonzero(between >= between.max() * (1.0 - 1e-12))
-    return float(0.5 * (spread.edges[best[0] + 1] + spread.edges[best[-1] + 1]))
+    return float(0.5 * spread.edges[best[0] + 1] + 0.5 * spread.edges[best[-1] + 1])
+
+
+def _largest(spread: Histogram) -> float:
+    """The size of the value furthest from zero, 1 if that is zero."""
+    return float(np.abs(spread.edges).max()) or 1.0
 
 
 def _surroundings(volume: Volume) -> float:
@@ -122,7 +127,8 @@ def _from_histogram(volume: Volume, spread: Histogram) -> tuple[TransferFunction
     else:
         shown, air, far = above, max(low, min(around, threshold)), high
     start = 0.5 * (air + threshold)  # half way to the threshold: past the noise of the air, before thin structures
-    body = float(np.average(spread.centers[shown], weights=spread.counts[shown]))
+    largest = _largest(spread)
+    body = largest * float(np.average(spread.centers[shown] / largest, weights=spread.counts[shown]))
     side = "below" if dark_object else "above"
     reason = f"Neither unit nor name nor modality tell what it is, so values {side} {start:.4g} are shown."
     return _curves(start, threshold, body, far), reason

@@ -149,6 +149,7 @@ def first_picture(values, slope, intercept, dtype):
 @example([1.7e308] * 4 + [-1.7e308] * 4, 1e10, 0.0, "float64")
 @example([5e-324] * 4 + [0.0] * 4, 1e-300, 0.0, "float64")
 @example([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], 1.0, 1.7e308, "float64")
+@example([0.0] * 6 + [2.096e16, 2.146e19], 2.094e288, 0.0, "float32")
 @examples(100)
 def search_values(values, slope, intercept, dtype):
     """A volume of any values at all: its first picture is finite, or refused in a sentence."""
@@ -162,6 +163,15 @@ def test_R1_volumes_of_any_values(record):
         first_picture(range(8), 1.0, 0.0, dtype)
     search_values()
     says(record, "R1", "volumes of any 64-bit values without a finite first picture or a sentence")
+
+
+@pytest.mark.parametrize("slope", (1e-300, 1e-150, 1e150, 1e280, 2e288))
+def test_R1_an_automatic_look_of_values_of_any_size(record, slope):
+    """The squares of values next to the largest there are left float64's range, and no threshold was found."""
+    values = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 5e16, 2e19, 2.1e19]).reshape(2, 2, 2)
+    one, other = (default_transfer_function(Volume(values, np.eye(4), slope=s))[0].opacity for s in (1.0, slope))
+    off = max(abs(a[0] - b[0] / slope) / 2.1e19 + abs(a[1] - b[1]) for a, b in zip(one, other, strict=True))
+    record("R1", "change of an automatic look where all values are scaled", off, 1e-6, "either", "points are float64")
 
 
 # --- JSON -------------------------------------------------------------------------------------------------------
