@@ -1,4 +1,4 @@
-"""The scratch memory of the sheet-buffer loop, kept from picture to picture: nothing is allocated inside the loops.
+"""The scratch memory of the sheet-buffer loop, kept between pictures: nothing is allocated inside the loops.
 
 It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all
 pictures share it; a kernel clears what it relies on.
