@@ -158,6 +158,12 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
     specular: LiveFloat(name="Specular", default=0.2, min=0.0, soft_max=1.0, description="White highlight")
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0, description="Exponent of the highlight")
+    highlight: LiveEnum(
+        name="Highlight", default="BLINN_PHONG",
+        items=(("BLINN_PHONG", "Blinn-Phong", "By the direction half-way between light and eye"),
+               ("PHONG", "Phong", "By the light's mirror image in the surface")))
+    two_sided: LiveBool(
+        name="Two-Sided", default=True, description="Light surfaces from behind as well, as noisy scans need it")
 
 
 def _rescale_boxes(settings, context):

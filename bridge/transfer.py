@@ -44,8 +44,9 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     properties.opacity_scale = 1.0
     properties.use_shading = transfer_function.shade is not None
     if transfer_function.shade is not None:
-        for name in ("ambient", "diffuse", "specular", "shininess"):
+        for name in ("ambient", "diffuse", "specular", "shininess", "two_sided"):
             setattr(properties, name, getattr(transfer_function.shade, name))
+        properties.highlight = _ITEM_OF_HIGHLIGHT[transfer_function.shade.highlight]
     steep = transfer_function.gradient_opacity
     properties.use_gradient_opacity = steep is not None
     if steep is not None:
@@ -81,7 +82,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     color = [(value(p), *(max(0.0, typed(c)) for c in rgb)) for p, *rgb in nodes.read_ramp(nodes.color_ramp(tree))]
     shade = None
     if properties.use_shading:
-        shade = Shade(*(typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess")))
+        numbers = (typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess"))
+        highlight = next(name for name, item in _ITEM_OF_HIGHLIGHT.items() if item == properties.highlight)
+        shade = Shade(*numbers, highlight, properties.two_sided)
     steep = None
     if properties.use_gradient_opacity:
         steep = GradientOpacity(typed(properties.gradient_low), typed(properties.gradient_high))
@@ -113,6 +116,7 @@ def own_tree(volume_object) -> None:
         properties.transfer = properties.transfer.copy()
 
 
+_ITEM_OF_HIGHLIGHT = {"blinn-phong": "BLINN_PHONG", "phong": "PHONG"}
 KEYED = (
     "window_center", "window_width", "opacity_scale", "opacity_unit_distance", "ambient", "diffuse", "specular",
     "shininess", "gradient_low", "gradient_high",

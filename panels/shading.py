@@ -32,7 +32,7 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         layout.prop(settings, "ambient_occlusion")
         column = layout.column(align=True)
         column.active = properties.use_shading
-        for name in ("ambient", "diffuse", "specular", "shininess"):
+        for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
             column.prop(properties, name)
         layout.prop(properties, "use_gradient_opacity")
         column = layout.column(align=True)

@@ -50,10 +50,12 @@ class _Looked:
 
 
 class VoxelLight:
-    """The light on the voxels of a scene: shaded colour = c * light + highlight, two-sided Blinn-Phong.
+    """The light on the voxels of a scene: shaded colour = c * light + highlight.
 
     light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the
-    lights; 1 and 0 where there is no normal.  ``places`` are index arrays (z, y, x) of any shape that they broadcast
+    lights; 1 and 0 where there is no normal.  Phong's highlight has, for |n.h|, the cosine between the eye and the
+    light's direction mirrored in the surface.  Of one side, a light counts where the surface, whose outside is where
+    the scalar falls, faces it.  ``places`` are index arrays (z, y, x) of any shape that they broadcast
     to.
     """
 
@@ -97,8 +99,15 @@ class VoxelLight:
         world = np.zeros(3) if self._scene.world is None else np.array(self._scene.world)
         light, highlight = np.full((len(x), 3), shade.ambient) + shade.diffuse * world, np.zeros((len(x), 3))
         for towards, strength in self._lights(at):
-            light += shade.diffuse * np.abs((normal * towards).sum(axis=1, keepdims=True)) * strength
-            facing = np.abs((normal * _unit(towards + to_eye)).sum(axis=1, keepdims=True))
+            outward = -(normal * towards).sum(axis=1, keepdims=True)
+            if not shade.two_sided:
+                strength = np.where(outward > 0.0, strength, 0.0)
+            light += shade.diffuse * np.abs(outward) * strength
+            if shade.highlight == "phong":
+                mirrored = (-2.0 * outward) * normal - towards  # twice the part along the normal, less the whole
+                facing = np.clip((mirrored * to_eye).sum(axis=1, keepdims=True), 0.0, None)
+            else:
+                facing = np.abs((normal * _unit(towards + to_eye)).sum(axis=1, keepdims=True))
             highlight += shade.specular * facing**shade.shininess * strength
         flat = ~normal.any(axis=1)
         light[flat], highlight[flat] = 1.0, 0.0

@@ -1,4 +1,4 @@
-"""Pre-shading of the non-transparent voxels: Blinn-Phong, two-sided (paper 2.1; algorithm.md 4.2).
+"""Pre-shading of the non-transparent voxels: Phong, or Blinn-Phong, of two sides or one (paper 2.1; algorithm.md 4.2).
 
 Split in two: the normals do not depend on the view and may be kept between frames; the light that falls on them is
 put straight into voxel records, any range of voxels at a time, so that no list of all shaded colours is needed.
@@ -19,6 +19,7 @@ from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, 
 from .limits import BRIGHTEST, STRONGEST_LIGHT
 from .placing import Places, find_targets
 
+BACK, PHONG = 7, 8  # of a Lighting's material
 SHARPEST = 1e9  # a larger shininess is a highlight of no width; the whole part must also fit an integer
 DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # column of the looks that weights a colour
 
@@ -32,7 +33,7 @@ LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB, SHARE, ALL 
 SCRATCH = 17 * LANES
 PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
 PLACES = 3 * LANES
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ZERO, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 _PER_CODE = np.float32(1.0 / FULL_CODE)
 _FAINT = np.float32(1e-18)  # the product of two such is still a normal number
 
@@ -58,8 +59,9 @@ class Shadows:
 class Lighting:
     """What falls on the voxels of a volume.
 
-    ``matrix``: (4, 4) index to world.  ``material``: (7,) ambient, diffuse, specular, shininess; RGB of the light that
-    comes from everywhere, ambient and the world's together.  ``rows``: the lights, see ``light_rows``.  ``eye``: (4,)
+    ``matrix``: (4, 4) index to world.  ``material``: (9,) ambient, diffuse, specular, shininess; RGB of the light that
+    comes from everywhere, ambient and the world's together; 1 where surfaces have two sides, else 0; 1 for highlights
+    by Phong, 0 by Blinn and Phong.  ``rows``: the lights, see ``light_rows``.  ``eye``: (4,)
     homogeneous world eye, its last component 0 for parallel rays.  ``shadows``: of the same voxels, None without any.
     """
 
@@ -72,8 +74,8 @@ class Lighting:
     @property
     def is_far(self) -> bool:
         """Whether it does not matter where a voxel is, nor which it is: parallel light without shadows, and parallel
-        rays where highlights are seen."""
-        if self.shadows is not None:
+        rays where highlights are seen, which are Blinn's."""
+        if self.shadows is not None or self.material[PHONG] > 0.0:
             return False
         sees_highlights = self.material[2] > 0.0 and self.eye[3] != 0.0
         return not (sees_highlights or (self.rows[:, KIND] != SUN).any())
@@ -121,7 +123,9 @@ def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, ey
     everywhere = np.full(3, shading.ambient, np.float64)
     if world is not None:
         everywhere += shading.diffuse * np.minimum(np.asarray(world, np.float64), STRONGEST_LIGHT)
-    material = np.array([shading.ambient, shading.diffuse, shading.specular, shininess, *everywhere], np.float64)
+    kinds = float(shading.two_sided), float(shading.highlight == "phong" and shading.specular > 0.0)
+    numbers = shading.ambient, shading.diffuse, shading.specular, shininess
+    material = np.array([*numbers, *everywhere, *kinds], np.float64)
     rows = light_rows(lights, headlight_direction, matrix)
     return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 
@@ -146,8 +150,9 @@ def shade(
     """(m, 3) float32 shaded, unassociated, scene-linear colours of the visible voxels.
 
     c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I over the lights, I an RGB scale (see
-    ``lights.py``); c itself where there is no normal, and everywhere when nothing shades or nothing shines.  Shadows
-    dim the ambient term and each I; where there is no normal, c by the share of all I and ambient light that arrives.
+    ``lights.py``), or what else the Shade says; c itself where there is no normal, and everywhere when nothing shades or
+    nothing shines.  Shadows dim the ambient term and each I; where there is no normal, c by the share of all I and
+    ambient light that arrives.
 
     ``normals``: (m, 3) of ``normals()``, None when ``is_shaded`` is False.  ``shading``: a Shade, or None.
     The others: see ``lighting``.
@@ -177,7 +182,7 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
     if (falling.rows[:, KIND] != SUN).any():
         return None
     diffuse, specular = falling.material[1:3]
-    ambient = falling.material[4:].max()
+    ambient = falling.material[4:7].max()
     strongest = float(falling.rows[:, RGB:NEAREST].sum(axis=0).max())
     return min(max(most, most * (ambient + diffuse * strongest) + specular * strongest), BRIGHTEST)
 
@@ -326,19 +331,24 @@ def _raise_to(shininess, count, s):
 def add_rays(rays, normals, material, count, s):
     """What parallel lights, seen along parallel rays, add to the matt colour and to the highlight of every voxel of a
     chunk; ``rays``: see ``Lighting.rays``."""
-    diffuse, specular = np.float32(material[1]), np.float32(material[2])
+    diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
     for k in range(rays.shape[0]):
         lx, ly, lz = rays[k, 0], rays[k, 1], rays[k, 2]
         hx, hy, hz = rays[k, 3], rays[k, 4], rays[k, 5]
         red, green, blue = rays[k, 6], rays[k, 7], rays[k, 8]
         for i in range(count):
-            matt = diffuse * abs(normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz)
+            facing = normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz
+            matt = diffuse * max(-facing, back * facing)
             s[DR + i] += matt * red
             s[DG + i] += matt * green
             s[DB + i] += matt * blue
         if specular > _ZERO:
             for i in range(count):
                 s[COS + i] = abs(normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz)
+            if back == _ZERO:
+                for i in range(count):
+                    facing = normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz
+                    s[COS + i] = s[COS + i] if facing < _ZERO else _ZERO
             _raise_to(material[3], count, s)
             for i in range(count):
                 gloss = specular * s[POWER + i]
@@ -481,11 +491,11 @@ def _towards(light, count, places, s):
 @kernel(inner=True)
 def _add_light(light, normals, material, count, s):
     """What one light adds to the matt colour and to the highlight of every voxel of a chunk."""
-    diffuse, specular = np.float32(material[1]), np.float32(material[2])
+    diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
     red, green, blue = np.float32(light[RGB]), np.float32(light[RGB + 1]), np.float32(light[RGB + 2])
     for i in range(count):
         facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
-        matt = diffuse * abs(facing) * s[FALLOFF + i]
+        matt = diffuse * max(-facing, back * facing) * s[FALLOFF + i]
         s[DR + i] += matt * red
         s[DG + i] += matt * green
         s[DB + i] += matt * blue
@@ -496,6 +506,16 @@ def _add_light(light, normals, material, count, s):
         facing = normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz
         length = np.sqrt(hx * hx + hy * hy + hz * hz)
         s[COS + i] = abs(facing) / length if length > _ZERO else _ZERO
+    if material[PHONG] > 0.0:
+        for i in range(count):
+            facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+            seen = normals[i, 0] * s[VX + i] + normals[i, 1] * s[VY + i] + normals[i, 2] * s[VZ + i]
+            straight = s[LX + i] * s[VX + i] + s[LY + i] * s[VY + i] + s[LZ + i] * s[VZ + i]
+            s[COS + i] = max(_TWO * facing * seen - straight, _ZERO)
+    if back == _ZERO:
+        for i in range(count):
+            facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+            s[COS + i] = s[COS + i] if facing < _ZERO else _ZERO
     _raise_to(material[3], count, s)
     for i in range(count):
         gloss = specular * s[POWER + i] * s[FALLOFF + i]
@@ -535,7 +555,7 @@ def lit_numpy(falling, voxels, part, n, colors):
     index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
     points = index @ matrix[:3, :3].T + matrix[:3, 3]
     view = _unit_numpy(falling.eye[:3] - falling.eye[3] * points)
-    everywhere, sky = falling.material[4:], shadows.share(-1, part)
+    everywhere, sky = falling.material[4:7], shadows.share(-1, part)
     matt = np.full((len(points), 3), everywhere) * np.reshape(sky, (-1, 1))
     gloss = np.zeros((len(points), 3))
     arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
@@ -545,10 +565,16 @@ def lit_numpy(falling, voxels, part, n, colors):
         falloff = falloff * shadows.share(number, part)
         arrives += diffuse * falloff * light[RGB:NEAREST].sum()
         strength = falloff[:, None] * light[RGB:NEAREST]
-        matt += diffuse * np.abs((n * towards).sum(axis=1))[:, None] * strength
+        facing = (n * towards).sum(axis=1)
+        matt += diffuse * np.maximum(-facing, falling.material[BACK] * facing)[:, None] * strength
         if specular > 0.0:
-            half = _unit_numpy(towards + view)
-            gloss += specular * np.abs((n * half).sum(axis=1))[:, None] ** shininess * strength
+            cosine = np.abs((n * _unit_numpy(towards + view)).sum(axis=1))
+            if falling.material[PHONG] > 0.0:
+                mirrored = 2.0 * facing[:, None] * n - towards
+                cosine = np.maximum((mirrored * view).sum(axis=1), 0.0)
+            if falling.material[BACK] == 0.0:
+                cosine = np.where(facing < 0.0, cosine, 0.0)
+            gloss += specular * cosine[:, None] ** shininess * strength
     if falling.shadows is not None:
         colors = colors * np.divide(arrives, every, out=np.ones_like(every), where=every > 0.0)[:, None]
     return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)

@@ -36,17 +36,30 @@ def _number(value, what: str) -> float:
     return number
 
 
+HIGHLIGHTS = ("blinn-phong", "phong")
+
+
 @dataclass(frozen=True)
 class Shade:
-    """Blinn-Phong coefficients: c * (ambient + diffuse |n.l|) + specular |n.h|^shininess, none below zero."""
+    """Coefficients of light, none below zero: c * (ambient + diffuse |n.l|) + specular |n.h|^shininess.
+
+    ``highlight``: of HIGHLIGHTS; "phong" has r.v, the light's mirror image in the surface, in place of |n.h|.
+    ``two_sided``: False keeps light to the side that values fall towards: nothing there where n.l is below zero.
+    """
 
     ambient: float = 0.25
     diffuse: float = 0.75
     specular: float = 0.2
     shininess: float = 20.0
+    highlight: str = "blinn-phong"
+    two_sided: bool = True
 
     def __post_init__(self):
-        for entry in fields(self):
+        if self.highlight not in HIGHLIGHTS:
+            raise RleSplatError(f"The shading's highlight must be one of {', '.join(HIGHLIGHTS)}.")
+        if not isinstance(self.two_sided, bool):
+            raise RleSplatError("The shading's two_sided must be true or false.")
+        for entry in fields(self)[:4]:
             value = _number(getattr(self, entry.name), f"The shading's {entry.name}")
             if value < 0.0:
                 raise RleSplatError(f"The shading's {entry.name} must not be below zero.")

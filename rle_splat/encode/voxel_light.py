@@ -75,7 +75,7 @@ def voxel_light(
     """What ``falling`` sheds on voxels with ``normals`` (m, 3) float32; where there is no normal, 0 of highlight and of
     light 1, or what shadows leave of that."""
     strengths = falling.rows[:, RGB:NEAREST]
-    everywhere = falling.material[4:]
+    everywhere = falling.material[4:7]
     white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
     glossy = bool(falling.material[2] > 0.0)
     each = 1 if white else 3

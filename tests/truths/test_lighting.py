@@ -53,6 +53,43 @@ def test_every_voxel_has_the_renderers_colour(stage, scene, name, kind):
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
 
 
+@pytest.mark.parametrize("backend", ("auto", "numpy"))
+@pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
+@pytest.mark.parametrize("name", ("sun", "point"))
+@pytest.mark.parametrize(("highlight", "two_sided"), (("phong", True), ("phong", False), ("blinn-phong", False)))
+def test_highlights_by_phong_and_surfaces_of_one_side(stage, scene, highlight, two_sided, name, kind, backend):
+    usual = replace(scene, camera=replace(scene.camera, type=kind), lights=(lights(stage)[name],), headlight=False)
+    shade = replace(SHADE, highlight=highlight, two_sided=two_sided)
+    lit = replace(usual, transfer_function=replace(usual.transfer_function, shade=shade))
+    quality = Quality(backend=backend)
+    theirs = classify_and_shade(lit, quality, Clock())[1]
+    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).places)
+    np.testing.assert_allclose(ours, theirs, atol=2e-5)
+    before = classify_and_shade(usual, quality, Clock())[1]
+    darker = (theirs < before - 0.02).any(axis=1).mean()
+    assert np.abs(theirs - before).max() > 0.05 and (two_sided or 0.2 < darker < 0.8)
+
+
+def test_a_sun_on_a_ball_of_one_side_lights_the_half_that_faces_it(stage):
+    """Lambert's cosine towards the light, nothing but ambient light behind; values grow inwards."""
+    z, y, x = np.mgrid[:21, :21, :21] - 10.0
+    radius = np.sqrt(x**2 + y**2 + z**2)
+    volume = stage.volume(np.clip(1.0 - radius / 12.0, 0.0, 1.0))
+    plain = stage.before(volume, stage.looking((60.0, 10.0, 10.0), (10.0, 10.0, 10.0)), (8, 8))
+    shade = Shade(0.25, 0.5, 0.0, 1.0, two_sided=False)
+    white = replace(plain.transfer_function, shade=shade, color=((0.0, 1.0, 1.0, 1.0),))
+    sun = Light("SUN", (1.0, 1.0, 1.0), np.pi, stage.looking((9.0, 0.0, 0.0), (0.0, 0.0, 0.0)).matrix_world)
+    scene = replace(plain, transfer_function=white, lights=(sun,), headlight=False)
+    places = scene_medium(scene, Quality(classification="pre")).places
+    colors = classify_and_shade(scene, Quality(), Clock())[1]
+    z, y, x = (place - 10.0 for place in places)
+    radius = np.sqrt(x**2 + y**2 + z**2)
+    even = (radius > 4.0) & (radius < 8.0)
+    expected = 0.25 + 0.5 * np.clip(x / np.maximum(radius, 1.0), 0.0, None)
+    assert even.sum() > 1000
+    np.testing.assert_allclose(colors[even], np.repeat(expected[even, None], 3, axis=1), atol=0.01)
+
+
 def test_both_truths_are_lit_alike(scene):
     """One light for both truths: T1's colours of white matter are T2's light and highlight together."""
     lit = replace(scene, headlight=True)
