@@ -150,8 +150,8 @@ def shade(
     """(m, 3) float32 shaded, unassociated, scene-linear colours of the visible voxels.
 
     c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I over the lights, I an RGB scale (see
-    ``lights.py``), or what else the Shade says; c itself where there is no normal, and everywhere when nothing shades or
-    nothing shines.  Shadows dim the ambient term and each I; where there is no normal, c by the share of all I and
+    ``lights.py``), or what else the Shade says; c itself where there is no normal, and everywhere when nothing shades
+    or nothing shines.  Shadows dim the ambient term and each I; where there is no normal, c by the share of all I and
     ambient light that arrives.
 
     ``normals``: (m, 3) of ``normals()``, None when ``is_shaded`` is False.  ``shading``: a Shade, or None.
