@@ -25,11 +25,13 @@ from rle_splat.named_systems.medium import scene_medium
 from rle_splat.render import render
 from rle_splat.scene import Quality
 
+from .accuracy import fill
 from .data_sets import PAPER
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
 from .scenes import REAL, scenes
 from .vtk_caster import VTK_PROBLEM, VtkCaster
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
 REPEATS = 3
 PROBES = 64  # per view
 PAPER_LIKE = "paper-like"
@@ -165,14 +167,45 @@ def line(name: str, row: dict) -> str:
 
 
 def of_paper(names):
-    """Like ``scenes``: the data sets of bench paper, each with the transfer function that is committed for it."""
-    return (data.load() for data in PAPER if not names or data.name in names)
+    """Like ``scenes``: the shells, and the data sets of bench paper with the transfer functions committed for them."""
+    if not names or "shells" in names:
+        yield from scenes(("shells",))
+    yield from (data.load() for data in PAPER if not names or data.name in names)
+
+
+def markdown(table, where: dict) -> str:
+    """The rows of a table, one line for each volume, projection and colours, and where they came about."""
+    qualities = list(dict.fromkeys(row["quality"] for row in table))
+    heads = ["", "p", "px", "threads", *qualities, "VTK", "encode"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    groups: dict = {}
+    for row in table:
+        name = ", ".join((
+            row["volume"], "perspective" if row["perspective"] else "orthographic",
+            "shaded" if row["shaded"] else "unshaded",
+        ))  # fmt: skip
+        groups.setdefault((name, row["size"], row["threads"]), {})[row["quality"]] = row
+    for (name, size, threads), rows in groups.items():
+        first = next(iter(rows.values()))
+        cells = [
+            "-" if quality not in rows else f"{rows[quality]['frame_ms']:.1f}"
+            + (f" ({rows[quality]['against_vtk']:.2f})" if rows[quality]["against_vtk"] is not None else "")
+            for quality in qualities
+        ]  # fmt: skip
+        vtk = "-" if first["vtk_ms"] is None else f"{first['vtk_ms']:.0f}"
+        encode = ", ".join(dict.fromkeys(f"{row['encode_ms']:.1f}" for row in rows.values()))
+        cells = [name, f"{first['kept_fraction']:.1%}", str(size), str(threads), *cells, vtk, encode]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + f"\n\n{describe(where)} Others kept {where['others_busy_cores'] or 0.0:.2f} cores busy."
 
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench engine", description=__doc__)
-    parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help="only these")
-    parser.add_argument("--paper", action="store_true", help="the data sets and transfer functions of bench paper")
+    names = tuple(dict.fromkeys(("shells", *(data.name for data in PAPER), *REAL)))
+    parser.add_argument("--volume", nargs="*", choices=names, help="only these")
+    parser.add_argument(
+        "--presets", action="store_true", help="presets in place of bench paper's data sets and transfer functions"
+    )
     parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
     parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
     parser.add_argument("--colours", nargs="*", choices=("unshaded", "shaded"))
@@ -183,6 +216,7 @@ def main(arguments) -> int:
     parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
     parser.add_argument("--no-vtk", action="store_true")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--write-docs", metavar="NAME", help="put the table between the marks NAME of the docs' page")
     options = parser.parse_args(arguments)
     if VTK_PROBLEM and not options.no_vtk:
         print(f"VTK is not here ({VTK_PROBLEM}); its columns stay empty.")
@@ -192,7 +226,7 @@ def main(arguments) -> int:
         for size in options.size:
             print(f"\n{size} x {size}, {threads} thread(s), {options.views} view(s), {options.probes} probes a view")
             print(header())
-            for name, volume, tf in of_paper(options.volume) if options.paper else scenes(options.volume):
+            for name, volume, tf in scenes(options.volume) if options.presets else of_paper(options.volume):
                 for projection in options.projection or ("orthographic", "perspective"):
                     for colours in options.colours or ("unshaded", "shaded"):
                         rows = measure(
@@ -210,6 +244,9 @@ def main(arguments) -> int:
     )
     print(neighbours.describe())
     where["others_busy_cores"] = neighbours.cores()
+    if options.write_docs:
+        filled = fill(PAGE.read_text(encoding="utf-8"), {options.write_docs: markdown(table, where)})
+        PAGE.write_text(filled, encoding="utf-8")
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -53,6 +53,19 @@ def test_shaded_pictures_are_judged_by_the_truth_that_they_claim(small):
     assert len(engine.line("shells", rows[0])) == len(engine.header())
 
 
+def test_a_table_for_the_page():
+    row = {
+        "volume": "shells", "perspective": True, "shaded": False, "size": 64, "threads": 1, "kept_fraction": 0.0876,
+        "vtk_ms": 40.0, "encode_ms": 5.24, "quality": "draft", "frame_ms": 7.25, "against_vtk": 0.18125,
+    }  # fmt: skip
+    other = {**row, "quality": "standard", "frame_ms": 21.0, "against_vtk": None, "shaded": True}
+    where = {**engine.circumstances(1), "others_busy_cores": 0.0}
+    lines = engine.markdown([row, other], where).splitlines()
+    assert lines[0] == "|  | p | px | threads | draft | standard | VTK | encode |"
+    assert lines[2] == "| shells, perspective, unshaded | 8.8% | 64 | 1 | 7.2 (0.18) | - | 40 | 5.2 |"
+    assert lines[3] == "| shells, perspective, shaded | 8.8% | 64 | 1 | - | 21.0 | 40 | 5.2 |"
+
+
 def test_paper_like_is_the_papers_pipeline_on_the_convergent_model():
     quality, paper = engine.quality_of(engine.PAPER_LIKE, 2), Quality.paper()
     assert (quality.depth_rule, quality.sheet_density, quality.warp_filter) == (
