@@ -105,8 +105,8 @@ def _clip_box(scene: Scene) -> tuple[Clip, ...]:
 
 
 def _clip_plane(scene: Scene) -> tuple[Clip, ...]:
-    """Halves the volume, upright and across the view."""
-    matrix = _shining((0.5, -0.8, 0.0))
+    """Halves the volume and the picture, upright and along the view."""
+    matrix = _shining((0.82, 0.57, 0.0))
     matrix[:3, 3] = _box(scene)[0]
     return (Clip("plane", matrix),)
 
