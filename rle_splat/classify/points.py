@@ -96,6 +96,7 @@ def heights_at_numpy(function: Pieces, values: np.ndarray) -> np.ndarray:
     piece = np.searchsorted(function.values, values, side="right") - 1
     inside = np.maximum(piece, 0)
     after = np.minimum(inside + 1, len(function.values) - 1)
-    share = np.minimum((values - function.values[inside]) * function.rates[inside], 1.0)
+    with np.errstate(over="ignore"):  # far from points that are close together: infinite, and cut off
+        share = np.minimum((values - function.values[inside]) * function.rates[inside], 1.0)
     share = np.where(piece < 0, 0.0, share)[:, None]
     return function.heights[inside] * (1.0 - share) + function.heights[after] * share

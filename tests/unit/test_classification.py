@@ -1,6 +1,7 @@
 """Classification against a reading of the points voxel by voxel in plain Python; hard cases are in tests/stability."""
 
 import math
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -123,3 +124,17 @@ def test_a_flat_matrix_is_refused():
     volume = Volume(np.ones((2, 2, 2), np.uint8), np.eye(4))
     with pytest.raises(RleSplatError, match="flat"):
         classify(volume, STEPPED, np.diag((1.0, 1.0, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_values_at_the_ends_of_float64_hold_the_end_heights_without_a_warning(backend):
+    """One over the gap of the points times the distance to them is beyond float64: an overflow, yet no fault."""
+    function = TransferFunction(
+        opacity=((0.0, 0.25), (1e-200, 0.5)), color=((0.0, 1.0, 0.0, 0.0), (1e-200, 0.0, 1.0, 0.0))
+    )
+    values = np.array([-1e300, -1.0, 0.0, 0.5e-200, 1e-200, 1.0, 1e300]).reshape(1, 1, -1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = classify(Volume(values, np.eye(4)), function, np.eye(4), backend=backend)
+    np.testing.assert_allclose(found.opacity, (0.25, 0.25, 0.25, 0.375, 0.5, 0.5, 0.5), rtol=1e-6)
+    np.testing.assert_allclose(found.color[:, 0], (1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0), atol=1e-6)
