@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS, same_plan
 from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
-from . import images, pictures
+from . import pictures
 from .decimals import typed
 from .settings import quality_of, tolerance_of
 
@@ -89,10 +89,7 @@ def _same(one: Quality, other: Quality) -> bool:
 
 def keep_error_map(volume_object, settings, errors, report: dict):
     """Put (h, w) levels, row 0 on top, into the volume's image of errors, packed; returns the image."""
-    height, width = errors.shape
-    image = pictures.find_or_make(volume_object, ERROR_KIND, width, height)
-    images.write_depth(image, errors)
-    images.pack(image)
+    image = pictures.keep_numbers(volume_object, errors, ERROR_KIND)
     found, settings.error_image = report["error"], image
     every = "every pixel" if found["step"] == 1 else f"one pixel of each {found['step']} x {found['step']}"
     settings.error_note = (

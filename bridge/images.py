@@ -43,10 +43,10 @@ def write_color(image, rgba: np.ndarray) -> None:
     _write(image, rgba)
 
 
-def write_depth(image, depth: np.ndarray) -> None:
-    """Put (H, W) planar depth in world units, row 0 on top, into an image of the same size, as grey."""
-    grey = np.empty((*depth.shape, 4), dtype=np.float32)
-    grey[..., :3] = depth[..., np.newaxis]
+def write_numbers(image, numbers: np.ndarray) -> None:
+    """Put (H, W) numbers, row 0 on top, into an image of the same size, as opaque grey."""
+    grey = np.empty((*numbers.shape, 4), dtype=np.float32)
+    grey[..., :3] = numbers[..., np.newaxis]
     grey[..., 3] = 1.0
     _write(image, grey)
 

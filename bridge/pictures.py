@@ -12,9 +12,9 @@ from . import effects, images
 LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
 SUFFIXES = {
     "color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite",
-    "error": "Splat Error",
+    "error": "Splat Error", "shadow": "Splat Shadow",
 }  # fmt: skip
-NUMBERS = ("depth", "error")  # kinds that hold numbers, not colours
+NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers, not colours
 
 
 def name_of(volume_object, kind: str) -> str:
@@ -42,10 +42,16 @@ def keep(volume_object, rgba, depth, *, kind: str = "color"):
     image = find_or_make(volume_object, kind, width, height)
     images.write_color(image, rgba)
     images.pack(image)
-    depth_image = find_or_make(volume_object, "depth", width, height)
-    images.write_depth(depth_image, depth)
-    images.pack(depth_image)
-    return image, depth_image
+    return image, keep_numbers(volume_object, depth, "depth")
+
+
+def keep_numbers(volume_object, numbers, kind: str):
+    """Write (H, W) numbers into the volume's image of that kind, one of NUMBERS, packed; returns the image."""
+    height, width = numbers.shape
+    image = find_or_make(volume_object, kind, width, height)
+    images.write_numbers(image, numbers)
+    images.pack(image)
+    return image
 
 
 def _error_lines(report: dict) -> list[str]:

@@ -16,13 +16,14 @@ from . import (
     relocate,
     render_image,
     set_backdrop,
+    shadow_pass,
     transfer_files,
     window_level,
 )
 
 MODULES = (
     import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels,
+    set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
 )
 
 

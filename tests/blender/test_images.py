@@ -45,7 +45,7 @@ def test_values_survive_packing_saving_and_loading(bridge, tmp_path):
     for image in (color_image, depth_image):
         image.use_fake_user = True
     images.write_color(color_image, rgba)
-    images.write_depth(depth_image, depth)
+    images.write_numbers(depth_image, depth)
     images.pack(color_image)
     images.pack(depth_image)
     assert color_image.alpha_mode == "PREMUL" and color_image.colorspace_settings.name == "Linear Rec.709"

@@ -136,3 +136,24 @@ def test_light_falls_off_as_cycles_has_it_on_a_mesh_in_the_same_place(addon, bri
     assert kind == "SUN" or np.ptp(ours) > 0.2 * ours.max()
     assert np.abs(ours - theirs).max() < 0.03 * ours.max()
     assert math.isclose(ours.mean(), theirs.mean(), rel_tol=0.01)
+
+
+def test_the_shadow_pass_is_what_shadows_take_of_the_picture(ball):
+    settings = bpy.context.scene.rle_splat
+    with pytest.raises(RuntimeError, match="turn on shadows or ambient occlusion"):
+        bpy.ops.rle_splat.shadow_pass()
+    add_light("SUN", (30.0, 0.0, 10.0), energy=4.0)
+    shaded = picture().reshape(SIZE, SIZE, 4)[::-1, :, :3].sum(axis=2)
+    settings.use_shadows = False
+    plain = picture().reshape(SIZE, SIZE, 4)[::-1, :, :3].sum(axis=2)
+    settings.use_shadows = True
+    assert bpy.ops.rle_splat.shadow_pass() == {"FINISHED"}
+    image = next(image for image in bpy.data.images if image.name.endswith("Splat Shadow"))
+    share = scenes.image_pixels(image)[..., 0]
+    seen = plain > 1e-3
+    expected = np.where(seen, 1.0 - shaded / np.where(seen, plain, 1.0), 0.0)
+    assert image.colorspace_settings.name == "Non-Color" and image.packed_file is not None
+    assert share.max() > 0.3 and np.abs(share - np.clip(expected, 0.0, 1.0))[seen].max() < 1e-4
+    settings.max_error = 2.0
+    with pytest.raises(RuntimeError, match="turn it off for a shadow pass"):
+        bpy.ops.rle_splat.shadow_pass()
