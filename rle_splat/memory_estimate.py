@@ -46,7 +46,8 @@ class MemoryEstimate:
 
     ``volume``: the voxels themselves, already in memory or mapped from their file.  ``visible``: which voxels are
     shown, and how they look.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes`` principal
-    axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.
+    axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.  ``record``: bytes of a voxel
+    record, 0 where scalars are kept, of which no voxel has less.
     """
 
     visible_voxels: int
@@ -95,7 +96,9 @@ class MemoryEstimate:
         return replace(self.with_axes(1), visible=0, normals=0, picture=0)
 
     def with_record(self, record: int) -> MemoryEstimate:
-        """The same for records of another size."""
+        """The same for records of another size, where there are any."""
+        if not self.record:
+            return self
         return replace(
             self, record=record, records=self.axes * self.visible_voxels * record,
             work=_work_bytes(self.visible_voxels, record),
@@ -212,7 +215,7 @@ def _reckon_scalars(shape, dtype, count, pieces, lines, axes, lit, picture, held
     looks = 0 if counts_values(dtype) else LOOK * count  # the value table stands for them
     visible = needs.visible - looks + math.prod(shape) // 8 + LIGHT * lit * count
     record = min(dtype.itemsize, 4) + LIGHT * lit
-    return replace(needs, visible=visible, records=axes * record * count, work=0)
+    return replace(needs, visible=visible, records=axes * record * count, record=0, work=0)
 
 
 def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
@@ -272,9 +275,10 @@ def refuse_too_much(wanted: MemoryEstimate) -> None:
     free = SPARE * available_bytes()
     if wanted.needed <= free:
         return
+    which = "that the transfer function shows" if wanted.record else "that are shown, and their neighbours,"
     raise RleSplatError(
-        f"The {wanted.visible_voxels} voxels that the transfer function shows need about {bytes_text(wanted.needed)} "
-        f"of memory and {bytes_text(free)} are free; {_what_fits(wanted, free)}."
+        f"The {wanted.visible_voxels} voxels {which} need about {bytes_text(wanted.needed)} of memory and "
+        f"{bytes_text(free)} are free; {_what_fits(wanted, free)}."
     )
 
 
@@ -299,7 +303,7 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
     share = max(free - max(least.picture, least.work), 0.0) / per_voxel / wanted.voxels
     if share < 0.0005:
         return "crop or thin the volume, or free some memory"
-    shorter = "" if wanted.record == RECORDS[-1] else f"voxel records of {RECORDS[-1]} bytes and "
-    return (
-        f"{shorter}a narrower transfer function, one that shows at most {100.0 * share:.2g} % of the voxels, would fit"
-    )
+    shorter = f"voxel records of {RECORDS[-1]} bytes and " if short else ""
+    counted = "" if wanted.record else ", their neighbours counted"
+    narrower = f"one that shows at most {100.0 * share:.2g} % of the voxels{counted}"
+    return f"{shorter}a narrower transfer function, {narrower}, would fit"

@@ -11,7 +11,7 @@ import pytest
 from rle_splat.classify.relevant import Reach
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.kept import Kept
-from rle_splat.memory_estimate import scalar_estimate
+from rle_splat.memory_estimate import refuse_too_much, scalar_estimate
 from rle_splat.render import render, render_steps
 from rle_splat.scene import Camera, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
@@ -244,6 +244,18 @@ def test_too_little_memory_is_refused_before_it_is_taken(monkeypatch):
 
     sentence, peak = traced(refused)
     assert sentence.endswith(".") and sentence.count(". ") == 0 and peak < 3 << 20
+
+
+@pytest.mark.parametrize("share, words", ((0.6, "their neighbours counted, would fit"), (0.001, "crop or thin")))
+def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
+    """There are no voxel records to make smaller; what a narrower function leaves is reckoned in scalars."""
+    volume, counts = noise(), np.full(24 * 24, 12)
+    wanted = scalar_estimate(volume, (counts, counts // 5), axes=3, picture=1000)
+    assert wanted.with_record(4) == wanted
+    monkeypatch.setattr("rle_splat.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
+    with pytest.raises(RleSplatError, match=words) as problem:
+        refuse_too_much(wanted)
+    assert "record" not in str(problem.value) and "shown, and their neighbours, need" in str(problem.value)
 
 
 def test_the_estimate_counts_voxels_and_axes():
