@@ -1,4 +1,4 @@
-"""Kernels and their numpy twins, K1 to K6: what once set them apart, and what may.
+"""Kernels and their numpy twins, K1 to K7: what once set them apart, and what may.
 
 The searches of scenes compare both ray by ray (``twins.Splat.judged``); each reason that they gave for a ray that is
 not the same has a case here, where it is either gone or held to what it can do, against a closed form.
@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade
+from rle_splat.effects.depth_layers import REACH
 from rle_splat.encode.records import decoding_of, empty_records, pack, unpack
 from rle_splat.jit import compiled
 from rle_splat.scene import Quality
@@ -231,3 +232,31 @@ def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(recor
                 off = np.maximum(most**power - clear, clear - least**power).max()
                 record("K6", "transmittance beyond that of opacities from 1 - 2^-24 to 1 - 2^-22", off, 1e-6, width)
     assert seen > 0
+
+
+EDGE = 12  # voxels of each column, from the first, that a mesh lies behind
+
+
+def test_K7_rays_past_a_silhouette_that_end_as_those_before_it(record, width):
+    """What lies behind a mesh's silhouette is a second picture, and what ends in it as in the first is taken from
+    there: rays that nobody had given it to splat were held against the twin's as if its kernels had made them."""
+    share, (before, slices) = 0.3, (3, 6)
+    (left, right), (low, high), z = (-50.0, 50.0), (-50.0, EDGE - 0.5), slices - before - 0.5
+    corners = np.array(((left, low, z), (right, low, z), (right, high, z), (left, high, z)))
+    scene = from_above(
+        np.full((slices, 30, 20), share), matter(VALUE_IS_OPACITY), triangles=corners[[(0, 1, 2), (0, 2, 3)]]
+    )
+    _, splats, _ = by_stages(scene, EXACT)
+    filled, kinds = 0, set()
+    for splat, side in zip(splats, (REACH + 1, -REACH - 1), strict=True):  # past the edge, and short of it
+        told, (x, y) = splat.judged(), places(splat)
+        filled += int((splat.image.pixels != splat.pixels).any(axis=-1).sum())
+        unlike = told.ends + told.edges + told.odd
+        record("K7", "rays of either picture that kernels and twin have otherwise", unlike, 0, width)
+        inside = np.ix_((y > -0.01) & (y < 29.01), (x > -0.01) & (x < 19.01))
+        ends = y[inside[0].ravel()] < EDGE + side
+        kinds |= set(ends)
+        expected = (1.0 - share) ** np.where(ends, before, slices)[:, None]
+        off = abs(splat.image.pixels[inside][..., 3] - expected).max()
+        record("K7", "error of the transmittance of either picture, filled in", off, 1e-6, width)
+    assert filled > 0 and kinds == {True, False}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from unittest.mock import patch
 
 import numpy as np
@@ -49,12 +49,17 @@ class Judgement:
 class Splat:
     """One base plane's: what ``steps`` was ``given``, by name, and the ``image`` that it made.
 
-    ``most``: largest channel of an unassociated colour."""
+    ``most``: largest channel of an unassociated colour.  ``pixels``: of the image as it was made; a far layer's is
+    filled in afterwards with rays that it was not given."""
 
     steps: object
     given: dict
     image: object
     most: float = 1.0
+    pixels: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        self.pixels = self.image.pixels.copy()
 
     def by_twin(self, along=0.0, across=0.0, turn=0.0, grow=0.0) -> np.ndarray:
         """(H, W, 4) colour and transmittance that the twin makes of it.
@@ -80,7 +85,7 @@ class Splat:
         value, or through matter that is denser by as much, the twin's own ray changes by half the difference or more:
         each sheet may fall to its own side."""
         weight = 1.0 / np.array([max(self.most, 1.0)] * 3 + [1.0])
-        kernels, twin = self.image.pixels, self.by_twin()
+        kernels, twin = self.pixels, self.by_twin()
         apart = (abs(kernels.astype(np.float64) - twin) * weight).max(axis=-1)
         sheets = len(self.image.base_plane.sheets)
         odd = apart > ROUNDING * (1.0 + sheets / 16.0)
