@@ -101,5 +101,5 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     sheet = SimpleNamespace(width=int(sides[0]), height=int(sides[1]))
     wanted = estimate_from_histogram(
         counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
-        shaded=transfer_function.shade is not None, picture=picture_bytes((sheet,), width, height, False))
+        shaded=transfer_function.shade is not None, picture=picture_bytes((sheet,), width, height, quality))
     return f"About {memory_text(wanted.needed)}, {wanted.visible_fraction:.1%} of the voxels"

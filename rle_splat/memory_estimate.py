@@ -15,6 +15,7 @@ from .axes import AXES
 from .memory import available_bytes, bytes_text
 from .scene import RECORDS, Quality, RleSplatError
 from .volume.counts import counts_values, stored_values
+from .warp.filters import is_prefiltered
 
 # Bytes of a voxel's normal, and of its look where it has one of its own.
 NORMAL, LOOK = 12, 20
@@ -26,9 +27,12 @@ SAMPLED_PLANES = 32
 TYPICAL_PIECE = 4  # visible voxels side by side in a row of a scan, where nothing but a histogram is known
 # Voxels kept for sheets of the scalar, corners of cells that are shown, for each visible one: 1.25 to 1.85 in scans.
 TYPICAL_NEAR = 1.5
-SHEET_PIXEL = 24  # colour, transmittance, half depth and ray length of a sheet pixel
-WARPED = 16  # a sheet pixel once more, as its picture is warped
+SHEET_PIXEL = 20  # colour, transmittance and half depth of a sheet pixel
+WARPED = 16  # a sheet pixel once more, as coefficients of a filter that needs them
 LIMITS = 40  # where the ray of a sheet pixel begins and ends, and what finding that takes
+MESH_SAMPLES = 16  # of a pixel; the effects' own number
+# Depths of a pixel's samples of meshes, of its layers, and what finding those takes; what is left of it afterwards.
+MESH_PIXEL, MESH_LAYERS = 4 * MESH_SAMPLES + 12 + 9, 12
 PICTURE_PIXEL = 20  # colour and depth of a finished pixel
 WRITTEN = 48  # what putting it into a file takes meanwhile
 # Bytes of a voxel of the scan next to fine ones that a refined classification shows: which it is, its normal, light and
@@ -246,16 +250,21 @@ def _work_bytes(count: int, record: int) -> int:
     return min(count, VOXELS_AT_ONCE) * (16 + (record if record != 16 else 0))
 
 
-def picture_bytes(planes, width: int, height: int, limited: bool) -> int:
+def picture_bytes(
+    planes, width: int, height: int, quality: Quality, *, limited: bool = False, meshes: bool = False, scratch: int = 0
+) -> int:
     """What the sheets and the finished pixels of a picture take.
 
     ``planes``: its base planes, each with a width and a height.  ``limited``: whether clip distances or meshes
-    shorten rays.
+    shorten rays.  ``meshes``: whether there are any; behind their silhouettes all may be splatted twice.
+    ``scratch``: of the splat, which is kept.
     """
+    pixels = width * height
     sheets = [plane.width * plane.height for plane in planes]
     largest = max(sheets, default=0)
-    splatting = SHEET_PIXEL * sum(sheets) + (WARPED + LIMITS * limited) * largest
-    return PICTURE_PIXEL * width * height + max(splatting, WRITTEN * width * height)
+    splatting = (1 + meshes) * SHEET_PIXEL * sum(sheets) + MESH_LAYERS * meshes * pixels
+    splatting += (WARPED * is_prefiltered(quality.warp_filter) + LIMITS * limited) * largest
+    return scratch + max(MESH_PIXEL * meshes * pixels, PICTURE_PIXEL * pixels + max(splatting, WRITTEN * pixels))
 
 
 def refuse_too_large(picture: int, width: int, height: int) -> None:

@@ -27,6 +27,7 @@ from .memory_estimate import picture_bytes, refuse_too_large
 from .ray_modes import mode_quality, mode_remarks, sheet_rule
 from .scalar_medium import scalar_medium_steps
 from .scene import NO_DEPTH, Quality, Rendering, RleSplatError, Scene
+from .splat.scratch import scratch_bytes
 from .splat.splat import LOADING
 from .steps import Clock, Progress, portion
 from .view.base_plane import BasePlane, base_plane
@@ -124,7 +125,11 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
     limited = is_cut(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
     limited |= cuts is not None
     left, top, right, bottom = scene.region
-    picture = picture_bytes(planes, right - left, bottom - top, limited)
+    scratch = max((scratch_bytes(plane, scene.volume.shape_xyz, quality, limited) for plane in planes), default=0)
+    meshes = scene.triangles is not None and len(scene.triangles) > 0
+    picture = picture_bytes(
+        planes, right - left, bottom - top, quality, limited=limited, meshes=meshes, scratch=scratch
+    )
     kept.make_room(picture)
     refuse_too_large(picture, right - left, bottom - top)
 

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..axes import AXES
+from ..scene import Quality
 from ..view.base_plane import BasePlane
+from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_limits import box_limits
 
 
@@ -97,6 +99,13 @@ class Wide(NamedTuple):
     kind: int
     radius: float
     widen: bool
+
+
+def wide_of(plane: BasePlane, quality: Quality) -> Wide | None:
+    """The footprint of classified voxels on a base plane; None for the plain tent."""
+    footprint = FOOTPRINTS[quality.kernel]
+    widen = quality.minification == "widen" and bool(plane.scale.min() < 1.0)
+    return Wide(footprint.kind, footprint.radius, widen) if footprint.kind != TENT or widen else None
 
 
 class ScalarTables(NamedTuple):

@@ -11,6 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..axes import AXES
+from ..jit import compiled, thread_count
+from ..scene import Quality
+from ..view.base_plane import BasePlane
+from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
 from .voxel_scanline import WORD
 
@@ -21,6 +26,7 @@ SPREAD = 4
 CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as long
 MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
 _KEPT: list[np.ndarray] = []
+WHITE = 2  # channels of a voxel's light and highlight, all colours alike
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
@@ -85,17 +91,51 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
 
     ``before``: whether the sheet before is kept as well.
     """
-    image_width = rays.along.size
+    # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
+    shapes = _shapes(
+        tables.width, rays.along.size, sheets.scale.min(axis=0), len(sheets.begin), wide, channels, before,
+        rays.limits is not None,
+    )
+    rows, places, size = workers * SPREAD, [], 0
+    for *shape, kind in shapes.values():
+        places.append(size)
+        size += _whole(rows * math.prod(shape) * np.dtype(kind).itemsize, CACHE_LINE)
+    memory = _memory(size)
+    scratch = Scratch(*(
+        np.ndarray((rows, *shape), kind, memory, at) for (*shape, kind), at in zip(shapes.values(), places)
+    ))
+    scratch.reach[:] = 0
+    return scratch
+
+
+def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) -> int:
+    """About the bytes of ``scratch_for`` that are touched, known before there are tables: of white light, which mostly
+    it is.  ``limited``: whether rays have limits.  The numpy twin has no scratch."""
+    if not compiled(quality.backend):
+        return 0
+    scalars = quality.classification == "post"
+    shapes = _shapes(
+        shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),
+        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, limited,
+    )
+    each = sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in shapes.values())
+    return thread_count(quality.threads) * each
+
+
+def _shapes(width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, limited: bool):
+    """Name -> the shape of each array of a Scratch for one worker, and its type.
+
+    ``width``: voxels on a scanline.  ``image_width``: sheet pixels on a row.  ``coarsest`` (2,): sheet pixels a voxel
+    along and across scanlines, of the sheet with least.
+    """
     blocks = -(-image_width // BLOCK)
     words = -(-blocks // WORD)
-    # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
-    coarsest = sheets.scale.min(axis=0)
     stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
-    numbers, limited = accumulator(len(sheets.begin)), rays.limits is not None
-    shapes = {
-        "line": (channels * _whole(tables.width + 2 * taps + 3, BLOCK), np.float32),
+    numbers = accumulator(sheets)
+    return {
+        "line": (channels * _whole(width + 2 * taps + 3, BLOCK), np.float32),
         "sheet": (channels * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
         "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
         "reach": (CACHE_LINE // 8, np.int64), "live": (blocks, 2, np.int64),
@@ -110,16 +150,6 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
         "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers), "colors": (3 * BLOCK, numbers),
         "bounds": (BAND + 1, 6, blocks * limited, np.float32), "reached": (words * limited, np.uint64),
     }
-    rows, places, size = workers * SPREAD, [], 0
-    for *shape, kind in shapes.values():
-        places.append(size)
-        size += _whole(rows * math.prod(shape) * np.dtype(kind).itemsize, CACHE_LINE)
-    memory = _memory(size)
-    scratch = Scratch(*(
-        np.ndarray((rows, *shape), kind, memory, at) for (*shape, kind), at in zip(shapes.values(), places)
-    ))
-    scratch.reach[:] = 0
-    return scratch
 
 
 def _whole(count: int, unit: int) -> int:

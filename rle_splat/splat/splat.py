@@ -9,8 +9,7 @@ from ..jit import compiled, parallel_call, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import ALONE, BETWEEN, Sheets
-from ..view.footprints import FOOTPRINTS, TENT
-from .arguments import SheetList, Tables, Wide, rays_of
+from .arguments import SheetList, Tables, rays_of, wide_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .scratch import BAND, scratch_for
@@ -51,11 +50,7 @@ def splat_steps(
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.empty((plane.height, plane.width), np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
-    footprint = FOOTPRINTS[quality.kernel]
-    widen = quality.minification == "widen" and bool(plane.scale.min() < 1.0)
-    wide = None
-    if footprint.kind != TENT or widen:
-        wide = Wide(footprint.kind, footprint.radius, widen)
+    wide = wide_of(plane, quality)
     around = None if mist is None else mist_rays(plane, mist)
     # Opacities are taken as they are added only where every sheet stands for one voxel of depth.
     as_added = not quality.length_correction and limits is None and bool((plane.sheets.thickness == 1.0).all())

@@ -5,6 +5,7 @@ import sys
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,13 +14,16 @@ from rle_splat import memory
 from rle_splat import memory_estimate as estimate
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import Visibility, count_steps
+from rle_splat.effects.mesh_depth import SAMPLES
 from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import VOXELS_AT_ONCE, encode
 from rle_splat.encode_scene import encode_scene
+from rle_splat.jit import compiled
 from rle_splat.kept import Kept
 from rle_splat.read.formats import read_volume
 from rle_splat.render import render, render_steps
 from rle_splat.scene import Quality, RleSplatError, Scene
+from rle_splat.splat import scratch
 from rle_splat.steps import drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.blocks import block_steps
@@ -132,6 +136,71 @@ def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
     rendering, peak = traced(lambda: render(scene, quality))
     needed = rendering.report["memory_estimate_bytes"]["needed"]
     assert 0.9 * peak <= needed <= 2.0 * peak  # writing a file, which is in it too, is not done here
+
+
+MEASURED = """
+import sys
+from dataclasses import replace
+import numpy as np
+from tests.unit.test_memory import noise, render, scene_of, Quality
+
+def status(name):
+    return next(1024 * int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name + ":"))
+
+classification, meshes = sys.argv[1], sys.argv[2] == "meshes"
+quality = Quality.preset("fine", classification=classification)
+def scene(n, size):
+    made = scene_of(noise(n), size)
+    corners = np.array([[(0.0, 0.1, 0.2), (1.0, 0.5, 0.9), (0.2, 1.0, 0.4)]]) * (n - 1)
+    turned = corners @ made.index_to_world[:3, :3].T + made.index_to_world[:3, 3]
+    return replace(made, triangles=turned) if meshes else made
+
+large = scene(128, 1000)
+large.volume.value_counts
+render(scene(16, 32), quality)
+with open("/proc/self/clear_refs", "w") as peak:
+    peak.write("5")
+before = status("VmRSS")
+rendering = render(large, quality)
+print(rendering.report["memory_estimate_bytes"]["needed"], status("VmHWM") - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="only Linux tells a process's peak from now on")
+@pytest.mark.parametrize("meshes", ("", "meshes"))
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_the_estimate_covers_what_the_system_sees_a_picture_take(classification, meshes):
+    """All of it: scratch that is kept, samples of meshes, and what no tracer of Python's own is told."""
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURED, classification, meshes], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    needed, taken = map(int, done.stdout.split())
+    assert taken > 50e6 and 0.9 * taken <= needed <= 2.0 * taken, (needed, taken)
+
+
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_the_scratch_of_a_picture_is_as_large_as_is_said(classification, monkeypatch):
+    if not compiled():
+        pytest.skip("there are no kernels without numba")
+    made, counted = [], []
+    monkeypatch.setattr(scratch, "_memory", lambda size: made.append(size) or np.zeros(size, np.uint8))
+    road = sys.modules[render.__module__]
+    monkeypatch.setattr(road, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
+    render(scene_of(noise(32), 200), replace(QUALITY, classification=classification, warp_filter="bilinear"))
+    assert scratch.SPREAD * max(counted) == pytest.approx(max(made), rel=0.5)
+
+
+def test_the_estimate_counts_the_samples_of_meshes_and_the_filters_copy():
+    assert estimate.MESH_SAMPLES == SAMPLES
+    sheet = (SimpleNamespace(width=3000, height=3000),)
+    plain, meshes, cubic = (
+        estimate.picture_bytes(sheet, 100, 100, Quality(warp_filter=name), meshes=on)
+        for name, on in (("bilinear", False), ("bilinear", True), ("cubic", False))
+    )
+    assert cubic - plain == 16 * 3000**2 and meshes > 1.9 * plain
+    few = estimate.picture_bytes(sheet[:0], 1000, 1000, Quality(), meshes=True)
+    assert few >= 4 * SAMPLES * 1000**2
 
 
 @pytest.mark.parametrize("record", (16, 8))
