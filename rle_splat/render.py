@@ -161,7 +161,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
         },
         "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
-        "remarks": [*_remarks(scene, quality, medium), *mode_remarks(scene, asked)],
+        "remarks": [*_remarks(scene, quality, medium, view), *mode_remarks(scene, asked)],
     }
     if cuts is not None and medium.visible_voxels and not rgba[..., 3].any():
         report["remarks"].append(NOTHING_LEFT)
@@ -324,7 +324,7 @@ def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
     return knobs
 
 
-def _remarks(scene: Scene, quality: Quality, medium: Medium) -> list[str]:
+def _remarks(scene: Scene, quality: Quality, medium: Medium, view: IndexView) -> list[str]:
     remarks = list(scene.volume.remarks)
     if is_mixed(scene):
         remarks.append(BY_PRE)
@@ -337,6 +337,12 @@ def _remarks(scene: Scene, quality: Quality, medium: Medium) -> list[str]:
         )
     elif medium.visible_voxels == 0:
         remarks.append("The transfer function makes every voxel transparent, so the picture is empty.")
+    furthest = box_depths(view, scene.volume.shape_xyz)[1]
+    if furthest >= NO_DEPTH:
+        remarks.append(
+            f"The volume reaches {furthest:.3g} world units from the camera, and depths of {NO_DEPTH:g} or more stand "
+            "for none; give the scene a smaller scale where depths are wanted."
+        )
     if medium.nan_voxels:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
     if quality.backend == "numpy":

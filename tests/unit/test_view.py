@@ -1,16 +1,22 @@
 """View factorisation: slice map and homography together are the camera, for every camera and matrix."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rle_splat.axes import AXES
-from rle_splat.scene import DEPTH_RULES, Camera, Quality, RleSplatError
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.render import render
+from rle_splat.scene import DEPTH_RULES, NO_DEPTH, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.arguments import rays_of
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.depth_rules import cell_nodes, place_sheets
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
 from rle_splat.view.projection import world_to_pixel
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
 
 
 def random_rotation(rng):
@@ -204,3 +210,21 @@ def test_no_sheet_lies_in_an_eye_on_the_face_of_the_box(rule, sign, away):
     assert (sign * (sheets.position - face)).min() > 0.1
     assert sheets.thickness.sum() == pytest.approx(4.0, abs=1e-6)
     assert sheets.begin[0] == pytest.approx(sign * face, abs=1e-6)
+
+
+@pytest.mark.parametrize("scale, told", ((1e6, False), (1e12, True)))
+def test_depths_as_large_as_what_stands_for_none_are_told(scale, told):
+    """Blender's 1e10 is a length, too: the picture is made, and a remark says that its depths cannot be told apart."""
+    volume = Volume(np.full((8, 8, 8), 200, np.uint8), np.eye(4))
+    camera, matrix = turntable(volume, 20, 10, width=16, height=16)
+    grown = np.diag((scale, scale, scale, 1.0))
+    carried = replace(
+        camera, matrix_world=grown @ camera.matrix_world, ortho_scale=scale * camera.ortho_scale,
+        clip_start=scale * camera.clip_start, clip_end=scale * camera.clip_end,
+    )
+    look = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
+    found = render(Scene(volume, look, carried, 16, 16, grown @ matrix), Quality(backend="numpy"))
+    assert found.rgba[8, 8, 3] > 0.9
+    assert (found.depth[8, 8] >= NO_DEPTH) == told
+    remarks = [remark for remark in found.report["remarks"] if "stand for none" in remark]
+    assert len(remarks) == told and all(remark.endswith(".") for remark in remarks)
