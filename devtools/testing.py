@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 from .build import build
@@ -43,23 +44,37 @@ def _core(arguments, name: str = "core", aside: bool = False) -> Stage:
     return _pytest(name, ensure(CORE), ["--ignore=tests/blender", *arguments], CORE_SECONDS, environ, aside)
 
 
-def _whole_core(options) -> list[Stage]:
-    """The core's tests, the catalogue of hard cases beside the others: half the time on two cores."""
-    ensure(CORE)
-    without = clean_environ(RLE_SPLAT_CACHE=str(KERNELS))
-    with ThreadPoolExecutor(1) as beside:
-        hard = beside.submit(_core, [STABILITY_TESTS, *options], "hard cases", True)
-        others = ["--ignore=tests/blender", "--ignore=tests/stability", *options]
-        return [_pytest("core", ensure(CORE), others, CORE_SECONDS, without), hard.result()]
+def _without_hard_cases(options) -> Stage:
+    """The core's tests but for the catalogue of hard cases."""
+    others = ["--ignore=tests/blender", "--ignore=tests/stability", *options]
+    return _pytest("core", ensure(CORE), others, CORE_SECONDS, clean_environ(RLE_SPLAT_CACHE=str(KERNELS)))
+
+
+def _hard_cases(options, whole: bool) -> list[Stage]:
+    """The catalogue of hard cases, beside others; ``whole``: every case of it is to have been measured."""
+    stages = [_core([STABILITY_TESTS, *options], "hard cases", aside=True)]
+    return [*stages, _catalogue()] if whole else stages
 
 
 def _catalogue() -> Stage:
-    """Whether every case of the catalogue was measured, in the core's run just before."""
+    """Whether every case of the catalogue was measured, in the run just before."""
     try:
         table(FIGURES)
     except Failure as problem:
         return broken("catalogue", str(problem))
     return Stage("catalogue", passed=1)
+
+
+def _make_ready(quick: bool) -> None:
+    """Blender's environments, before the hard cases that hold their pictures beside the core's look for them."""
+    for version in _versions(quick):
+        if find_python(BPY[version].pythons[0]) is not None:
+            with suppress(Failure):  # its own stage says what is wrong
+                ensure_bpy(version)
+
+
+def _versions(quick: bool) -> list[str]:
+    return ["5.0"] if quick else list(BPY)
 
 
 def _bpy(version: str, zip_path: Path, arguments) -> Stage:
@@ -96,6 +111,21 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
     return core, blender, options
 
 
+def _blender_stages(zip_path: Path, paths, options, quick: bool, everything: bool) -> list[Stage]:
+    """The installed zip in each bpy and, with ``everything``, in a real Blender."""
+    stages = []
+    for version in BPY:
+        if version not in _versions(quick):
+            stages.append(skipped(f"bpy {version}", "left out by --quick"))
+        else:
+            stages.append(_bpy(version, zip_path, [*(paths or [BLENDER_TESTS]), *options]))
+    if everything and quick:
+        stages.append(skipped("real blender", "left out by --quick"))
+    elif everything:
+        stages += [real_blender_stage(zip_path), window_stage(zip_path)]
+    return stages
+
+
 def test(arguments, quick: bool = False) -> int:
     """Run everything and print the summary; the exit code is 0 when nothing failed."""
     core, blender, options = _split(arguments)
@@ -109,22 +139,19 @@ def test(arguments, quick: bool = False) -> int:
             stages.append(Stage("extension zip", passed=1, seconds=time.monotonic() - started))
         except Failure as problem:
             stages.append(broken("extension zip", str(problem)))
-    if everything or core:
-        FIGURES.unlink(missing_ok=True)
-        options_of_core = [*(["-m", "not slow"] if quick else []), *options]
-        stages += [_core([*core, *options_of_core])] if core else _whole_core(options_of_core)
-        if everything and not (quick or options):
-            stages.append(_catalogue())
-    for version in BPY if zip_path else ():
-        if quick and version != "5.0":
-            stages.append(skipped(f"bpy {version}", "left out by --quick"))
-        else:
-            stages.append(_bpy(version, zip_path, [*(blender or [BLENDER_TESTS]), *options]))
-    if zip_path and everything:
-        if quick:
-            stages.append(skipped("real blender", "left out by --quick"))
-        else:
-            stages += [real_blender_stage(zip_path), window_stage(zip_path)]
+    with ThreadPoolExecutor(1) as beside:
+        hard = None
+        if everything or core:
+            FIGURES.unlink(missing_ok=True)
+            options_of_core = [*(["-m", "not slow"] if quick else []), *options]
+            if core:
+                stages.append(_core([*core, *options_of_core]))
+            else:  # after the core, which has compiled most of its kernels, and beside Blender's
+                stages.append(_without_hard_cases(options_of_core))
+                _make_ready(quick)
+                hard = beside.submit(_hard_cases, options_of_core, not (quick or options))
+        blenders = _blender_stages(zip_path, blender, options, quick, everything) if zip_path else []
+        stages += [*(hard.result() if hard else ()), *blenders]
     return summary(stages)
 
 
