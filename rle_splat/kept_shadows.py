@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from .classify.shading import Shadows
+from .classify.lighting import Shadows
 from .effects.light_sweep import FULL
 from .effects.shadows import Matter, light_steps, sky_steps
 from .kept import Job

@@ -21,17 +21,11 @@ import numpy as np
 
 from .axes import AXES, AXIS_NAMES
 from .classify.classification import ClassifiedVolume, classified, opacity_distance, unit_length
+from .classify.lighting import Lighting, lighting
 from .classify.mixture import Mixture
 from .classify.refined import RefinedVolume, value_block_steps
 from .classify.refined_light import LitVoxels, RefinedLight, lit_voxels
-from .classify.shading import (
-    DENSITY,
-    Lighting,
-    color_bound,
-    light_records,
-    lighting,
-    shaded_colors,
-)
+from .classify.shading import DENSITY, color_bound, light_records, shaded_colors
 from .classify.transfer_function import TransferFunction
 from .classify.visible import Visibility, count_steps, fill_steps
 from .effects.shadows import Matter

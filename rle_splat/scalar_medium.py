@@ -21,8 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .classify.classification import opacity_distance, unit_length
+from .classify.lighting import Lighting
 from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
-from .classify.shading import Lighting, refuse_too_bright
+from .classify.shading import refuse_too_bright
 from .classify.value_table import extinction_of, value_table
 from .classify.visible import VisibleVoxels
 from .effects.shadows import Matter

@@ -16,9 +16,10 @@ from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
 from ..volume.gradient import CHUNK
 from .classification import LOOKS, RED, ClassifiedVolume
+from .lighting import Lighting
 from .placing import Places, find_targets
 from .refined import RefinedVolume
-from .shading import DENSITY, LANES, Lighting, normals, refuse_too_bright, shaded_colors
+from .shading import DENSITY, LANES, normals, refuse_too_bright, shaded_colors
 from .visible import VisibleVoxels, row_offsets
 
 LIGHT = 3  # channels of a voxel's light, and of its highlight

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..classify.shading import FULL_CODE
+from ..classify.lighting import FULL_CODE
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
 from .light_sheets import Sweep

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..classify.lighting import Lighting
 from ..classify.lights import AXIS, KIND, NEAREST, POSITION, RGB, SUN
 from ..classify.shading import (
     DR,
@@ -22,7 +23,6 @@ from ..classify.shading import (
     SCRATCH,
     SHARE,
     SR,
-    Lighting,
     add_near,
     add_rays,
     clear_light,

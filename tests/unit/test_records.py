@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rle_splat.classify.lighting import lighting
 from rle_splat.classify.placing import Places
-from rle_splat.classify.shading import color_bound, light_records, lighting
+from rle_splat.classify.shading import color_bound, light_records
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import encode

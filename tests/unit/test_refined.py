@@ -11,10 +11,11 @@ import pytest
 from rle_splat import memory_estimate as estimate
 from rle_splat.classify import refined
 from rle_splat.classify.classification import ClassifiedVolume
+from rle_splat.classify.lighting import lighting
 from rle_splat.classify.placing import Places
 from rle_splat.classify.refined import FineVoxels, RefinedVolume, value_block_steps
 from rle_splat.classify.refined_light import RefinedLight, lit_voxels
-from rle_splat.classify.shading import lighting, normals, shaded_colors
+from rle_splat.classify.shading import normals, shaded_colors
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
 from rle_splat.encode_scene import encode_scene
