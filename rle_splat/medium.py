@@ -127,13 +127,13 @@ def medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: i
         return axes_steps(look, quality, (IN_ORDER, axis) if axes == len(AXES) else (axis,), job, clock)
 
     length = found.opacity_distance if quality.model == "opacity" else 1.0
-    return _pre_classified(
+    return pre_classified(
         found.shape_xyz, encode_steps, length, quality, scene.mist, found.visible_voxels, found.nan_voxels,
         look.estimate,
     )
 
 
-def _pre_classified(shape_xyz, encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
+def pre_classified(shape_xyz, encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
     """The Medium of voxels that are classified before they are splatted; ``length_unit``: in which rays are counted."""
 
     def splat(encoded, plane, limits):
@@ -330,4 +330,4 @@ def _stored_medium(scene: Scene, quality: Quality) -> Medium:
     else:
         length /= stored.unit_length
     visible = next(iter(stored.axes.values())).visible_voxels
-    return _pre_classified(stored.shape_xyz, encode_steps, length, quality, scene.mist, visible)
+    return pre_classified(stored.shape_xyz, encode_steps, length, quality, scene.mist, visible)

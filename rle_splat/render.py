@@ -24,6 +24,7 @@ from .jit import NUMBA_PROBLEM, compiled, nothing_compiled_yet, noting_kernels, 
 from .kept import Kept
 from .medium import Medium, classified_scene, medium_steps
 from .memory_estimate import picture_bytes, refuse_too_large
+from .pooled_medium import PooledVolume, pooled_medium_steps, pooled_scene
 from .ray_modes import mode_quality, mode_remarks, sheet_rule
 from .scalar_medium import scalar_medium_steps
 from .scene import NO_DEPTH, Quality, Rendering, RleSplatError, Scene
@@ -120,6 +121,10 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
     asked, quality = quality, mode_quality(scene, quality)
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, planes = _look(scene, quality, refuse_empty_view)
+    if quality.minification == "pool":
+        scene = pooled_scene(scene, planes)
+        view, planes = _look(scene, quality, refuse_empty_view)
+    planes = _windows(scene, quality, planes)
 
     cuts = cuts_of(scene, quality)
     limited = is_cut(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
@@ -135,6 +140,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
 
     job, axes = kept.job(), tuple(dict.fromkeys(plane.axis for plane in planes))
     make_medium = scalar_medium_steps if quality.classification == "post" else medium_steps
+    make_medium = pooled_medium_steps if isinstance(scene.volume, PooledVolume) else make_medium
     medium = yield from make_medium(scene, quality, job, clock, len(axes), picture)
     encodings: dict[int, RunLengthVolume | ScalarVolume] = {}
     for axis in axes:
@@ -155,7 +161,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
-        "plan": _plan_report(quality, planes),
+        "plan": _plan_report(scene, quality, planes),
         "effects": effects.report(clock),
         "error": {
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
@@ -174,7 +180,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
 
 
 def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[BasePlane]]:
-    """The view, and the base planes, or the windows of them, that the rays of the wanted pixels belong to."""
+    """The view, and the base planes that its rays belong to."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     boxed = quality.classification == "post"
     footprint = FOOTPRINTS[quality.kernel]
@@ -192,10 +198,15 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
-    if scene.crop is not None:
-        windows = [plane.window(scene.crop, warp_reach(quality)) for plane in planes]
-        planes = [window for window in windows if window is not None]
     return view, planes
+
+
+def _windows(scene: Scene, quality: Quality, planes: list[BasePlane]) -> list[BasePlane]:
+    """The parts of base planes that the wanted pixels need."""
+    if scene.crop is None:
+        return planes
+    windows = [plane.window(scene.crop, warp_reach(quality)) for plane in planes]
+    return [window for window in windows if window is not None]
 
 
 def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, cuts, clock: Clock):
@@ -311,9 +322,10 @@ def _memory_report(held: dict[int, RunLengthVolume | ScalarVolume]) -> dict:
     }
 
 
-def _plan_report(quality: Quality, planes: list[BasePlane]) -> dict:
+def _plan_report(scene: Scene, quality: Quality, planes: list[BasePlane]) -> dict:
     knobs = asdict(quality)
     knobs["quality"] = knobs.pop("name")
+    knobs["pooled"] = 2**scene.volume.level if isinstance(scene.volume, PooledVolume) else 1
     knobs["base_planes"] = [
         {
             "principal_axis": ("+" if plane.sign > 0 else "-") + AXIS_NAMES[plane.axis],

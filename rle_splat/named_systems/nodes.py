@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..classify.placing import Places
+from ..encode.pooling import nodes_shape
 from ..jit import compiled, kernel, read_only
 from .pyramid import pooled
 
@@ -45,12 +46,6 @@ class Nodes:
             self.level + 1, 0.125 * pooled(self.means, np.add), pooled(self.least, np.minimum),
             pooled(self.most, np.maximum), self.brightest,
         )
-
-
-def nodes_shape(shape_xyz, level: int) -> tuple[int, int, int]:
-    """(nz, ny, nx): how many nodes of 2^level voxels a side cover a volume."""
-    nx, ny, nz = (-(-n >> level) for n in shape_xyz)
-    return nz, ny, nx
 
 
 def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto"):

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..classify.classification import ClassifiedVolume
 from ..classify.shading import color_bound
-from ..classify.visible import row_offsets
 from ..effects.analyse import analyse, called_for
 from ..effects.mixing import is_mixed
 from ..encode.encode import brightest_steps, encode
+from ..encode.pooling import classified_nodes, node_lists, node_to_voxel, nodes_shape
 from ..encode.store import StoredVolume
 from ..jit import compiled, thread_count
 from ..kept import Job, Kept
@@ -31,7 +30,7 @@ from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import candidate_pyramids
-from .nodes import NODE_BYTES, Nodes, node_errors, node_steps, nodes_shape
+from .nodes import NODE_BYTES, Nodes, node_errors, node_steps
 
 # A picture that takes less is there before a preview would be of use; milliseconds.
 WORTH_WAITING = 150.0
@@ -269,10 +268,9 @@ def _error_of(rgba: np.ndarray, misstated: np.ndarray, brightest: float) -> np.n
 
 def _scene_of(scene: Scene, look: Look, level: int, records: np.ndarray, margin: int, quality: Quality) -> Scene:
     """The scene with nodes in place of its voxels; ``records``: (nz, ny, nx, 4), ``margin`` nodes of them outside."""
-    classified, colors = classified_nodes(records, look.classified)
-    side = 2**level
-    to_voxels = np.diag((side, side, side, 1.0))
-    to_voxels[:3, 3] = 0.5 * (side - 1) - margin * side
+    classified, colors = classified_nodes([node_lists(records)], records.shape[2::-1], look.classified)
+    to_voxels = node_to_voxel(level)
+    to_voxels[:3, 3] -= margin * 2**level
     planes = seen_planes(scene, scene.index_to_world @ to_voxels, classified.shape_xyz, quality)
     arguments = dict(backend=quality.backend, threads=quality.threads)
     axes = {
@@ -280,19 +278,3 @@ def _scene_of(scene: Scene, look: Look, level: int, records: np.ndarray, margin:
     }
     volume = StoredVolume(axes, scene.volume.affine @ to_voxels, scene.volume.unit, classified.unit_length)
     return replace(scene, volume=volume, lights=(), headlight=False, effects={})
-
-
-def classified_nodes(records: np.ndarray, finest: ClassifiedVolume) -> tuple[ClassifiedVolume, np.ndarray]:
-    """(nz, ny, nx, 4) records as classified voxels and their colours; ``finest`` tells the lengths."""
-    nz, ny, nx = records.shape[:3]
-    seen = records[..., 3] > 0.0
-    visible = records[seen]
-    colors = np.ascontiguousarray(visible[:, :3] / visible[:, 3:])
-    column = np.nonzero(seen)[2].astype(np.uint16 if nx <= 65536 else np.int32)
-    extinction = np.ascontiguousarray(visible[:, 3])
-    opacity = -np.expm1(-extinction * np.float32(finest.opacity_distance))
-    classified = ClassifiedVolume.from_lists(
-        (nx, ny, nz), row_offsets(seen.sum(axis=2).ravel()), column, extinction, opacity, colors, 0,
-        finest.unit_length, finest.opacity_distance,
-    )
-    return classified, colors

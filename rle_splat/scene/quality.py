@@ -34,7 +34,7 @@ NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
 SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # of sheets of the scalar alone
 FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
-MINIFICATIONS = ("off", "widen")
+MINIFICATIONS = ("off", "widen", "pool")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
 RECORDS = (16, 8, 6, 4)  # bytes of a voxel in the run-length tables; what each holds: encode/records.py
@@ -46,8 +46,8 @@ KNOB_TEXTS = {
     "depth_rule": "how sheets are integrated along the view",
     "sheet_density": "sheet pixels per image pixel; zero for one per voxel",
     "kernel": "footprint of a voxel: its reconstruction kernel; post has tent alone",
-    "minification": "widen footprints where several voxels share a sheet pixel, against shimmer, which post does not; "
-    "or show what is there",
+    "minification": "where several voxels share a sheet pixel, against shimmer: widen footprints, or pool voxels, "
+    "quicker too; post does neither and shows what is there",
     "warp_filter": "filter from the intermediate image to the picture",
     "termination": "transmittance below which a pixel counts as opaque",
     "model": "what overlapping footprints add up; post has extinction alone",
@@ -93,7 +93,8 @@ class Quality:
     ``depth_rule``, ``sheet_density``, ``warp_filter`` and ``termination`` that are left out, or None, are those of the
     quality "standard" of the classification.
     ``kernel`` is the footprint; ``minification`` "widen" widens it where several voxels share a sheet pixel, for
-    pictures without shimmer, "off" shows exactly what lies on each pixel's ray.
+    pictures without shimmer, "pool" averages voxels first, as many as fit into a sheet pixel everywhere in the picture,
+    and widens what is left; "off" shows exactly what lies on each pixel's ray.
     ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
     ``record`` is how many bytes a voxel of the run-length tables takes: fewer save memory and lose accuracy.
     ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
@@ -146,6 +147,11 @@ class Quality:
             raise RleSplatError(
                 f"The classification post splats with the {knob.replace('_', ' ')} {POST_ONLY[knob]} only, not "
                 f"{getattr(self, knob)}; choose that, or the classification pre."
+            )
+        if self.minification == "pool" and (self.classification != "pre" or self.model != "extinction"):
+            raise RleSplatError(
+                "The minification pool averages the extinction of classified voxels: choose the classification pre and "
+                "the model extinction with it, or the minification widen."
             )
         if self.refinement not in REFINEMENTS:
             allowed = ", ".join(map(str, REFINEMENTS))

@@ -104,7 +104,7 @@ class Wide(NamedTuple):
 def wide_of(plane: BasePlane, quality: Quality) -> Wide | None:
     """The footprint of classified voxels on a base plane; None for the plain tent."""
     footprint = FOOTPRINTS[quality.kernel]
-    widen = quality.minification == "widen" and bool(plane.scale.min() < 1.0)
+    widen = quality.minification != "off" and bool(plane.scale.min() < 1.0)
     return Wide(footprint.kind, footprint.radius, widen) if footprint.kind != TENT or widen else None
 
 
