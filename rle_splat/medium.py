@@ -25,7 +25,7 @@ from .classify.lighting import Lighting, lighting
 from .classify.mixture import Mixture
 from .classify.refined import RefinedVolume, value_block_steps
 from .classify.refined_light import LitVoxels, RefinedLight, lit_voxels
-from .classify.shading import DENSITY, color_bound, light_records, shaded_colors
+from .classify.shading import DENSITY, color_bound, light_records, normals, shaded_colors
 from .classify.transfer_function import TransferFunction
 from .classify.visible import Visibility, count_steps, fill_steps
 from .effects.shadows import Matter
@@ -33,7 +33,6 @@ from .encode.encode import brightest_steps, record_steps, reorder_steps, run_tab
 from .encode.records import decoding_of
 from .encode.store import StoredVolume
 from .kept import Job, Kept
-from .kept_normals import kept_normals
 from .kept_shadows import shadow_count, shadow_steps
 from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
@@ -195,10 +194,8 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         if not shaded:
             return Look(found, None, None, visible_key, (looks_key, "unshaded"), needs)
         normals_key = (visible_key, array_key(lit_matrix[:3, :3]))
-        if refinement > 1:
-            directions = job.get("normals", normals_key, lambda: lit_voxels(voxels, volume, lit_matrix, **machine))
-        else:
-            directions = kept_normals(job, normals_key, voxels, volume, lit_matrix, **machine)
+        point = lit_voxels if refinement > 1 else normals
+        directions = job.get("normals", normals_key, lambda: point(voxels, volume, lit_matrix, **machine))
         key = (looks_key, *lighting_key(scene, lit_matrix, falling))
     if shadow_count(scene):
         if refinement > 1:

@@ -23,14 +23,13 @@ import numpy as np
 from .classify.classification import opacity_distance, unit_length
 from .classify.lighting import Lighting
 from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
-from .classify.shading import refuse_too_bright
+from .classify.shading import normals, refuse_too_bright
 from .classify.value_table import extinction_of, value_table
 from .classify.visible import VisibleVoxels
 from .effects.shadows import Matter
 from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
 from .encode.voxel_light import VoxelLight, voxel_light, with_factor
 from .kept import Job
-from .kept_normals import kept_normals
 from .kept_shadows import shadow_count, shadow_steps
 from .medium import Medium, array_key, lighting_key, scene_lighting
 from .memory import bytes_text
@@ -194,7 +193,8 @@ def _light(scene: Scene, voxels: VisibleVoxels, key, falling: Lighting | None, s
     if falling is None:
         return None, ()
     matrix = scene.index_to_world
-    directions = kept_normals(job, (key, array_key(matrix[:3, :3])), voxels, scene.volume, matrix, **machine)
+    normals_key = (key, array_key(matrix[:3, :3]))
+    directions = job.get("normals", normals_key, lambda: normals(voxels, scene.volume, matrix, **machine))
     light_key = (key, *lighting_key(scene, matrix, falling), shadows_key)
     return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **machine)), light_key
 

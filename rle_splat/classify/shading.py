@@ -11,7 +11,7 @@ import numpy as np
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
 from ..scene import RleSplatError
-from ..volume.gradient import CHUNK, KnownNormals, unit_normals
+from ..volume.gradient import CHUNK, unit_normals
 from .classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from .lighting import BACK, FULL_CODE, PHONG, Lighting, Shadows, lighting, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
@@ -33,16 +33,13 @@ _PER_CODE = np.float32(1.0 / FULL_CODE)
 _FAINT = np.float32(1e-18)  # the product of two such is still a normal number
 
 
-def normals(
-    classified, volume, index_to_world, *, known: KnownNormals | None = None, backend: str = "auto", threads: int = 0
-) -> np.ndarray:
+def normals(classified, volume, index_to_world, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
     """(m, 3) float32 unit world normals of the visible voxels, (0, 0, 0) where the gradient is below the noise.
 
-    ``classified``: a ClassifiedVolume, or its VisibleVoxels.  ``known``: those of other voxels of the same volume under
-    the same matrix, which are not computed again.
+    ``classified``: a ClassifiedVolume, or its VisibleVoxels.
     """
     return unit_normals(
-        volume, classified.row_start, classified.column, index_to_world, known=known, backend=backend, threads=threads
+        volume, classified.row_start, classified.column, index_to_world, backend=backend, threads=threads
     )
 
 

@@ -11,8 +11,6 @@ gradient.  Float data: eight rounding errors of the larger value, which is what 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..jit import compiled, kernel, parallel_call, read_only
@@ -23,28 +21,17 @@ FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
 SMOOTHING = 16.0  # sum of the smoothing weights; the span of a difference is 2, or 1 at a face
 CHUNK = 1 << 18  # voxels that the numpy twin works on at once
 GAP = 64  # columns: hidden voxels between visible ones, worked on with them rather than begun anew after
-COMPARED = 16  # columns compared at once
-END = 1 << 31  # past any column
-
-
-@dataclass(frozen=True, eq=False)
-class KnownNormals:
-    """Normals that ``unit_normals`` returned earlier for the same voxels and the same matrix, and which they are of."""
-
-    row_start: np.ndarray
-    column: np.ndarray
-    normals: np.ndarray
+AT_ONCE = 16  # columns looked at together
 
 
 def unit_normals(
-    volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, known: KnownNormals | None = None,
-    backend: str = "auto", threads: int = 0,
+    volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
     """(m, 3) float32 unit vectors in world space along the scalar's gradient; (0, 0, 0) where there is none.
 
     ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,): which voxels, in rows along x (row = z * ny + y), as
     in a ClassifiedVolume.  ``index_to_world``: (4, 4) float64, any invertible affine: a gradient is a covector,
-    so it goes to the world by the inverse transpose.  ``known``: normals that need only be copied.
+    so it goes to the world by the inverse transpose.
     """
     voxels = read_only(np.asarray(volume.voxels))
     linear = np.asarray(index_to_world, dtype=np.float64)[:3, :3]
@@ -54,100 +41,39 @@ def unit_normals(
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
     normals = np.empty((3, len(column)), dtype=np.float32)  # one component after the other, for SIMD
     lists = (read_only(row_start), read_only(column))
-    if known is not None:  # what is not wanted is not compiled
-        known = (known.row_start, known.column, np.ascontiguousarray(known.normals.T))
-        known = tuple(read_only(array) for array in known)
     if compiled(backend):
         covector = tuple(covector.ravel().tolist())
         with parallel_call(threads):
             if is_integer:
                 sum_type = np.empty(0, np.int32 if voxels.dtype.itemsize <= 2 else np.int64)
-                _sobel(voxels, lists, known, covector, floor, sum_type, normals)
+                _sobel(voxels, lists, covector, floor, sum_type, normals)
             else:
-                _central(voxels, lists, known, covector, floor, normals)
+                _central(voxels, lists, covector, floor, normals)
     else:
-        _normals_numpy(voxels, lists, known, covector, floor, is_integer, normals)
+        _normals_numpy(voxels, lists, covector, floor, is_integer, normals)
     return normals.T
 
 
 # --- kernels --------------------------------------------------------------------------------------------------
 #
-# Throughout: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the voxels wanted; ``known``: row_start,
-# column and (3, k) normals of those known, or None; ``covector``: the nine numbers of the matrix, row by row (an array
-# would be read anew for every voxel); ``normals`` (3, m) float32, unit, world, to be written.
-
-
-@kernel(inline="always")
-def _same_columns(column, i, end, known_column, j, known_end):
-    """How many columns from ``i`` and from ``j`` on are the same."""
-    most = min(end - i, known_end - j)
-    same = 0
-    while same + COMPARED <= most:
-        differing = 0
-        for k in range(COMPARED):  # no branch within, so that it becomes SIMD
-            differing |= np.int64(column[i + same + k]) ^ np.int64(known_column[j + same + k])
-        if differing:
-            break
-        same += COMPARED
-    while same < most and column[i + same] == known_column[j + same]:
-        same += 1
-    return same
+# Throughout: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the voxels wanted; ``covector``: the nine
+# numbers of the matrix, row by row (an array would be read anew for every voxel); ``normals`` (3, m) float32, unit,
+# world, to be written.
 
 
 @kernel(inner=True)
-def _take_known(i, end, column, j, known_end, known_column, known, normals):
-    """Copies the normals known of the next voxels [i, end) of a row, ``j`` and on being the row's known ones, up to
-    some that are not known.  Returns those, first and one past the last, without wide gaps; and j, moved along."""
+def _stretch_end(column, first, end):
+    """One past the last of the voxels from ``first`` on, before ``end``, that have no wide gap between them."""
+    i = first + 1
     while i < end:
-        while j < known_end and known_column[j] < column[i]:
-            j += 1
-        same = _same_columns(column, i, end, known_column, j, known_end)
-        if same == 0:
+        # Many at once, where the last of them tells that there is no wide gap.
+        if i + AT_ONCE <= end and np.int64(column[i + AT_ONCE - 1]) - np.int64(column[i - 1]) < AT_ONCE + GAP:
+            i += AT_ONCE
+        elif np.int64(column[i]) - np.int64(column[i - 1]) > GAP:
             break
-        for component in range(3):
-            to, source = normals[component, i : i + same], known[component, j : j + same]
-            for k in range(to.size):
-                to[k] = source[k]
-        i += same
-        j += same
-    return _not_known(i, end, column, j, known_end, known_column)
-
-
-@kernel(inner=True)
-def _not_known(i, end, column, j, known_end, known_column):
-    """What ``_take_known`` returns, from a voxel ``i`` on that is not known."""
-    first = i
-    while i < end:
-        x = np.int64(column[i])
-        while j < known_end and known_column[j] < x:
-            j += 1
-        until = np.int64(known_column[j]) if j < known_end else END
-        if x == until or (i > first and x - np.int64(column[i - 1]) > GAP):
-            break
-        i += 1
-        # Many at once, where the last of them tells that none is known and that there is no wide gap.
-        while i + COMPARED <= end:
-            last = np.int64(column[i + COMPARED - 1])
-            if last >= until or last - np.int64(column[i - 1]) >= COMPARED + GAP:
-                break
-            i += COMPARED
-    return first, i, j
-
-
-@kernel(inner=True)
-def _known_of(known, row):
-    """The known voxels of a row, first and one past the last."""
-    if known is None:
-        return 0, 0
-    return known[0][row], known[0][row + 1]
-
-
-@kernel(inner=True)
-def _next_stretch(i, end, column, j, known_end, known, normals):
-    """What ``_take_known`` returns, whether any are known or not."""
-    if known is None:
-        return _not_known(i, end, column, 0, 0, column)
-    return _take_known(i, end, column, j, known_end, known[1], known[2], normals)
+        else:
+            i += 1
+    return i
 
 
 @kernel(inline="always")
@@ -164,26 +90,25 @@ def _unit(gx, gy, gz, floor, covector):
 
 
 @kernel
-def _sobel(voxels, lists, known, covector, floor, sum_type, normals):
+def _sobel(voxels, lists, covector, floor, sum_type, normals):
     """Integer ``voxels``; ``sum_type``: an array of the type that holds 16 times any voxel exactly."""
-    arguments = (voxels, lists, known, covector, floor, sum_type, normals)
+    arguments = (voxels, lists, covector, floor, sum_type, normals)
     share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], arguments)
 
 
 @kernel(inner=True)
-def _sobel_rows(begin_row, end_row, voxels, lists, known, covector, floor, sum_type, normals):
+def _sobel_rows(begin_row, end_row, voxels, lists, covector, floor, sum_type, normals):
     row_start, column = lists
     n_x = voxels.shape[2]
     # Arrays of their own, so that the compiler knows which do not overlap.
     sums = np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype)
     unit = np.empty(n_x, np.float32), np.empty(n_x, np.float32), np.empty(n_x, np.float32)
     for row in range(begin_row, end_row):
-        i, end = row_start[row], row_start[row + 1]
-        j, known_end = _known_of(known, row)
-        while i < end:
-            first, i, j = _next_stretch(i, end, column, j, known_end, known, normals)
-            if first < i:
-                _sobel_stretch(voxels, row, column[first:i], covector, floor, sums, unit, normals[:, first:i])
+        first, end = row_start[row], row_start[row + 1]
+        while first < end:
+            i = _stretch_end(column, first, end)
+            _sobel_stretch(voxels, row, column[first:i], covector, floor, sums, unit, normals[:, first:i])
+            first = i
 
 
 @kernel(inline="always")
@@ -253,25 +178,21 @@ def _finite_or(value, otherwise):
 
 
 @kernel
-def _central(voxels, lists, known, covector, floor, normals):
+def _central(voxels, lists, covector, floor, normals):
     """Float ``voxels``; ``floor`` is relative to the largest value met."""
-    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, known, covector, floor, normals))
+    share_out(_central_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, covector, floor, normals))
 
 
 @kernel(inner=True)
-def _central_rows(begin_row, end_row, voxels, lists, known, covector, floor, normals):
+def _central_rows(begin_row, end_row, voxels, lists, covector, floor, normals):
     row_start, column = lists
     for row in range(begin_row, end_row):
-        i, end = row_start[row], row_start[row + 1]
-        j, known_end = _known_of(known, row)
-        while i < end:
-            first, i, j = _next_stretch(i, end, column, j, known_end, known, normals)
-            if first < i:
-                _central_stretch(voxels, row, column[first:i], covector, floor, normals[:, first:i])
+        own = slice(row_start[row], row_start[row + 1])
+        _central_row(voxels, row, column[own], covector, floor, normals[:, own])
 
 
 @kernel(inner=True)
-def _central_stretch(voxels, row, column, covector, floor, normals):
+def _central_row(voxels, row, column, covector, floor, normals):
     """Normals of the voxels of a row at ``column``."""
     n_z, n_y, n_x = voxels.shape
     z, y = row // n_y, row % n_y
@@ -291,26 +212,13 @@ def _central_stretch(voxels, row, column, covector, floor, normals):
 # --- twins ----------------------------------------------------------------------------------------------------
 
 
-def _normals_numpy(voxels, lists, known, covector, floor, is_integer, normals):
+def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
     """Twin of both kernels, in chunks of voxels."""
     row_start, column = lists
-    if known is None:
-        known = (np.zeros_like(row_start), column[:0], np.empty((3, 0), np.float32))
-    known_row_start, known_column, known = known
-    _, n_y, n_x = voxels.shape
+    _, n_y, _ = voxels.shape
     for begin in range(0, len(column), CHUNK):
         wanted = np.arange(begin, min(begin + CHUNK, len(column)))
         row = np.searchsorted(row_start, wanted, side="right") - 1
-        # Known ones in the rows of this chunk: both lists ascend along x, then along rows.
-        rows = np.arange(row[0], row[-1] + 1)
-        part = slice(known_row_start[row[0]], known_row_start[row[-1] + 1])
-        known_row = np.repeat(rows, known_row_start[rows + 1] - known_row_start[rows])
-        known_place = np.append(known_row * n_x + known_column[part], -1)
-        place = row * n_x + column[wanted]
-        at = np.searchsorted(known_place[:-1], place)
-        is_known = known_place[at] == place
-        normals[:, wanted[is_known]] = known[:, part][:, at[is_known]]
-        wanted, row = wanted[~is_known], row[~is_known]
         index = (row // n_y, row % n_y, column[wanted].astype(np.int64))
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             gradient, largest = (_sobel_numpy if is_integer else central_numpy)(voxels, index)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rle_splat.classify.shading import normals
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.jit import compiled, kernel, noting_kernels
 from rle_splat.kept import Kept
-from rle_splat.kept_normals import kept_normals
 from rle_splat.render import render, render_steps
 from rle_splat.scene import Light, Quality, Scene
 from rle_splat.view.turntable import turntable
@@ -110,9 +110,9 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("classification", KERNELS)
 def test_shading_that_is_off_by_hand_computes_no_gradient(classification, backend, monkeypatch):
-    calls, asked = [], kept_normals
+    calls, asked = [], normals
     for module in ("rle_splat.medium", "rle_splat.scalar_medium"):
-        monkeypatch.setattr(f"{module}.kept_normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
+        monkeypatch.setattr(f"{module}.normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
     lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))
     assert worked(replace(lit, effects={"shading": False}), classification, backend)[0] == STAGES[classification]
     assert not calls

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat import kept_normals, medium
-from rle_splat.classify.shading import light_records, normals
+from rle_splat import medium
+from rle_splat.classify.shading import light_records
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode_scene import encode_scene
 from rle_splat.kept import MOST_RESULTS, Kept
@@ -93,23 +93,9 @@ def test_the_numpy_twins_are_kept_alike():
 NARROWER = replace(FUNCTION, opacity=((100, 0.0), (140, 0.3), (250, 0.6)))
 
 
-@pytest.fixture
-def taken_over(monkeypatch):
-    """How many normals were known, each time that some were made."""
-    sizes = []
-
-    def make(*arguments, known=None, **machine):
-        sizes.append(0 if known is None else len(known.normals))
-        return normals(*arguments, known=known, **machine)
-
-    monkeypatch.setattr(kept_normals, "normals", make)
-    return sizes
-
-
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
 @pytest.mark.parametrize("threads", (1, 2))
-def test_normals_of_voxels_seen_before_are_taken_over(dtype, threads, taken_over):
-    """The latest ones there are, and of each function the picture, and every normal, of a fresh start."""
+def test_pictures_and_normals_of_other_ranges_are_those_of_a_fresh_start(dtype, threads):
     kept, volume = Kept(), ball(dtype)
     quality, shown = replace(QUALITY, threads=threads), []
     for function in (FUNCTION, WIDER, NARROWER, WIDER):
@@ -120,26 +106,24 @@ def test_normals_of_voxels_seen_before_are_taken_over(dtype, threads, taken_over
         np.testing.assert_array_equal(picture.rgba, render(edited, quality, kept=fresh).rgba)
         for (stage, key), (result, _) in fresh._results.items():
             if stage == "normals":
-                np.testing.assert_array_equal(result.normals, kept._results[stage, key][0].normals)
+                np.testing.assert_array_equal(result, kept._results[stage, key][0])
     assert shown[2] < shown[0] < shown[1] == shown[3]
-    # Each is made afresh too, with nothing known; the last is kept.
-    assert taken_over == [0, 0, shown[0], 0, shown[1], 0, 0]
+    assert kept.made["normals"] == 3  # the last was there already
 
 
-def test_normals_of_another_volume_or_another_place_are_not_taken_over(taken_over):
+def test_normals_of_another_volume_or_another_place_do_not_serve():
     """Content decides: equal voxels serve whoever holds them, others never do."""
     kept, lit = Kept(), dict(function=MATT_FUNCTION, lights=(SUN,))
-    wide = dict(lit, function=replace(WIDER, shade=MATT))
     first = scene(**lit)
     render(first, QUALITY, kept=kept)
     longer = np.diag((1.0, 1.0, 2.0, 1.0)) @ first.volume_matrix
     bent = replace(BALL, voxels=BALL.voxels + (BALL.voxels > 130).astype(np.uint8))
-    for other in (replace(scene(**wide), volume_matrix=longer), scene(**wide, volume=bent)):
+    for made, other in enumerate((replace(first, volume_matrix=longer), scene(**lit, volume=bent)), start=2):
         picture = render(other, QUALITY, kept=kept).rgba
         np.testing.assert_array_equal(picture, render(other, QUALITY).rgba)
-    assert taken_over == [0] * 5
-    render(scene(**wide, volume=ball()), QUALITY, kept=kept)
-    assert taken_over[-1] > 0
+        assert kept.made["normals"] == made
+    render(scene(**lit, volume=ball()), QUALITY, kept=kept)
+    assert kept.made["normals"] == 3
 
 
 def test_a_dragged_transfer_function_does_not_fill_the_memory():

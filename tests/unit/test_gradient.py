@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rle_splat.volume.gradient import KnownNormals, unit_normals
+from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import Volume
 
 BACKENDS = ("numba", "numpy")
@@ -115,34 +115,13 @@ def in_blobs(shape, share, seed):
 @pytest.mark.parametrize("threads", (1, 2))
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("dtype", ("uint8", "int16", "int32", "float32"))
-def test_known_normals_are_taken_over_to_the_bit(dtype, backend, threads):
-    """Whatever was known, the result is that of a fresh start: nothing, a part, all, more, or quite other voxels."""
-    shape = (6, 9, 203)
+def test_a_normal_does_not_depend_on_the_other_voxels_wanted(dtype, backend, threads):
+    """Near ones along a row are worked on together, wherever they begin and whatever lies between them."""
+    shape = (6, 9, 403)
     voxels = np.random.default_rng(4).integers(0, 100, shape).astype(dtype)
     volume, machine = Volume(voxels, np.eye(4)), dict(backend=backend, threads=threads)
-    wanted = in_blobs(shape, 0.5, 1)
-    truth = unit_normals(volume, *some_voxels(wanted), AFFINES["sheared"], **machine)
-    everything = unit_normals(volume, *everywhere(volume), AFFINES["sheared"], **machine)
-    np.testing.assert_array_equal(truth, everything.reshape(*shape, 3)[wanted])
-    near = wanted ^ (np.random.default_rng(5).random(shape) < 0.03)
-    masks = (np.zeros(shape, bool), wanted, ~wanted, near, near & wanted, near | wanted, in_blobs(shape, 0.3, 2))
-    for mask in masks:
-        lists = some_voxels(mask)
-        known = KnownNormals(*lists, unit_normals(volume, *lists, AFFINES["sheared"], **machine))
-        got = unit_normals(volume, *some_voxels(wanted), AFFINES["sheared"], known=known, **machine)
-        np.testing.assert_array_equal(got, truth)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("dtype", ("uint8", "float32"))
-def test_what_is_known_is_not_computed_again(dtype, backend):
-    """Normals that no voxel has come through untouched, those of all other voxels are computed."""
-    voxels = np.random.default_rng(4).integers(0, 100, (3, 4, 90)).astype(dtype)
-    volume = Volume(voxels, np.eye(4))
-    held, wanted = in_blobs(voxels.shape, 0.5, 1), in_blobs(voxels.shape, 0.5, 2)
-    marks = np.random.default_rng(3).random((np.count_nonzero(held), 3)).astype(np.float32) + 2.0
-    known = KnownNormals(*some_voxels(held), marks)
-    got = unit_normals(volume, *some_voxels(wanted), np.eye(4), known=known, backend=backend)
-    np.testing.assert_array_equal(got[held[wanted]], marks[wanted[held]])
-    truth = unit_normals(volume, *some_voxels(wanted), np.eye(4), backend=backend)
-    np.testing.assert_array_equal(got[~held[wanted]], truth[~held[wanted]])
+    everything = unit_normals(volume, *everywhere(volume), AFFINES["sheared"], **machine).reshape(*shape, 3)
+    blobs, dots = in_blobs(shape, 0.5, 1), np.random.default_rng(5).random(shape) < 0.03
+    for wanted in (np.zeros(shape, bool), blobs, ~blobs, blobs & ~dots, dots, dots & dots[:, :, ::-1]):
+        got = unit_normals(volume, *some_voxels(wanted), AFFINES["sheared"], **machine)
+        np.testing.assert_array_equal(got, everything[wanted])

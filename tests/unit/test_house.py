@@ -48,7 +48,6 @@ FLOORS = {
     "rle_splat.scalar_medium": 9.5,  # above the medium of the paper's pipeline, whose light it shares
     "rle_splat.ray_modes": 8,
     "rle_splat.memory_estimate": 8,
-    "rle_splat.kept_normals": 8,
     "rle_splat.exposure": 9,
     "rle_splat.kept_shadows": 8,
     "rle_splat.render": 10,
