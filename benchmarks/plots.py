@@ -91,6 +91,7 @@ def turn_plot(turn, near, path: Path) -> str:
     for key, label in (
         ("largest", "largest, rgba"), ("rmse", "RMSE, rgba"), ("alpha_largest", "largest, alpha"),
         ("true_largest", "from the truth, chosen axis"), ("other_largest", "from the truth, other axis"),
+        ("step_faded", "a quarter of a degree on"), ("step_switched", "the same with a switch"),
     ):  # fmt: skip
         values = [row[key] for row in near]
         if None not in values:

@@ -1,31 +1,32 @@
 """A full turn round a volume: does the picture pop where the principal axis switches?
 
-Each frame is compared with the one before it; alpha is summed over the picture.  Near the first switch the same
-frame is drawn from both principal axes and the two are compared with each other and, at probe pixels, with T1.
+Each frame, as the renderer draws it, is compared with the one before it; alpha is summed over the picture.  Near the
+first switch the same frame is drawn from both principal axes and the two are compared with each other and, at probe
+pixels, with the truth; and small steps are compared, with the axes faded into each other and without.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.phantoms import smooth_shell
+from rle_splat.accuracy.probes import stratified_pixels
+from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.encode.encode import encode
 from rle_splat.jit import compiled
-from rle_splat.named_systems.judge import probe_truth
-from rle_splat.named_systems.medium import Medium, scene_medium
-from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
-from rle_splat.splat.splat import splat_steps
-from rle_splat.view.base_plane import base_plane
-from rle_splat.view.footprints import FOOTPRINTS
-from rle_splat.view.principal_axis import dominant_axis
+from rle_splat.kept import Kept
+from rle_splat.render import render, truth_of
+from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, RleSplatError
+from rle_splat.view.eye import index_view
+from rle_splat.view.principal_axis import axis_shares, dominant_axis
 from rle_splat.volume.volume import Volume
-from rle_splat.warp.warp import warp
 
 from .frames import view_scene
 from .plots import IMAGES, turn_plot
@@ -33,7 +34,7 @@ from .scenes import REAL, scenes
 
 SMOOTH = "smooth"
 SMOOTH_SIDE = 96
-BAND = 2.0  # degrees on either side of the switch where both axes are drawn
+BAND = 2.5  # degrees on either side of the switch where both axes are drawn, and a little more
 BAND_STEP = 0.25
 PROBES = 128
 
@@ -47,23 +48,19 @@ def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
 
 
 class Turn:
-    """One volume on its turntable, orthographic, unshaded: pictures of classified voxels along any principal axis."""
+    """One volume on its turntable, orthographic, unshaded: pictures as they are, and along any one principal axis."""
 
     def __init__(self, volume, tf, quality: Quality, size: int, elevation: float):
         self._volume, self._tf, self._size, self._elevation = volume, tf, size, elevation
-        self._quality = quality.classified("pre")
-        self._medium = scene_medium(self._scene(0.0), self._quality)
-        self._tables: dict = {}
+        self._quality, self._kept = quality, Kept()
 
     def _scene(self, azimuth: float):
         return view_scene(self._volume, self._tf, (azimuth, self._elevation), self._size, shaded=False)
 
-    def _at(self, azimuth: float) -> Medium:
-        return Medium(self._scene(azimuth), self._medium.classified, self._medium.colors, {})
-
     def axes(self, azimuth: float) -> list[int]:
         """Principal axes by how fast the rays advance along them, the renderer's choice first."""
-        direction = -self._at(azimuth).view.eye[:3]
+        scene = self._scene(azimuth)
+        direction = -index_view(scene.camera, scene.index_to_world, scene.width, scene.height).eye[:3]
         chosen = int(dominant_axis(direction)[0])
         return [chosen, *(int(a) for a in np.argsort(-np.abs(direction), kind="stable") if a != chosen)]
 
@@ -75,33 +72,23 @@ class Turn:
             after, before = (middle, before) if self.axes(middle)[0] == first else (after, middle)
         return 0.5 * (after + before)
 
-    def picture(self, azimuth: float, axis: int) -> np.ndarray:
-        """(H, W, 4) float32 premultiplied picture from the tables of principal ``axis``."""
-        quality, medium = self._quality, self._at(azimuth)
-        if axis not in self._tables:
-            self._tables[axis] = encode(
-                medium.classified, medium.colors, axis, quality.model, backend=quality.backend, threads=quality.threads
-            )
-        sign = 1 if -medium.view.eye[axis] > 0.0 else -1
-        plane = base_plane(
-            medium.view, medium.classified.shape_xyz, axis, sign, quality.depth_rule, quality.sheet_density,
-            FOOTPRINTS[quality.kernel],
-        )  # fmt: skip
-        length = medium.classified.opacity_distance if quality.model == "opacity" else 1.0
-        steps = splat_steps(self._tables[axis], plane, quality, length)
-        while True:
-            try:
-                next(steps)
-            except StopIteration as finished:
-                most = float(medium.colors.max(initial=0.0))
-                return warp([finished.value], medium.view, medium.scene.region, quality, most)[0]
+    def picture(self, azimuth: float, axis: int | None = None, fade: float | None = None) -> np.ndarray:
+        """(H, W, 4) float32 premultiplied: as it is, or along principal ``axis`` alone, or with ``fade`` degrees."""
+        quality = self._quality if fade is None else replace(self._quality, axis_fade=fade)
+
+        def alone(view, band):
+            (sign,) = (sign for one, sign, _ in axis_shares(view, 45.0) if one == axis)
+            return [(axis, sign, 1.0)]
+
+        with patch("rle_splat.render.axis_shares", axis_shares if axis is None else alone):
+            return render(self._scene(azimuth), quality, kept=self._kept).rgba
 
     def round(self, step: float) -> list[dict]:
         """JSON-ready, one entry a frame: difference in levels from the frame before, alpha, principal axis."""
         rows, before, axis_before = [], None, None
         for azimuth in np.arange(0.0, 360.0 + 0.5 * step, step):
             axis = self.axes(azimuth)[0]
-            picture = self.picture(azimuth, axis)
+            picture = self.picture(azimuth)
             change = difference(picture, picture if before is None else before)
             rows.append({
                 "azimuth": float(azimuth), "axis": axis, "switched": axis_before not in (None, axis),
@@ -116,11 +103,18 @@ class Turn:
         pictures = [self.picture(azimuth, axis) for axis in (first, second)]
         apart = difference(pictures[0], pictures[1])
         alpha = difference(pictures[0][..., 3], pictures[1][..., 3])
-        columns, rows, truth = probe_truth(self._at(azimuth), probes)
-        errors = [np.abs(picture[rows, columns] - truth).max() / LEVEL for picture in pictures]
+        scene = self._scene(azimuth)
+        columns, rows = stratified_pixels(scene.width, scene.height, probes, 0)
+        true, _ = truth(scene, truth_of(self._quality), pixels=(columns + 0.5, rows + 0.5))
+        errors = [np.abs(picture[rows, columns] - true).max() / LEVEL for picture in pictures]
+        steps = [
+            difference(*(self.picture(azimuth + side, fade=fade) for side in (-0.5 * BAND_STEP, 0.5 * BAND_STEP)))
+            for fade in (None, 0.0)
+        ]
         return {
             "azimuth": float(azimuth), "axes": [first, second], "rmse": apart.rmse, "largest": apart.largest,
             "alpha_largest": alpha.largest, "true_largest": float(errors[0]), "other_largest": float(errors[1]),
+            "step_faded": steps[0].largest, "step_switched": steps[1].largest,
         }  # fmt: skip
 
 
@@ -147,6 +141,10 @@ def summary(turn, near, step: float) -> list[str]:
         f"{max(row['alpha_largest'] for row in near):.2f}; from the truth at most "
         f"{max(row['true_largest'] for row in near):.2f} and {max(row['other_largest'] for row in near):.2f}."
     )
+    lines.append(
+        f"Steps of {BAND_STEP:g} degrees there: at most {max(row['step_faded'] for row in near):.2f} levels with the "
+        f"axes faded into each other, {max(row['step_switched'] for row in near):.2f} with a switch."
+    )
     return lines
 
 
@@ -154,6 +152,7 @@ def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench turn", description=__doc__)
     parser.add_argument("--volume", choices=(SMOOTH, "shells", *REAL), default=SMOOTH)
     parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
+    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
     parser.add_argument("--elevation", type=float, default=20.0)
     parser.add_argument("--step", type=float, default=1.0, help="degrees")
     parser.add_argument("--size", type=int, default=256)
@@ -169,7 +168,7 @@ def main(arguments) -> int:
         volume, tf = next(((v, f) for _, v, f in scenes([options.volume])), (None, None))
         if volume is None:
             raise RleSplatError(f"The scan {options.volume} is not at hand; choose {SMOOTH} or shells.")
-    quality = Quality.preset(options.quality, threads=options.threads)
+    quality = Quality.preset(options.quality, options.classification, threads=options.threads)
     if not compiled(quality.backend):
         print("Without numba this takes very long.")
     turn = Turn(volume, tf, quality, options.size, options.elevation)
@@ -177,7 +176,8 @@ def main(arguments) -> int:
     switched = next((row["azimuth"] for row in frames if row["switched"]), 45.0 + 0.5 * options.step)
     switch = turn.switch(switched - options.step, switched)
     near = [turn.both_axes(a, options.probes) for a in np.arange(switch - BAND, switch + BAND + 1e-9, BAND_STEP)]
-    print(f"{options.volume}, {options.quality}, elevation {options.elevation:g}, {options.size} x {options.size}")
+    what = f"{options.volume}, {options.classification}, {options.quality}"
+    print(f"{what}, elevation {options.elevation:g}, {options.size} x {options.size}")
     print("\n".join(summary(frames, near, options.step)))
     if options.json:
         options.json.write_text(json.dumps({"turn": frames, "both_axes": near}, indent=1) + "\n", encoding="utf-8")

@@ -210,6 +210,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     termination: LiveFloat(
         name="Termination", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
         precision=5)
+    axis_fade: LiveFloat(
+        name="Axis Fade", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
     threads: LiveInt(name="Threads", description="Zero for one per core", default=0, min=0, soft_max=64)
     backend: LiveEnum(
         name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),

@@ -24,7 +24,7 @@ def quality_of(scene) -> Quality:
         knobs = {name: getattr(settings, name) for name in KNOBS}
         return Quality(
             name="custom", sheet_density=typed(settings.sheet_density), termination=typed(settings.termination),
-            **knobs, **common,
+            axis_fade=typed(settings.axis_fade), **knobs, **common,
         )
     return Quality.preset(settings.quality, **common)
 

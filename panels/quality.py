@@ -7,8 +7,8 @@ from ..rle_splat.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
-    "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "model", "threads",
-    "backend",
+    "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "axis_fade", "model",
+    "threads", "backend",
 )
 
 

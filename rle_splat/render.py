@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from .axes import AXIS_NAMES
+from .axes import AXES, AXIS_NAMES
 from .effects.analyse import EffectSet, analyse, called_for
 from .effects.camera_clip import is_cut
 from .effects.clips import NOTHING_LEFT, cuts_of
@@ -35,7 +35,7 @@ from .view.base_plane import BasePlane, base_plane
 from .view.clip_limits import clip_limits, what_is_left
 from .view.eye import IndexView, index_view
 from .view.footprints import FOOTPRINTS
-from .view.principal_axis import candidate_pyramids
+from .view.principal_axis import axis_shares, candidate_pyramids
 from .view.ray_limits import box_depths, ray_limits, within_box
 from .warp.warp import TAPS, warp, warp_reach
 
@@ -120,11 +120,12 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
     clock = Clock()
     asked, quality = quality, mode_quality(scene, quality)
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
-    view, planes = _look(scene, quality, refuse_empty_view)
+    view, fades = _look(scene, quality, refuse_empty_view)
     if quality.minification == "pool":
-        scene = pooled_scene(scene, planes)
-        view, planes = _look(scene, quality, refuse_empty_view)
-    planes = _windows(scene, quality, planes)
+        scene = pooled_scene(scene, _planes_of(fades))
+        view, fades = _look(scene, quality, refuse_empty_view)
+    fades = [fade.window(scene, quality) for fade in fades]
+    planes = _planes_of(fades)
 
     cuts = cuts_of(scene, quality)
     limited = is_cut(scene, view, quality) or scene.triangles is not None or quality.classification == "refined"
@@ -153,7 +154,12 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
             layers = mesh_layers(scene, view, quality, planes)
         if layers is None:
             effects = effects.found_off("mesh occlusion", BEHIND)
-    rgba, depth = yield from _splat_and_warp(scene, quality, view, planes, encodings, medium, layers, cuts, clock)
+    rgba = depth = None
+    for n, fade in enumerate(fades):
+        told = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
+        stage = (encodings, medium, layers, cuts, clock, told)
+        found = yield from _splat_and_warp(scene, quality, view, fade.planes, *stage)
+        rgba, depth = fade.mixed(rgba, depth, *found)
 
     report = {
         "image": _image_report(scene),
@@ -161,7 +167,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
-        "plan": _plan_report(scene, quality, planes),
+        "plan": _plan_report(scene, quality, fades),
         "effects": effects.report(clock),
         "error": {
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
@@ -179,39 +185,67 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
 # --- the stages -----------------------------------------------------------------------------------------------
 
 
-def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[BasePlane]]:
+@dataclass(frozen=True, eq=False)
+class Fade:
+    """Base planes that show all of the picture together, and their share of it: 1 but where principal axes fade."""
+
+    planes: list[BasePlane]
+    share: float = 1.0
+
+    def window(self, scene: Scene, quality: Quality) -> Fade:
+        """The parts that the wanted pixels need."""
+        if scene.crop is None:
+            return self
+        windows = [plane.window(scene.crop, warp_reach(quality)) for plane in self.planes]
+        return replace(self, planes=[window for window in windows if window is not None])
+
+    def mixed(self, rgba, depth, found, found_depth):
+        """The picture and its depth with this part of them, ``found``; None and None before the first, whose depths
+        count."""
+        if self.share == 1.0:
+            return found, found_depth
+        found *= np.float32(self.share)
+        return (found, found_depth) if rgba is None else (np.add(rgba, found, out=rgba), depth)
+
+
+def _planes_of(fades: list[Fade]) -> list[BasePlane]:
+    return [plane for fade in fades for plane in fade.planes]
+
+
+def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[IndexView, list[Fade]]:
     """The view, and the base planes that its rays belong to."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     boxed = quality.classification == "post"
     footprint = FOOTPRINTS[quality.kernel]
     nearest, furthest = box_depths(view, scene.volume.shape_xyz, 0.0 if boxed else footprint.radius)
-    planes = []
-    if furthest > scene.camera.clip_start and nearest < scene.camera.clip_end:
-        for axis, sign in candidate_pyramids(view):
-            plane = base_plane(
-                view, scene.volume.shape_xyz, axis, sign, sheet_rule(scene, quality), quality.sheet_density, footprint,
-                boxed,
-            )
-            if plane is not None:
-                planes.append(plane)
-    if not planes and refuse_empty_view:
+    rule = sheet_rule(scene, quality)
+
+    def planes_of(*pyramids):
+        if not (furthest > scene.camera.clip_start and nearest < scene.camera.clip_end):
+            return []
+        knobs = (rule, quality.sheet_density, footprint, boxed)
+        planes = [base_plane(view, scene.volume.shape_xyz, *pyramid, *knobs) for pyramid in pyramids]
+        return [plane for plane in planes if plane is not None]
+
+    if view.is_parallel:
+        held = scene.volume.axes if isinstance(scene.volume, StoredVolume) else AXES
+        (first, *others) = axis_shares(view, quality.axis_fade)
+        shares = [first, *(other for other in others if other[0] in held)]
+        fades = [Fade(planes_of(pyramid), share) for *pyramid, share in shares]
+        shown = sum(fade.share for fade in fades if fade.planes)
+        fades = [replace(fade, share=fade.share / shown) for fade in fades if fade.planes] or [Fade([])]
+    else:
+        fades = [Fade(planes_of(*candidate_pyramids(view)))]
+    if not fades[0].planes and refuse_empty_view:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
-    return view, planes
+    return view, fades
 
 
-def _windows(scene: Scene, quality: Quality, planes: list[BasePlane]) -> list[BasePlane]:
-    """The parts of base planes that the wanted pixels need."""
-    if scene.crop is None:
-        return planes
-    windows = [plane.window(scene.crop, warp_reach(quality)) for plane in planes]
-    return [window for window in windows if window is not None]
-
-
-def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, cuts, clock: Clock):
+def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, layers, cuts, clock: Clock, told):
     """Generator: splats every base plane, what lies behind silhouettes of meshes too, and warps; returns rgba and
-    depth."""
+    depth.  ``told``: how much is done before, and by it."""
     camera_cuts = is_cut(scene, view, quality)
     boxed = quality.classification == "refined"
     most_color = max(medium.most_color(encodings.values()), *(scene.mist.color if scene.mist else (0.0,)))
@@ -260,7 +294,7 @@ def _splat_and_warp(scene, quality, view, planes, encodings, medium: Medium, lay
                 loading = step is LOADING
                 stage, message = ("kernels", LOADING_KERNELS) if loading else ("splat", "Splatting")
                 part = part if loading else step
-                yield Progress(0.2 + 0.75 * (done + part) / parts, message)
+                yield Progress(told[0] + told[1] * (done + part) / parts, message)
             done += 1
             if like is None:
                 near[n] = whole, ends, images[-1]
@@ -322,16 +356,16 @@ def _memory_report(held: dict[int, RunLengthVolume | ScalarVolume]) -> dict:
     }
 
 
-def _plan_report(scene: Scene, quality: Quality, planes: list[BasePlane]) -> dict:
+def _plan_report(scene: Scene, quality: Quality, fades: list[Fade]) -> dict:
     knobs = asdict(quality)
     knobs["quality"] = knobs.pop("name")
     knobs["pooled"] = 2**scene.volume.level if isinstance(scene.volume, PooledVolume) else 1
     knobs["base_planes"] = [
         {
             "principal_axis": ("+" if plane.sign > 0 else "-") + AXIS_NAMES[plane.axis],
-            "sheets": len(plane.sheets), "width": plane.width, "height": plane.height,
+            "sheets": len(plane.sheets), "width": plane.width, "height": plane.height, "share": fade.share,
         }
-        for plane in planes
+        for fade in fades for plane in fade.planes
     ]
     return knobs
 

@@ -40,6 +40,7 @@ KNOBS = {
     "--minification": ("minification", str, "|".join(MINIFICATIONS)),
     "--warp-filter": ("warp_filter", str, "|".join(WARP_FILTERS)),
     "--termination": ("termination", float, "T"),
+    "--axis-fade": ("axis_fade", float, "DEGREES"),
     "--model": ("model", str, "|".join(MODELS)),
 }
 BESIDE = ("classification", "refinement")  # knobs that a quality and a tolerance leave to the user

@@ -36,9 +36,9 @@ def depth_rules(classification: str) -> tuple[str, ...]:
 
 
 def candidates(base: Quality) -> list[Quality]:
-    """Every plan of the grid, its other knobs as in ``base``."""
+    """Every plan of the grid, its other knobs as in ``base``; along either principal axis a tolerance is kept."""
     return [
-        replace(base, name=PLANNED, depth_rule=rule, sheet_density=density, warp_filter=warp_filter)
+        replace(base, name=PLANNED, axis_fade=0.0, depth_rule=rule, sheet_density=density, warp_filter=warp_filter)
         for rule, density, warp_filter in product(depth_rules(base.classification), SHEET_DENSITIES, WARP_FILTERS)
     ]
 

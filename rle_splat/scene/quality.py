@@ -29,6 +29,7 @@ REFINEMENTS = (2, 3, 4)  # cells of the refined grid along each side of a voxel 
 MOST_MIDPOINTS = 64
 MOST_SHEET_DENSITY = 16
 MOST_PREINTEGRATED = 8
+MOST_FADE = 15.0  # degrees; with more, most views would be drawn along several axes
 # slice-2 is every second slice.  There is midpoint-M too, of which lists show some.
 NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
@@ -49,6 +50,7 @@ KNOB_TEXTS = {
     "minification": "where several voxels share a sheet pixel, against shimmer: widen footprints, or pool voxels, "
     "quicker too; post does neither and shows what is there",
     "warp_filter": "filter from the intermediate image to the picture",
+    "axis_fade": "degrees about the switch of the principal axis in which both are drawn and mixed, against popping",
     "termination": "transmittance below which a pixel counts as opaque",
     "model": "what overlapping footprints add up; post has extinction alone",
     "record": "bytes of a classified voxel in the run-length tables; fewer save memory and lose accuracy",
@@ -97,6 +99,8 @@ class Quality:
     and widens what is left; "off" shows exactly what lies on each pixel's ray.
     ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
     ``record`` is how many bytes a voxel of the run-length tables takes: fewer save memory and lose accuracy.
+    ``axis_fade``: within so many degrees of where the principal axis of parallel rays switches, pictures along both are
+    mixed, so that nothing pops as the camera turns; they cost as many pictures.  0 to 15.
     ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
     paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
     """
@@ -109,6 +113,7 @@ class Quality:
     minification: str = "off"
     warp_filter: str | None = None
     termination: float | None = None
+    axis_fade: float = 2.0
     model: str = "extinction"
     length_correction: bool = True
     record: int = 16
@@ -164,6 +169,8 @@ class Quality:
             )
         if not (0.0 <= self.termination < 0.5):
             raise RleSplatError("The termination transmittance must be at least 0 and below 0.5.")
+        if not (0.0 <= self.axis_fade <= MOST_FADE):
+            raise RleSplatError(f"Principal axes fade into each other over 0 to {MOST_FADE:g} degrees.")
         if self.threads < 0:
             raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
 
@@ -186,5 +193,5 @@ class Quality:
         """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel."""
         return cls(
             classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", model="opacity",
-            length_correction=False, name="paper", **overrides,
+            length_correction=False, axis_fade=0.0, name="paper", **overrides,
         )

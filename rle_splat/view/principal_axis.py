@@ -19,6 +19,23 @@ def dominant_axis(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return axis, np.where(along < 0.0, -1, 1).astype(np.int8)
 
 
+def axis_shares(view: IndexView, band: float) -> list[tuple[int, int, float]]:
+    """(axis, sign, share) of the principal axes that a picture of parallel rays is mixed from, the fastest first.
+
+    Within ``band`` degrees of the 45 degrees at which the principal axis switches, the axis to come fades in, and both
+    have half where they are as fast as each other: what a camera sees never jumps.  Shares sum to one.
+    """
+    direction = -view.eye[:3]
+    leading = int(dominant_axis(direction)[0])
+    fastest = abs(direction[leading])
+    beside = 45.0 - np.degrees(np.arctan2(np.abs(direction), fastest))  # degrees from where each axis would take over
+    weights = np.maximum(1.0 - beside / band, 0.0) if band > 0.0 else np.zeros(3)
+    weights[leading] = 1.0
+    order = [leading, *(axis for axis in range(3) if axis != leading and weights[axis] > 0.0)]
+    signs = np.where(direction < 0.0, -1, 1)
+    return [(axis, int(signs[axis]), float(weights[axis] / weights.sum())) for axis in order]
+
+
 def candidate_pyramids(view: IndexView) -> list[tuple[int, int]]:
     """The (axis, sign) pairs that rays of this view may belong to; for parallel rays the one they do."""
     if view.is_parallel:

@@ -131,7 +131,7 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
     settings.quality = "custom"
     log = draw_all(monkeypatch)
     for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
-                 "termination", "model"):
+                 "termination", "axis_fade", "model"):
         assert ("prop", name) in log
     assert ("prop", "refinement") not in log  # only where there is a finer grid
     settings.classification, settings.refinement = "refined", "3"

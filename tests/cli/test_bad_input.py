@@ -244,6 +244,7 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
         (("--classification", "post", "--record", "8"), "16 only"),
         (("--paper", "--classification", "post"), "--paper"),
         (("--warp-filter", "sharp"), "bilinear"), (("--model", "light"), "extinction"), (("--backend", "gpu"), "numpy"),
+        (("--axis-fade", "16"), "0 to 15 degrees"),
         (("--sheet-density", "-1"), "density"), (("--termination", "0.9"), "termination"),
         (("--quality", "fine", "--paper"), "--paper"), (("--quality", "fine", "--model", "opacity"), "--model"),
         (("--paper", "--depth-rule", "slice"), "--depth-rule"), (("--tolerance", "0"), "above zero"),
