@@ -1,9 +1,9 @@
-"""The engine's table: time and error of a frame by quality, shading and projection, beside VTK's ray caster.
+"""The engine's table: time and error of a frame by quality, shading, projection; VTK and VolPack beside it.
 
 Times are milliseconds, medians over the views of the best of a few frames; ratios are within this run.  Errors are
 levels, 1/255, of premultiplied scene-linear RGBA at random probe pixels of all views: against T2, the interpolated
 scalar classified, which is what the qualities and VTK claim; and against T1, the classified medium interpolated, which
-is what the paper's order claims, and what no other should be expected to show.
+is what the paper's order and VolPack claim, and what no other should be expected to show.
 """
 
 from __future__ import annotations
@@ -27,18 +27,16 @@ from rle_splat.scene import Quality
 
 from .accuracy import fill
 from .data_sets import PAPER
+from .engine_words import NOTES, header, line, markdown, ratios
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
+from .peers import PEERS, Peer
 from .scenes import REAL, scenes
-from .vtk_caster import VTK_PROBLEM, VtkCaster
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
 REPEATS = 3
 PROBES = 64  # per view
 PAPER_LIKE = "paper-like"
 QUALITIES = ("draft", PAPER_LIKE, "standard", "fine", "strict")
-COLUMNS = (
-    ("frame", "frame_ms"), ("splat", "splat_ms"), ("warp", "warp_ms"), ("encode", "encode_ms"), ("shade", "shade_ms"),
-)  # fmt: skip
 
 
 def quality_of(name: str, threads: int) -> Quality:
@@ -50,14 +48,14 @@ def quality_of(name: str, threads: int) -> Quality:
 
 def measure(
     volume, tf, *, size: int, threads: int, perspective: bool, shaded: bool, qualities=QUALITIES, views=VIEWS,
-    repeats: int = REPEATS, probes: int = PROBES, with_vtk: bool = True,
+    repeats: int = REPEATS, probes: int = PROBES, peers=(),
 ) -> list[dict]:
-    """One JSON-ready row per quality."""
+    """One JSON-ready row per quality, then one per Peer of ``peers`` that draws such a picture here."""
     kept = Kept()
+    beside = [_Beside(peer, shaded) for peer in peers if not peer.absence(perspective)]
     times = {name: [] for name in qualities}
-    pictures = {name: [] for name in (*qualities, "vtk")}
+    pictures = {name: [] for name in qualities}
     kept_fractions, truths = {}, {"t1": [], "t2": []}
-    caster, vtk_ms = None, []
     for number, view in enumerate(views):
         scene = view_scene(volume, tf, view, size, perspective, shaded)
         columns, rows, true = probe_truth(scene_medium(scene, quality_of(PAPER_LIKE, threads)), probes, seed=number)
@@ -70,29 +68,47 @@ def measure(
             times[name].append(rendering.report["stages_ms"])
             kept_fractions[name] = rendering.report["volume"]["visible_fraction"]
             pictures[name].append(rendering.rgba[rows, columns])
-        if with_vtk and not VTK_PROBLEM:
-            caster = caster or VtkCaster(scene, shaded, quality.threads or rendering.report["threads"])
-            picture, spent = caster.draw(scene, repeats)
-            pictures["vtk"].append(picture[rows, columns])
-            vtk_ms.append(spent)
-    if caster:
-        caster.close()
-    common = {
-        "size": size, "threads": rendering.report["threads"], "perspective": perspective, "shaded": shaded,
-        "vtk_ms": median(vtk_ms) if vtk_ms else None,
-        "vtk_t2": _error(pictures["vtk"], truths["t2"]) if vtk_ms and not shaded else None,
-    }
+        for other in beside:
+            other.draw(scene, rendering.report["threads"], repeats, (rows, columns))
+    for other in beside:
+        other.caster.close()
+    common = {"size": size, "threads": rendering.report["threads"], "perspective": perspective, "shaded": shaded}
     prepared = {
         classification: _preparation(scene, Quality(classification=classification, threads=threads))
         for classification in {quality_of(name, threads).classification for name in qualities}
     }
-    return [
-        _row(name, times[name], pictures[name], truths, vtk_ms, {
+    absent = {peer.name: peer.absence(perspective) for peer in peers if peer.absence(perspective)}
+    ours = [
+        _row(name, times[name], pictures[name], truths, beside, absent, {
             "classification": quality_of(name, threads).classification, "kept_fraction": kept_fractions[name],
             **common, **prepared[quality_of(name, threads).classification],
         })
         for name in qualities
     ]  # fmt: skip
+    return ours + [other.row(truths, common) for other in beside]
+
+
+class _Beside:
+    """A peer at work on one volume, and what came of it."""
+
+    def __init__(self, peer: Peer, shaded: bool):
+        self.peer, self._shaded = peer, shaded
+        self.caster, self.frame_ms, self._pictures = None, [], []
+
+    def draw(self, scene, threads: int, repeats: int, probes) -> None:
+        self.caster = self.caster or self.peer.make(scene, self._shaded, threads)
+        picture, spent = self.caster.draw(scene, repeats)
+        self._pictures.append(picture[probes])
+        self.frame_ms.append(spent)
+
+    def row(self, truths, common) -> dict:
+        judged = self.peer.same_colors or not self._shaded
+        return {
+            "quality": self.peer.name, "peer": True, "classification": self.peer.classification, "kept_fraction": None,
+            **common, "against": {}, "frame_ms": median(self.frame_ms), "splat_ms": None, "warp_ms": None,
+            "shade_ms": None, "encode_ms": getattr(self.caster, "classify_ms", None),
+            **{name: _error(self._pictures, true) if judged else None for name, true in truths.items()},
+        }
 
 
 def _preparation(scene, quality) -> dict:
@@ -110,21 +126,21 @@ def _preparation(scene, quality) -> dict:
     return best
 
 
-def _row(name, stages, pictures, truths, vtk_ms, common) -> dict:
+def _row(name, stages, pictures, truths, beside, absent, common) -> dict:
     frames = [view["splat"] + view["warp"] for view in stages]
     return {
-        "quality": name, **common,
+        "quality": name, "peer": False, **common,
         "frame_ms": median(frames), "splat_ms": median(view["splat"] for view in stages),
         "warp_ms": median(view["warp"] for view in stages),
-        "against_vtk": median(ours / theirs for ours, theirs in zip(frames, vtk_ms)) if vtk_ms else None,
+        "against": {
+            other.peer.name: median(ours / theirs for ours, theirs in zip(frames, other.frame_ms)) for other in beside
+        } | absent,
         "t1": _error(pictures, truths["t1"]), "t2": _error(pictures, truths["t2"]),
     }  # fmt: skip
 
 
-def _error(pictures, truths) -> dict | None:
-    """RMSE and largest error, levels, over the probes of all views; None without a truth."""
-    if not truths:
-        return None
+def _error(pictures, truths) -> dict:
+    """RMSE and largest error, levels, over the probes of all views."""
     found = difference(np.concatenate(pictures), np.concatenate(truths))
     return {"rmse": found.rmse, "largest": found.largest}
 
@@ -135,68 +151,11 @@ def scalar_truth(scene, columns, rows) -> np.ndarray:
     return truth(scene, "T2", pixels=pixels, tolerance=TOLERANCE, **shading_of(scene, "T2"))[0]
 
 
-def header() -> str:
-    """The table's first line."""
-    return (
-        f"{'volume':<12}{'p':>6}  {'projection':<13}{'colours':<10}{'quality':<11}{'classified':<11}"
-        + "".join(f"{title:>8}" for title, _ in COLUMNS)
-        + f"   {'T1 RMSE':>8}{'max':>7}{'T2 RMSE':>9}{'max':>7}   {'VTK':>8}{'ours/VTK':>10}{'VTK T2':>8}"
-    )
-
-
-def line(name: str, row: dict) -> str:
-    """One row of the table."""
-
-    def cell(value, width, digits=1):
-        return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
-
-    def errors(found, width):
-        found = found or {"rmse": None, "largest": None}
-        return cell(found["rmse"], width, 2) + cell(found["largest"], 7)
-
-    vtk = f"{'not here':>26}"
-    if row["vtk_ms"] is not None:
-        rmse = (row["vtk_t2"] or {"rmse": None})["rmse"]
-        vtk = cell(row["vtk_ms"], 8) + cell(row["against_vtk"], 10, 2) + cell(rmse, 8, 2)
-    return (
-        f"{name:<12}{row['kept_fraction']:6.1%}  {'perspective' if row['perspective'] else 'orthographic':<13}"
-        f"{'shaded' if row['shaded'] else 'unshaded':<10}{row['quality']:<11}{row['classification']:<11}"
-        + "".join(cell(row[key], 8) for _, key in COLUMNS)
-        + f"   {errors(row['t1'], 8)}{errors(row['t2'], 9)}   {vtk}"
-    )
-
-
 def of_paper(names):
     """Like ``scenes``: the shells, and the data sets of bench paper with the transfer functions committed for them."""
     if not names or "shells" in names:
         yield from scenes(("shells",))
     yield from (data.load() for data in PAPER if not names or data.name in names)
-
-
-def markdown(table, where: dict) -> str:
-    """The rows of a table, one line for each volume, projection and colours, and where they came about."""
-    qualities = list(dict.fromkeys(row["quality"] for row in table))
-    heads = ["", "p", "px", "threads", *qualities, "VTK", "encode"]
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    groups: dict = {}
-    for row in table:
-        name = ", ".join((
-            row["volume"], "perspective" if row["perspective"] else "orthographic",
-            "shaded" if row["shaded"] else "unshaded",
-        ))  # fmt: skip
-        groups.setdefault((name, row["size"], row["threads"]), {})[row["quality"]] = row
-    for (name, size, threads), rows in groups.items():
-        first = next(iter(rows.values()))
-        cells = [
-            "-" if quality not in rows else f"{rows[quality]['frame_ms']:.1f}"
-            + (f" ({rows[quality]['against_vtk']:.2f})" if rows[quality]["against_vtk"] is not None else "")
-            for quality in qualities
-        ]  # fmt: skip
-        vtk = "-" if first["vtk_ms"] is None else f"{first['vtk_ms']:.0f}"
-        encode = ", ".join(dict.fromkeys(f"{row['encode_ms']:.1f}" for row in rows.values()))
-        cells = [name, f"{first['kept_fraction']:.1%}", str(size), str(threads), *cells, vtk, encode]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + f"\n\n{describe(where)} Others kept {where['others_busy_cores'] or 0.0:.2f} cores busy."
 
 
 def main(arguments) -> int:
@@ -214,12 +173,13 @@ def main(arguments) -> int:
     parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
-    parser.add_argument("--no-vtk", action="store_true")
+    parser.add_argument("--peers", nargs="*", choices=PEERS, default=tuple(PEERS), help="only these, or none")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--write-docs", metavar="NAME", help="put the table between the marks NAME of the docs' page")
     options = parser.parse_args(arguments)
-    if VTK_PROBLEM and not options.no_vtk:
-        print(f"VTK is not here ({VTK_PROBLEM}); its columns stay empty.")
+    peers = [PEERS[name] for name in options.peers]
+    for peer in {peer.problem: peer for peer in reversed(peers) if peer.problem}.values():
+        print(f"{peer.name} is not here ({peer.problem}): {peer.remedy}")
     table, where, neighbours = [], circumstances(max(options.threads)), Neighbours()
     print(describe(where))
     for threads in options.threads:
@@ -233,15 +193,14 @@ def main(arguments) -> int:
                             volume, tf, size=size, threads=threads, perspective=projection == "perspective",
                             shaded=colours == "shaded", qualities=tuple(options.quality),
                             views=VIEWS[: max(options.views, 1)], repeats=options.repeats, probes=options.probes,
-                            with_vtk=not options.no_vtk,
+                            peers=peers,
                         )  # fmt: skip
                         for row in rows:
                             table.append({"volume": name, **row})
                             print(line(name, row), flush=True)
-    print(
-        "\nframe = splat + warp. VTK: vtkFixedPointVolumeRayCastMapper, one sample a voxel, rays only. It shades what "
-        "has no gradient by ambient light alone, so shaded, it is compared in time and not in error."
-    )
+    print(NOTES)
+    for text in ratios(table):
+        print(text)
     print(neighbours.describe())
     where["others_busy_cores"] = neighbours.cores()
     if options.write_docs:

@@ -42,10 +42,10 @@ def _bench(*first: str):
     made, without them.  ``first``: arguments before the user's."""
 
     def command(known, rest) -> int:
-        from .environments import BENCH, CORE, ensure
+        from .environments import CORE, ensure, ensure_bench
 
         try:
-            python = ensure(BENCH)
+            python = ensure_bench()
         except Failure as problem:
             say(f"{problem} Going on without VTK and without plots.")
             python = ensure(CORE)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .places import BPY_PYTHON, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, clean_environ, executable, say
 from .pythons import find_python, works_as
-from .system_libraries import apt_install, can_apt, ensure_bpy_libraries
+from .system_libraries import apt_install, can_apt, ensure_bpy_libraries, try_peer_libraries
 
 STAMP = "ready.sha256"
 
@@ -118,6 +118,13 @@ def ensure_bpy(version: str) -> Path:
     """The Python of the environment that holds Blender's module of this version."""
     ensure_bpy_libraries()
     return ensure(BPY[version])
+
+
+def ensure_bench() -> Path:
+    """The Python of the benchmarks' environment; what they compare us with is on the system too where it can be."""
+    python = ensure(BENCH)
+    try_peer_libraries()
+    return python
 
 
 def any_bpy() -> str:

@@ -1,4 +1,4 @@
-"""The system's shared libraries that Blender's Python module loads on Linux."""
+"""The system's shared libraries: what Blender's Python module loads on Linux, and what benchmarks compare us with."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ BPY_LIBRARIES = {
     "libEGL.so.1": "libegl1",
     "libgomp.so.1": "libgomp1",
 }
+
+# What benchmarks can do without, and then say so.
+PEER_LIBRARIES = {"libvolpack.so.1": "libvolpack1"}
 
 
 def _loads(name: str) -> bool:
@@ -60,6 +63,20 @@ def ensure_bpy_libraries() -> None:
     """Make sure that what Blender's module loads is there (Linux; other systems bring it)."""
     if not sys.platform.startswith("linux"):
         return
-    missing = [package for name, package in BPY_LIBRARIES.items() if not _loads(name)]
+    missing = _missing(BPY_LIBRARIES)
     if missing:
         apt_install(missing)
+
+
+def try_peer_libraries() -> None:
+    """Install the programs that benchmarks compare us with, where that takes nobody's leave; else go without."""
+    missing = _missing(PEER_LIBRARIES)
+    if missing and can_apt():
+        try:
+            apt_install(missing)
+        except Failure as problem:
+            say(f"{problem} Going on without.")
+
+
+def _missing(libraries) -> list[str]:
+    return [package for name, package in libraries.items() if not _loads(name)]
