@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections import OrderedDict
 
 from .memory import available_bytes, total_bytes
+from .reused import forget
 
 LEAST_BYTES = 1 << 30  # kept on any machine
 SHARE = 0.25  # of a larger machine's memory
 # Stages whose results replace one another as a light, a camera or a transfer function is dragged about: how many are
-# worth their memory.  (What leaves makes room for what comes: memory never used before is dear.)
+# worth their memory.  (What leaves makes room for what comes, see ``reused``.)
 MOST_RESULTS = {
     "visible": 6, "relevant": 6, "looks": 6, "normals": 6, "light": 6, "runs": 6, "records": 6, "scalars": 6,
     "lights": 6, "table": 6, "gradients": 6, "thinned": 6, "pyramid": 2, "nodes": 2, "node records": 6, "shadows": 12,
@@ -59,10 +60,11 @@ class Kept:
     def clear(self) -> None:
         self._results.clear()
         self._bytes = 0
+        forget()
 
     def make_room(self, needed: int) -> None:
         """Forget everything when ``needed`` bytes are more than the machine has free: a picture comes first."""
-        if self._bytes and needed > available_bytes():
+        if needed > available_bytes():
             self.clear()
 
     def _add(self, place, result, size: int) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from ..bits import count_bits, lowest_bit
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
+from ..reused import empty
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, slabs
 from .points import LARGEST, pieces, positive_intervals
 from .visible import VisibleVoxels, row_offsets
@@ -158,8 +159,8 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto",
     nx, ny, nz = volume.shape_xyz
     counts, row_pieces = counted
     row_start = row_offsets(counts)
-    column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
-    stored = np.empty(row_start[-1], volume.voxels.dtype)
+    column = empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
+    stored = empty(row_start[-1], volume.voxels.dtype)
     rows = read_only(np.asarray(volume.voxels)).reshape(nz * ny, nx)
     if compiled(backend):
         with parallel_call(threads):

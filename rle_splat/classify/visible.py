@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..jit import compiled, parallel_call, read_only
+from ..reused import empty
 from ..volume.blocks import BLOCK_Z, VOXELS_AT_ONCE, Blocks, slabs
 from . import classify_kernels as passes
 from .points import LARGEST, pieces, positive_intervals
@@ -140,8 +141,8 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "au
     nx, ny, nz = shown.volume.shape_xyz
     counts, row_pieces = counted
     row_start = row_offsets(counts)
-    column = np.empty(row_start[-1], dtype=np.uint16 if nx <= 65536 else np.int32)
-    stored = np.empty(row_start[-1], dtype=_list_type(shown))
+    column = empty(row_start[-1], dtype=np.uint16 if nx <= 65536 else np.int32)
+    stored = empty(row_start[-1], dtype=_list_type(shown))
     for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
         yield first / nz
         starts = row_start[first * ny : last * ny + 1]

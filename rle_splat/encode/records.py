@@ -20,6 +20,7 @@ import numpy as np
 
 from ..jit import compiled, kernel, parallel_call
 from ..parallel import share_out
+from ..reused import empty
 
 TYPES = {16: np.float32, 8: np.uint64, 6: np.uint16, 4: np.uint32}  # bytes -> type of the array of records
 WORDS = {16: (4,), 8: (), 6: (3,), 4: ()}  # entries of a record, where it is not one number
@@ -45,7 +46,7 @@ def record_bytes(voxel_data) -> int:
 def empty_records(record: int, count: int) -> np.ndarray:
     """Room for ``count`` records of ``record`` bytes: (count, 4) float32, (count,) uint64, (count, 3) uint16 or
     (count,) uint32."""
-    return np.empty((count, *WORDS[record]), TYPES[record])
+    return empty((count, *WORDS[record]), TYPES[record])
 
 
 def words_of(voxel_data) -> np.ndarray:

@@ -32,6 +32,7 @@ from ..classify.shading import (
 from ..classify.visible import VisibleVoxels
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
+from ..reused import empty
 from ..volume.gradient import CHUNK
 from .records import UNBIAS, code_of, codes_numpy
 
@@ -83,7 +84,7 @@ def voxel_light(
     strongest = float((strengths / _nearest(falling, voxels.shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
     bound = refuse_too_bright(max(1.0, ambient + diffuse * strongest, specular * strongest))
     scale = 2.0 ** math.ceil(math.log2(bound))
-    codes = np.empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
+    codes = empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
     _, ny, nz = voxels.shape_xyz
     most = np.zeros((max(nz, 1), 2), np.uint16)
     if compiled(backend):

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
+from ..reused import empty
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
@@ -39,7 +40,7 @@ def unit_normals(
     covector = np.linalg.inv(linear / np.abs(linear).max()).T * np.sign(volume.slope)
     is_integer = voxels.dtype.kind in "iu"
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
-    normals = np.empty((3, len(column)), dtype=np.float32)  # one component after the other, for SIMD
+    normals = empty((3, len(column)), np.float32)  # one component after the other, for SIMD
     lists = (read_only(row_start), read_only(column))
     if compiled(backend):
         covector = tuple(covector.ravel().tolist())

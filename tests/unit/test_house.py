@@ -25,6 +25,7 @@ FLOORS = {
     "rle_splat.kept": 2,
     "rle_splat.steps": 1,
     "rle_splat.memory": 1,
+    "rle_splat.reused": 1,
     "rle_splat.parallel": 1.5,  # a mezzanine: above jit, below the kernels of the volume
     "rle_splat.lanes": 2,
     "rle_splat.vectors": 1.8,

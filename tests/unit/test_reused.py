@@ -1,0 +1,89 @@
+"""Memory that arrays leave serves others, and never two at once."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from rle_splat import reused
+from rle_splat.kept import Kept
+
+MANY = 1 << 18  # float32 numbers that are worth it here
+
+
+@pytest.fixture(autouse=True)
+def nothing_idle(monkeypatch):
+    monkeypatch.setattr(reused, "LEAST", 4 * MANY)
+    reused.forget()
+    yield
+    reused.forget()
+
+
+def place(array):
+    return array.__array_interface__["data"][0]
+
+
+@pytest.mark.parametrize("shape", (0, 7, (0, 3), (5, 0), MANY, (3, MANY), (MANY, 2, 3), (1, 1 << 21)))
+@pytest.mark.parametrize("dtype", (np.uint8, "u2", np.float32, np.float64))
+def test_arrays_are_as_numpy_makes_them(shape, dtype):
+    made, ordinary = reused.empty(shape, dtype), np.empty(shape, dtype)
+    assert type(made) is np.ndarray and made.shape == ordinary.shape and made.dtype == ordinary.dtype
+    assert made.nbytes == ordinary.nbytes and made.flags.c_contiguous and made.flags.aligned and made.flags.writeable
+    made[...] = 1
+    assert (made == 1).all()
+
+
+def test_what_one_array_left_serves_the_next_of_about_its_size():
+    first = reused.empty((MANY, 4), np.float32)
+    where = place(first)
+    first = None
+    second = reused.empty((4 * MANY * 9 // 10,), np.float32)
+    assert place(second) == where
+    assert place(reused.empty((MANY, 4), np.float32)) != where
+
+
+def test_memory_serves_no_other_while_any_view_of_it_is_left():
+    first = reused.empty((3, MANY), np.float32)
+    where, part = place(first), first.T[5:, 1]
+    part[:] = 3.0
+    first = None
+    others = [reused.empty((3, MANY), np.float32) for _ in range(3)]
+    for other in others:
+        other[:] = 7.0
+    assert where not in map(place, others) and (part == 3.0).all()
+    part = None
+    assert place(reused.empty((3, MANY), np.float32)) == where
+
+
+def test_little_is_held_that_no_array_uses(monkeypatch):
+    monkeypatch.setattr(reused._Loan, "most_idle", 3 * reused.LEAST)
+    arrays = [reused.empty(reused.LEAST, np.uint8) for _ in range(5)]
+    last = [place(array) for array in arrays][-3:]
+    while arrays:
+        arrays.pop(0)
+    assert sorted(map(place, reused._Loan.idle)) == sorted(last)
+    too_large = reused.empty(reused.MOST + 1, np.uint8)
+    assert too_large.base is None
+
+
+def test_a_store_that_is_emptied_gives_everything_back():
+    kept = Kept()
+    job = kept.job()
+    job.get("records", 1, lambda: reused.empty(MANY, np.float32))
+    job.keep()
+    job = None
+    kept.clear()
+    assert not reused._Loan.idle
+
+
+def test_threads_never_share():
+    def work(number):
+        random = np.random.default_rng(number)
+        for _ in range(60):
+            arrays = [reused.empty(int(random.integers(MANY, 2 * MANY)), np.float32) for _ in range(3)]
+            for n, array in enumerate(arrays):
+                array[:] = 10 * number + n
+            assert all((array == 10 * number + n).all() for n, array in enumerate(arrays))
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(work, range(8)))
