@@ -56,6 +56,7 @@ LOCKS = {
             "matplotlib==3.11.2",
             "contourpy==1.3.3",
             "flip-evaluator==1.7",
+            *PYTEST,  # for the tests of what it alone can load
         )
     ),
     "sample": Lock(("numpy==2.4.6", "nibabel==5.4.2")),

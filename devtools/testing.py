@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shutil
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
-from .environments import BPY, CORE, ensure, ensure_bpy
+from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy
 from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, say
 from .pythons import find_python
 from .real_blender_tests import WHOLE, real_blender_stage, window_stage
@@ -25,6 +25,10 @@ FIGURES = REPORTS / "catalogue.json"
 # A stage that takes longer hangs: bpy 4.5 can deadlock when the interpreter ends.
 CORE_SECONDS = 1500
 BPY_SECONDS = 600
+EXTRAS_SECONDS = 600
+
+SLOW, EXTRAS = "slow", "extras"  # marks of tests
+EXTRAS_STAGE = "VTK, VolPack, plots"
 
 
 def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: bool = False) -> Stage:
@@ -39,6 +43,11 @@ def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: 
     return judged(name, words, seconds, environ, report, log)
 
 
+def _leave_out(*marks: str) -> list[str]:
+    """pytest's words for a run without the tests that have one of these marks."""
+    return ["-m", " and ".join(f"not {mark}" for mark in marks)] if marks else []
+
+
 def _core(arguments, name: str = "core", aside: bool = False) -> Stage:
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), **{FIGURES_VARIABLE: str(FIGURES)})
     return _pytest(name, ensure(CORE), ["--ignore=tests/blender", *arguments], CORE_SECONDS, environ, aside)
@@ -48,6 +57,18 @@ def _without_hard_cases(options) -> Stage:
     """The core's tests but for the catalogue of hard cases."""
     others = ["--ignore=tests/blender", "--ignore=tests/stability", *options]
     return _pytest("core", ensure(CORE), others, CORE_SECONDS, clean_environ(RLE_SPLAT_CACHE=str(KERNELS)))
+
+
+def _extras(environment: Future, options) -> Stage:
+    """The tests of what the benchmarks' environment alone has, beside others; ``environment``: its Python to be."""
+    try:
+        python = environment.result()
+    except Failure as problem:
+        return skipped(EXTRAS_STAGE, str(problem))
+    # Of the folders left out, the one wants bpy and the other hypothesis to be read at all.
+    words = ["tests", "--ignore=tests/blender", "--ignore=tests/stability", "-m", EXTRAS, *options]
+    environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), LIBGL_ALWAYS_SOFTWARE="1")
+    return _pytest(EXTRAS_STAGE, python, words, EXTRAS_SECONDS, environ, aside=True)
 
 
 def _hard_cases(options, whole: bool) -> list[Stage]:
@@ -140,18 +161,24 @@ def test(arguments, quick: bool = False) -> int:
         except Failure as problem:
             stages.append(broken("extension zip", str(problem)))
     with ThreadPoolExecutor(1) as beside:
-        hard = None
+        hard = extras = None
         if everything or core:
             FIGURES.unlink(missing_ok=True)
-            options_of_core = [*(["-m", "not slow"] if quick else []), *options]
+            unwanted = [SLOW] if quick else []
             if core:
-                stages.append(_core([*core, *options_of_core]))
-            else:  # after the core, which has compiled most of its kernels, and beside Blender's
-                stages.append(_without_hard_cases(options_of_core))
+                stages.append(_core([*core, *_leave_out(*unwanted), *options]))
+            else:
+                ensure(CORE)  # before the other one is made, so that they do not both install what the system lacks
+                bench = None if quick else beside.submit(ensure_bench)
+                stages.append(_without_hard_cases([*_leave_out(*unwanted, EXTRAS), *options]))
                 _make_ready(quick)
-                hard = beside.submit(_hard_cases, options_of_core, not (quick or options))
+                # After the core, which has compiled most of their kernels, and beside Blender's.
+                hard = beside.submit(_hard_cases, [*_leave_out(*unwanted), *options], not (quick or options))
+                extras = beside.submit(_extras, bench, options) if bench else None
         blenders = _blender_stages(zip_path, blender, options, quick, everything) if zip_path else []
-        stages += [*(hard.result() if hard else ()), *blenders]
+        stages += [*(hard.result() if hard else ()), *([extras.result()] if extras else ()), *blenders]
+        if everything and quick:
+            stages.append(skipped(EXTRAS_STAGE, "left out by --quick"))
     return summary(stages)
 
 

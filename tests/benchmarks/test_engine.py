@@ -74,6 +74,7 @@ def test_a_peer_has_figures_or_a_word_in_their_place(small):
     assert row["against"] == {"VolPack": NOT_THERE} and NOT_THERE in engine_words.line("shells", row)
 
 
+@pytest.mark.extras
 @with_volpack
 @pytest.mark.skipif(not compiled(), reason="slow without kernels")
 @pytest.mark.parametrize("shaded", [False, True])
@@ -130,6 +131,7 @@ def test_scalar_truth_of_a_constant_volume(small):
     assert rgba[0, 3] == pytest.approx(1.0 - (1.0 - alpha) ** 8, abs=1e-6)
 
 
+@pytest.mark.extras
 @pytest.mark.skipif(bool(VTK_PROBLEM), reason="the package vtk is not in this environment")
 @pytest.mark.parametrize("perspective", [False, True])
 def test_vtk_sees_the_same_frame(small, perspective):
@@ -155,6 +157,7 @@ LOPSIDED = TransferFunction(
 )  # fmt: skip
 
 
+@pytest.mark.extras
 @with_volpack
 @pytest.mark.parametrize("spacing", [(1.0, 1.0, 1.0), (1.0, 0.8, 1.5)], ids=("cubes", "bricks"))
 @pytest.mark.parametrize("view", [(0, 0), (35, 25), (130, -20), (200, 50), (-60, 75)])

@@ -90,6 +90,7 @@ def test_without_matplotlib_all_but_the_plot(call, words, tmp_path, monkeypatch)
     assert not (tmp_path / "a.png").exists()
 
 
+@pytest.mark.extras
 def test_the_plot(call, words, tmp_path):
     pytest.importorskip("matplotlib")
     image = pytest.importorskip("PIL.Image")

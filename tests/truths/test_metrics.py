@@ -56,6 +56,7 @@ def test_flip_without_its_package(monkeypatch):
     assert flip.mean_flip(picture(1), picture(2)) is None
 
 
+@pytest.mark.extras
 @pytest.mark.skipif(flip.flip_evaluator is None, reason="the package flip-evaluator is not in this environment")
 def test_flip_grows_with_what_is_seen():
     """Equal pictures 0, black against white 1 but for rounding, and a louder fault above a fainter one."""

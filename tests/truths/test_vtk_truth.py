@@ -12,7 +12,10 @@ from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import blobs
 from rle_splat.classify.transfer_function import TransferFunction
 
-pytestmark = pytest.mark.skipif(bool(VTK_PROBLEM), reason="the package vtk is not in this environment")
+pytestmark = [
+    pytest.mark.extras,
+    pytest.mark.skipif(bool(VTK_PROBLEM), reason="the package vtk is not in this environment"),
+]
 
 SIZE = 128
 # Two peaks and a valley, flanks a few voxels wide: T1 of the same scene is elsewhere.
