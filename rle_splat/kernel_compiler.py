@@ -17,11 +17,12 @@ from numba import _dynfunc
 from numba.core import cgutils, ir, types
 from numba.core.compiler import Compiler, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import FunctionPass, LoweringPass, register_pass
-from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering, NopythonRewrites, NopythonTypeInference
 from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
+
+from .kernel_lowering import PlainLower
 
 # Closures and expressions of whole arrays, which kernels do not have.
 IDLE_PASSES = (InlineClosureLikes, NopythonRewrites)
@@ -204,23 +205,13 @@ def _is(function, value, begun) -> bool:
     return found and getattr(numpy, value.attr) is function
 
 
-class _PlainLower(Lower):
-    """numba's way from typed code to LLVM's, without measuring variables for a debugger that is not asked for."""
-
-    def storevar(self, value, name, argidx=None):
-        super().storevar(value, name)
-
-    def alloca_lltype(self, name, lltype, datamodel=None):
-        return cgutils.alloca_once(self.builder, lltype, name=name, zfill=False)
-
-
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _PlainLowering(NativeLowering):
     _name = "rle_splat_plain_lowering"
 
     @property
     def lowering_class(self):
-        return _PlainLower
+        return PlainLower
 
 
 class KernelCompiler(Compiler):

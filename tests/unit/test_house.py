@@ -18,7 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = {
     "rle_splat.scene": 0,
     "rle_splat.axes": 1,
-    "rle_splat.kernel_compiler": 0,
+    "rle_splat.kernel_lowering": 0,
+    "rle_splat.kernel_compiler": 0.5,
     "rle_splat.kernel_cache": 0,
     "rle_splat.jit": 1,
     "rle_splat.bits": 2,
@@ -76,6 +77,7 @@ BLENDER_ROOMS = ("", "bridge", "operators", "panels")
 BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
 THIRD_PARTY = {
     "rle_splat.jit": {"numba", "numpy"},
+    "rle_splat.kernel_lowering": {"numba", "llvmlite"},
     "rle_splat.kernel_compiler": {"numba", "numpy"},
     "rle_splat.kernel_cache": {"numba"},
     "rle_splat.bits": {"numba", "llvmlite"},
