@@ -52,6 +52,9 @@ class MemoryEstimate:
     shown, and how they look.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes`` principal
     axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.  ``record``: bytes of a voxel
     record, 0 where scalars are kept, of which no voxel has less.
+
+    However few voxels are shown, ``rows`` of the visible ones and their normals stays, and ``scanlines`` of each axis'
+    runs.  ``alone``: the runs of a voxel without neighbours along its scanline, which is the most there are.
     """
 
     visible_voxels: int
@@ -65,6 +68,9 @@ class MemoryEstimate:
     picture: int
     axes: int
     record: int
+    rows: int
+    scanlines: int
+    alone: int
     refinement: int = 1
 
     @property
@@ -111,8 +117,20 @@ class MemoryEstimate:
     def with_refinement(self, refinement: int) -> MemoryEstimate:
         """At most the same on another finer grid, 1 for that of the scan: thin shells shrink least, as the square."""
         share = (refinement / self.refinement) ** 2
-        parts = {name: round(share * getattr(self, name)) for name in (*_PARTS[:5], "visible_voxels")}
-        return replace(self, refinement=refinement, **parts)
+        parts = {
+            name: round(share * getattr(self, name))
+            for name in (*_PARTS[:5], "visible_voxels", "rows", "scanlines")
+        }
+        return replace(self, refinement=refinement, voxels=round(share**1.5 * self.voxels), **parts)
+
+    def most_voxels(self, free: float) -> int:
+        """How many visible voxels fit into ``free`` bytes on the scan's own grid, wherever they are; below 0 where
+        not even none do."""
+        each = (self.visible + self.normals - self.rows + self.records) / max(self.visible_voxels, 1)
+        each += self.axes * self.alone
+        left = free - self.rows - self.axes * self.scanlines
+        working = (left - self.work) / each, left / (each + _work_bytes(1, self.record) * (self.work > 0))
+        return math.floor(min((left - self.picture) / each, max(working)))
 
 
 _PARTS = ("visible", "normals", "runs", "records", "work", "picture")
@@ -217,32 +235,37 @@ def _reckon_scalars(shape, dtype, count, pieces, lines, axes, lit, picture, held
     least = Quality(classification="pre", record=RECORDS[-1])
     needs = _reckon(tuple(shape), dtype, count, pieces, lines, least, axes, lit, picture, held)
     looks = 0 if counts_values(dtype) else LOOK * count  # the value table stands for them
-    visible = needs.visible - looks + math.prod(shape) // 8 + LIGHT * lit * count
+    marks = math.prod(shape) // 8
+    visible = needs.visible - looks + marks + LIGHT * lit * count
     record = min(dtype.itemsize, 4) + LIGHT * lit
-    return replace(needs, visible=visible, records=axes * record * count, record=0, work=0)
+    return replace(needs, visible=visible, records=axes * record * count, record=0, work=0, rows=needs.rows + marks)
 
 
 def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
     nx, ny, nz = shape
     refinement = _refinement_of(quality)
-    visible = count * ((2 if nx <= 65536 else 4) + dtype.itemsize) + ROW * ny * nz
+    rows = ROW * ny * nz
+    visible = count * ((2 if nx <= 65536 else 4) + dtype.itemsize) + rows
     if not counts_values(dtype):
         visible += LOOK * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
-    runs = (2 * pieces + lines) * (2 if max(shape) <= 65535 else 4)
+    run = 2 if max(shape) <= 65535 else 4
+    runs = (2 * pieces + lines) * run
     scanlines = max(shape[across] * shape[principal] for _, across, principal in AXES.values())
     normals, work = NORMAL * count, _work_bytes(count, quality.record)
     if refinement > 1:
         scan = [(n - 1) // refinement + 1 for n in shape]
         lit = min(_lit_voxels(count, pieces, refinement), math.prod(scan))
+        blocks = 2 * dtype.itemsize * nx * ny * nz // BLOCK
         normals = LIT * lit + ROW * scan[1] * scan[2]
-        visible += 2 * dtype.itemsize * nx * ny * nz // BLOCK
+        visible += blocks
+        rows += blocks + shaded * ROW * scan[1] * scan[2]
         work = max(work, dtype.itemsize * max(FINE_VOXELS_AT_ONCE, 8 * nx * ny))
     return MemoryEstimate(
         visible_voxels=count, voxels=nx * ny * nz, volume=held, visible=visible,
         normals=normals if shaded else 0, runs=axes * (runs + SCANLINE * scanlines),
         records=axes * quality.record * count, work=work, picture=picture, axes=axes, record=quality.record,
-        refinement=refinement,
+        rows=rows, scanlines=(SCANLINE + run) * scanlines, alone=2 * run, refinement=refinement,
     )
 
 
@@ -307,12 +330,22 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
             if wanted.with_axes(axes).with_record(record).needed <= free:
                 named = f" with voxel records of {record} bytes" if record != wanted.record else ""
                 return f"{'one principal axis' if axes == 1 else 'two principal axes'} at a time{named} would fit"
-    least = (wanted if wanted.picture else wanted.with_axes(1)).with_record(RECORDS[-1]).with_refinement(1)
-    per_voxel = (least.visible + least.normals + least.runs + least.records) / max(least.visible_voxels, 1)
-    share = max(free - max(least.picture, least.work), 0.0) / per_voxel / wanted.voxels
-    if share < 0.0005:
-        return "crop or thin the volume, or free some memory"
-    shorter = f"voxel records of {RECORDS[-1]} bytes and " if short else ""
-    counted = "" if wanted.record else ", their neighbours counted"
-    narrower = f"one that shows at most {100.0 * share:.2g} % of the voxels{counted}"
-    return f"{shorter}a narrower transfer function, {narrower}, would fit"
+    least = (wanted if wanted.picture else wanted.with_axes(1)).with_refinement(1).with_record(RECORDS[-1])
+    parts = [f"voxel records of {RECORDS[-1]} bytes"] if short else []
+    parts += ["classifying on the grid of the scan"] if wanted.refinement > 1 else []
+    parts += ["one principal axis at a time"] if least.axes < wanted.axes else []
+    if least.needed > free:
+        share = min(100.0 * least.most_voxels(free) / least.voxels, 99.0)
+        if share < 0.05:
+            return "crop or thin the volume, or free some memory"
+        counted = "" if wanted.record else ", their neighbours counted"
+        narrower = f"one that shows at most {_two_figures_down(share)} % of the voxels{counted},"
+        parts.append(f"a narrower transfer function, {narrower}")
+    *first, last = parts
+    return f"{', '.join(first)}{' and ' if first else ''}{last} would fit"
+
+
+def _two_figures_down(number: float) -> str:
+    """A number above 0 in two figures, never more than it is."""
+    unit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return f"{math.floor(number / unit) * unit:.2g}"

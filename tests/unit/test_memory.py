@@ -310,6 +310,41 @@ def test_what_is_said_to_fit_fits(monkeypatch):
     assert encode_scene(scene, replace(QUALITY, record=4), (0,)).axes[0].visible_voxels > 0
 
 
+@pytest.mark.parametrize("picture", (0, 20_000))
+@pytest.mark.parametrize("axes", (1, 3))
+@pytest.mark.parametrize("dtype", (np.uint8, np.uint16, np.float32))
+@pytest.mark.parametrize("classification", ("pre", "post"))
+@pytest.mark.parametrize("n", (16, 64, 700))
+def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, axes, picture, monkeypatch):
+    """Wherever those voxels are: here each stands alone, so that there is nothing that takes more."""
+    voxels = np.broadcast_to(np.zeros((), dtype), (n, n, n))
+    volume = SimpleNamespace(shape_xyz=(n, n, n), voxels=voxels)
+    picture *= n  # where there is one it wants all of its axes at once
+
+    def wanted(in_a_row, axes, record):
+        counts = np.full(n * n, in_a_row)
+        if classification == "post":
+            return estimate.scalar_estimate(volume, (counts, counts), axes=axes, picture=picture)
+        quality = replace(QUALITY, record=record)
+        return estimate.estimate_of(volume, (counts, counts), quality, axes=axes, picture=picture)
+
+    for short in (0.25, 0.4, 0.6):
+        all_shown = wanted(n, axes, 4)
+        free = short * all_shown.needed + (1.0 - short) * picture
+        short_of_memory(monkeypatch, round(free / estimate.SPARE))
+        with pytest.raises(RleSplatError) as problem:
+            estimate.refuse_too_much(all_shown)
+        sentence = str(problem.value)
+        one_by_one = "one principal axis at a time" in sentence
+        if "at most" not in sentence:
+            fits = one_by_one and wanted(n, 1, 4).needed <= free
+            assert fits or (n == 16 and "crop or thin" in sentence)
+            continue
+        share = float(sentence.split("at most ")[1].split(" %")[0]) / 100.0
+        needed = wanted(share * n, 1 if one_by_one else axes, 4).needed
+        assert 0.85 * free < needed <= free and one_by_one == (axes == 3 and not picture)
+
+
 def test_another_light_is_refused_too_when_it_no_longer_fits(monkeypatch):
     kept, scene = Kept(), scene_of(noise(), headlight=False)
     render(scene, QUALITY, kept=kept)

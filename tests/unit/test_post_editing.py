@@ -249,7 +249,8 @@ def test_too_little_memory_is_refused_before_it_is_taken(monkeypatch):
 @pytest.mark.parametrize("share, words", ((0.6, "their neighbours counted, would fit"), (0.001, "crop or thin")))
 def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     """There are no voxel records to make smaller; what a narrower function leaves is reckoned in scalars."""
-    volume, counts = noise(), np.full(24 * 24, 12)
+    volume = noise()
+    counts = np.full(volume.shape_xyz[1] * volume.shape_xyz[2], volume.shape_xyz[0] // 2)
     wanted = scalar_estimate(volume, (counts, counts // 5), axes=3, picture=1000)
     assert wanted.with_record(4) == wanted
     monkeypatch.setattr("rle_splat.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
