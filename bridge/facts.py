@@ -3,11 +3,13 @@
 import json
 import os
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 
 from ..rle_splat.memory_estimate import estimate_from_histogram, picture_bytes
+from ..rle_splat.splat.scratch import scratch_bytes
+from ..rle_splat.view.depth_rules import place_sheets
+from ..rle_splat.view.footprints import FOOTPRINTS
 from ..rle_splat.volume.histogram import histogram
 
 BINS = 256
@@ -88,18 +90,49 @@ def stored_histogram(properties) -> StoredHistogram | None:
         np.array(kept["counts"], dtype=np.int64), *kept["edges"], kept.get("shape"), kept.get("dtype"))
 
 
-def picture_memory(properties, transfer_function, quality, width: int, height: int) -> str:
+@dataclass(frozen=True)
+class _LikelyPlane:
+    """What a base plane's memory depends on, for a volume that fills the frame along z."""
+
+    width: int
+    height: int
+    scale: np.ndarray
+    sheets: range
+    axis: int = 2
+
+    @classmethod
+    def of(cls, shape_xyz, quality, width: int, height: int):
+        nx, ny, nz = shape_xyz
+        density = quality.sheet_density
+        sides = (int(density * width), int(density * height)) if density else (nx, ny)
+        boxed = quality.classification == "post"
+        sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], boxed)
+        scale = np.array([[max(sides[0], 1) / nx, max(sides[1], 1) / ny]])
+        return cls(*sides, scale, range(len(sheets)))
+
+
+def picture_memory(properties, transfer_function, quality, width: int, height: int, meshes: bool = False) -> str:
     """About how much memory a picture will take beside the voxels, in words; "" where that cannot be said.
 
+    ``meshes``: whether it may have any, whose depths a picture of the volume alone does not need.
     From what is kept on the object alone, so a panel may ask on every redraw.
     """
     counted = stored_histogram(properties)
     if counted is None or counted.dtype is None:
         return ""
-    density = quality.sheet_density
-    sides = (density * width, density * height) if density else sorted(counted.shape_xyz)[1:]
-    sheet = SimpleNamespace(width=int(sides[0]), height=int(sides[1]))
-    wanted = estimate_from_histogram(
-        counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
-        shaded=transfer_function.shade is not None, picture=picture_bytes((sheet,), width, height, quality))
-    return f"About {memory_text(wanted.needed)}, {wanted.visible_fraction:.1%} of the voxels"
+    finer = quality.refinement if quality.classification == "refined" else 1
+    shape = tuple(finer * (n - 1) + 1 for n in counted.shape_xyz)
+    plane = _LikelyPlane.of(shape, quality, width, height)
+
+    def wanted(meshes: bool):
+        limited = meshes or finer > 1
+        scratch = scratch_bytes(plane, shape, quality, limited)
+        picture = picture_bytes(
+            (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch)
+        return estimate_from_histogram(
+            counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
+            shaded=transfer_function.shade is not None, picture=picture)
+
+    alone = wanted(False)
+    among = f" ({memory_text(wanted(True).needed)} among meshes)" if meshes else ""
+    return f"About {memory_text(alone.needed)}{among}, {alone.visible_fraction:.1%} of the voxels"

@@ -19,7 +19,9 @@ def _memory(context) -> str:
         function, quality = transfer.read_transfer(owner), quality_of(context.scene)
     except RleSplatError:
         return ""
-    return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render))
+    meshes = context.scene.rle_splat.meshes_occlude and any(
+        one.type == "MESH" and not one.hide_render for one in context.scene.objects)
+    return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render), meshes)
 
 
 class PicturePanel:

@@ -28,13 +28,15 @@ def volume(bridge, core, tmp_path):
 
 def told(monkeypatch):
     """(bytes, share of the voxels) as the panel has them."""
-    found = re.search(r"About ([\d.]+) (\w+), ([\d.]+)% of the voxels", texts(draw_all(monkeypatch)))
+    found = re.search(r"About ([\d.]+) (\w+)(?: \(.*\))?, ([\d.]+)% of the voxels", texts(draw_all(monkeypatch)))
     return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
 
 
+@pytest.mark.parametrize("side", (32, 400))
 @pytest.mark.parametrize("classification", ("pre", "post"))
-def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification):
+def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification, side):
     """Of post a picture says how many voxels it keeps, which are more than the visible ones."""
+    scenes.use_cycles((side, side))
     bpy.context.scene.rle_splat.classification = classification
     bridge("volumes").forget_all()  # no voxels in memory: the panel must not read them
     needed, share = told(monkeypatch)
@@ -46,6 +48,26 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     kept = rendering.report["volume"]["visible_fraction"]
     assert share == pytest.approx(kept, abs=0.001) if classification == "pre" else share < kept < 2.0 * share
     assert needed == pytest.approx(rendering.report["memory_estimate_bytes"]["needed"], rel=0.3)
+
+
+def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
+    """A backdrop has them, a picture of the volume alone has not; the volume is reckoned to fill the frame."""
+    scenes.use_cycles((400, 400))
+    bpy.context.scene.camera.location.z = 105.0
+    alone, _ = told(monkeypatch)
+    assert "among meshes" not in texts(draw_all(monkeypatch))
+    bpy.ops.mesh.primitive_cube_add(size=10.0, location=(23.5, 23.5, 23.5))
+    assert told(monkeypatch)[0] == alone
+    found = re.search(r"\(([\d.]+) (\w+) among meshes\)", texts(draw_all(monkeypatch)))
+    among = float(found[1]) * UNITS[found[2]]
+    for with_meshes, needed in ((False, alone), (True, among)):
+        plain, quality = bridge("render_scene").read_scene(
+            volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes)
+        report = core("steps").drain(bridge("render_scene").steps(plain, quality)).report
+        assert needed == pytest.approx(report["memory_estimate_bytes"]["needed"], rel=0.3)
+    assert among > 1.3 * alone
+    bpy.context.scene.rle_splat.meshes_occlude = False
+    assert "among meshes" not in texts(draw_all(monkeypatch))
 
 
 def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, monkeypatch):
