@@ -223,7 +223,7 @@ def _look(scene: Scene, quality: Quality, refuse_empty_view: bool) -> tuple[Inde
     def planes_of(*pyramids):
         if not (furthest > scene.camera.clip_start and nearest < scene.camera.clip_end):
             return []
-        knobs = (rule, quality.sheet_density, footprint, boxed)
+        knobs = (rule, quality.sheet_density, footprint, boxed, warp_reach(quality))
         planes = [base_plane(view, scene.volume.shape_xyz, *pyramid, *knobs) for pyramid in pyramids]
         return [plane for plane in planes if plane is not None]
 

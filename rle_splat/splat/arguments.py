@@ -55,20 +55,28 @@ class Rays(NamedTuple):
 
     The length of the ray through pixel (u, v) per voxel of depth is
     ``sqrt(along[u] + across[v] + along_slope[u] * across_slope[v])``, float64, in world units (extinction) or
-    reference distances (opacity).  ``limits``: (2 + 2 holes, H, W) float32 where it begins and ends along the viewing
-    direction, voxels, and where it goes into and comes out of each hole, none of which overlap; None for no limits.
+    reference distances (opacity).  ``seen``: see ``view.base_plane.BasePlane``.  ``limits``: (2 + 2 holes, H, W)
+    float32 where it begins and ends along the viewing direction, voxels, and where it goes into and comes out of each
+    hole, none of which overlap; None for no limits.
     """
 
     along: np.ndarray
     along_slope: np.ndarray
     across: np.ndarray
     across_slope: np.ndarray
+    seen: np.ndarray
     limits: np.ndarray | None
 
     def lengths(self) -> np.ndarray:
         """(H, W) float32: every pixel's length."""
         squares = self.along + self.across[:, None] + self.along_slope * self.across_slope[:, None]
         return np.sqrt(np.maximum(squares, 0.0)).astype(np.float32)
+
+    def unseen(self, block: int) -> np.ndarray:
+        """(H, W) bool: the pixels in blocks of ``block`` of which nothing is seen."""
+        number = np.arange(len(self.along)) // block
+        first, last = self.seen[:, :, None]
+        return (number < first // block) | (number > (last - 1) // block) | (first >= last)
 
 
 def rays_of(plane: BasePlane, length_unit: float, corrected: bool, limits=None) -> Rays:
@@ -81,13 +89,15 @@ def rays_of(plane: BasePlane, length_unit: float, corrected: bool, limits=None) 
         limits = np.ascontiguousarray(limits, np.float32)
     x, y = plane.points()
     if not corrected:
-        return Rays(np.ones(len(x)), np.zeros(len(x)), np.zeros(len(y)), np.zeros(len(y)), limits)
+        none = np.zeros(len(y))
+        return Rays(np.ones(len(x)), np.zeros(len(x)), none, none, plane.seen, limits)
     dx, dy = plane.slopes(x, y)
     dx, dy = np.broadcast_to(dx, x.shape), np.broadcast_to(dy, y.shape)
     axes = list(AXES[plane.axis])
     to_world = plane.view.to_world[:, axes] / length_unit
     ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = to_world.T @ to_world
-    return Rays(dx * (xx * dx + 2.0 * xz) + zz, 2.0 * xy * dx, dy * (yy * dy + 2.0 * yz), np.array(dy), limits)
+    along, across = dx * (xx * dx + 2.0 * xz) + zz, dy * (yy * dy + 2.0 * yz)
+    return Rays(along, 2.0 * xy * dx, across, np.array(dy), plane.seen, limits)
 
 
 class Wide(NamedTuple):

@@ -15,8 +15,9 @@ from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from ..view.footprints import voxel_at
-from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .band import NO_BITS, begin_band, live_voxels, slice_ahead, write_rows
 from .cut_slab import cut_ends
+from .fetch_ahead import fetch_ahead
 from .half_depth import half_way
 from .limited_blocks import NO_MORE, NONE_ENDED, SOME, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
@@ -44,13 +45,14 @@ NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 def _resample_scanlines(
     pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
     shift_u, scale_u, shift_v, scale_v, begin, far, box_rows, top_row, rows, line, stride, planes, sheet, marks,
-    row_slot, row_line, row_place, reach, live, wanted, cells, fractions, placed, matt, carried,
+    row_slot, row_line, row_place, reach, live, wanted, cells, fractions, placed, matt, carried, ahead,
 ):
     """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
 
     ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``wanted``: (words,) a bit for
     each block of pixels that counts.  ``begin``, ``far``: between which the sheet is of use.  ``box_rows`` (2, H):
-    where each row's rays enter and leave the box.  The others: see ``sheet_buffer._splat_sheet``.
+    where each row's rays enter and leave the box.  ``ahead``: of ``band.slice_ahead``.  The others: see
+    ``sheet_buffer._splat_sheet``.
     Returns whether anything was found, and whether every pixel of the band is already opaque.
     """
     n_scanlines = pointers.shape[1]
@@ -95,6 +97,7 @@ def _resample_scanlines(
                 if live_count == 0:
                     return False, True
             reach[0], reach[1] = width, 0
+            so_far = reach[3]
             put_scanline(
                 line, stride, reach, marks, slot, scale_u, shift_u, overhang, runs, scalars, lights, light_unit, weight,
                 run, data_starts[near, scanline], far_weight, far_run, far_voxel, width, live, live_count,
@@ -103,6 +106,12 @@ def _resample_scanlines(
             if reach[1] == 0:
                 continue
             found = True
+            if ahead >= 0:
+                read = reach[3] - so_far
+                later = data_starts[ahead, scanline]
+                fetch_ahead(scalars, later, read)
+                if lights is not None:
+                    fetch_ahead(lights, later * lights.shape[1], read * lights.shape[1])
             for word in range(wanted.size):
                 bits = marks[slot, word] & wanted[word]
                 marks[slot, word] = bits
@@ -274,7 +283,7 @@ def _splat_band(
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, scalars, lights, light_unit, width = tables
     first_slice, slice_weights, thickness, begin, end, scale, offset, far, kind = sheets
-    along, along_slope, across, across_slope, limits = rays
+    along, along_slope, across, across_slope, seen, limits = rays
     box_columns, box_rows, box_blocks, overhang = box
     mine = worker * SPREAD
     line, here, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
@@ -303,7 +312,9 @@ def _splat_band(
         absent = sheet.size - planes * BLOCK
         sheet[absent:] = np.float32(0.0)
         sheet[absent : absent + BLOCK] = NOT_KEPT
-    begin_band(state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope)
+    begin_band(
+        state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
+    )
     bound_blocks(limits, top_row, rows, bounds)
     found_before = False
     for sheet in range(first_slice.size):
@@ -327,6 +338,7 @@ def _splat_band(
                 slice_weights, overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], far[sheet],
                 box_rows, top_row, rows, line, stride, planes, here, marks, row_slot, row_line, row_place, reach, live,
                 wanted, cells, fractions, placed, matt, gloss + thinning,
+                slice_ahead(first_slice, slice_weights, sheet, pointers.shape[0]),
             )
         else:
             row_slot[:] = NO_ROW

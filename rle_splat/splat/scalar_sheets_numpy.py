@@ -11,7 +11,7 @@ from .pixel_block import accumulator
 from .ray_sums import HALF
 from .scalar_block import SPAN
 from .scalar_scanline import NOT_KEPT
-from .sheet_buffer_numpy import composite_numpy, slab_numpy, within_holes
+from .sheet_buffer_numpy import composite_numpy, leave_unseen, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
 
@@ -207,3 +207,4 @@ def splat_scalar_sheets_numpy(
         if mist is not None:
             fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state
+    leave_unseen(rays, pixels, half)

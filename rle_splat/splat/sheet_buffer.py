@@ -18,7 +18,8 @@ from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
 from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
-from .band import NO_BITS, begin_band, live_voxels, write_rows
+from .band import NO_BITS, begin_band, live_voxels, slice_ahead, write_rows
+from .fetch_ahead import fetch_ahead
 from .limited_blocks import NO_MORE, NONE, NONE_ENDED, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
 from .pixel_block import BLOCK, CLEAR, composite_added, composite_extinction, place_tent, resample_tent
@@ -46,14 +47,14 @@ def _stretch(widen, scale):
 def _splat_sheet(
     pointers, data_starts, runs, voxels, decoding, width, number, first_slice, slice_weights, wide, margin, shift_u,
     scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, row_line, row_place, reach, live,
-    wanted, cells, weights, placed, samples,
+    wanted, cells, weights, placed, samples, ahead,
 ):
     """The scanlines of one sheet that a band is splatted from, resampled along the scanline, each in a slot.
 
     ``number``: of the sheet.  ``slice_weights[number]``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``,
     ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift, along and across scanlines.
     ``margin``: voxels of zeros before a scanline's first.  ``wanted``: (words,) a bit for each block of pixels that
-    counts.  Other arrays: see ``Tables`` and ``Scratch``.
+    counts.  ``ahead``: of ``band.slice_ahead``.  Other arrays: see ``Tables`` and ``Scratch``.
     Returns whether anything was found, and whether every pixel of the band is already opaque.
     """
     n_slices, n_scanlines = pointers.shape
@@ -86,6 +87,7 @@ def _splat_sheet(
                 continue
             reach[0] = width + margin
             reach[1] = 0
+            before = reach[3]
             for deeper in range(slice_weights.shape[1]):
                 k = first_slice + deeper
                 weight = slice_weights[number, deeper]
@@ -105,6 +107,9 @@ def _splat_sheet(
             if reach[1] == 0:
                 continue
             found = True
+            if ahead >= 0:
+                words = 4 if decoding is None else 3 if voxels.itemsize == 2 else 1  # of a record, see Tables
+                fetch_ahead(voxels, words * data_starts[ahead, scanline], words * (reach[3] - before))
             for word in range(wanted.size):
                 bits = marks[slot, word] & wanted[word]
                 marks[slot, word] = bits
@@ -266,7 +271,7 @@ def _splat_band(
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
     pointers, data_starts, runs, voxels, decoding, width = tables
     first_slice, slice_weights, thickness, begin, end, scale, offset, _, _ = sheets
-    along, along_slope, across, across_slope, limits = rays
+    along, along_slope, across, across_slope, seen, limits = rays
     radius, widen = 1.0, False
     if wide is not None:
         _, radius, widen = wide
@@ -289,7 +294,9 @@ def _splat_band(
     length_inside[:] = np.float32(0.0)
     limited = bounds.size > 0
     wanted = reached if limited else band_alive
-    begin_band(state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope)
+    begin_band(
+        state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
+    )
     bound_blocks(limits, top_row, rows, bounds)
     for sheet in range(first_slice.size):
         shift, step = offset[sheet, 1], scale[sheet, 1]
@@ -307,6 +314,7 @@ def _splat_band(
             pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights,
             wide, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, line, sheet_buffer, marks,
             row_slot, row_line, row_place, reach, live, wanted, cells, weights, placed, samples,
+            slice_ahead(first_slice, slice_weights, sheet, pointers.shape[0]),
         )
         if opaque:
             break  # early termination

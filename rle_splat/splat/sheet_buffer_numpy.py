@@ -6,7 +6,7 @@ import numpy as np
 
 from ..view.footprints import FOOTPRINTS, TENT, footprint_weights
 from .mist_block import fade_added_numpy
-from .pixel_block import accumulator
+from .pixel_block import BLOCK, accumulator
 
 ONE = np.float32(1.0)
 TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
@@ -95,6 +95,13 @@ def within_holes(limits, begin, end):
     return gone
 
 
+def leave_unseen(rays, pixels, half):
+    """Blocks of which nothing is seen as ``band.begin_band`` leaves them: no colour, all light."""
+    unseen = rays.unseen(BLOCK)
+    pixels[unseen] = 0.0, 0.0, 0.0, 1.0
+    half[unseen] = np.inf
+
+
 def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist, pixels, half):
     """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
     height, width = half.shape
@@ -138,3 +145,4 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist
         if mist is not None:
             fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state
+    leave_unseen(rays, pixels, half)

@@ -27,6 +27,7 @@ DENSEST_CORNER = 2.0
 # Windows of a plane begin at a multiple of so many of its pixels, so that pixels which are handled together in the
 # whole plane are handled together in the window.
 ALIGNED = 16
+SHORT = 1e-6  # a side of a polygon, of its longest
 OFFSET_BITS = 51  # of a float's 53: room for a whole plane's pixels to be added twice
 
 
@@ -39,6 +40,9 @@ class BasePlane:
     ``homography``: (3, 3) float64, (X, Y, 1) to homogeneous pixel of the picture.
     ``scale`` and ``offset``: per sheet, ``u = scale[i, 0] * x + offset[i, 0]`` for the voxel coordinate x along
     the scanline, likewise v with index 1 for the scanline number.
+
+    ``seen``: (2, H) int64, of each row of pixels the first that the picture reads and the one behind the last; no less
+    than the first where there are any.  Much of what lies between the plane's corners may be left out.
 
     A ``window`` is a base plane too, with fewer pixels: all that is reckoned for one of them is the same to the bit
     as in the whole plane, because coordinates are whole numbers plus ``origin``, and taking whole numbers from
@@ -57,6 +61,7 @@ class BasePlane:
     scale: np.ndarray
     offset: np.ndarray
     view: IndexView
+    seen: np.ndarray
 
     def window(self, crop: tuple[int, int, int, int], reach: int) -> BasePlane | None:
         """The part of the plane that the pixels of ``crop`` read, None when they read nothing of it.
@@ -85,7 +90,8 @@ class BasePlane:
         first = np.maximum((first - reach) // ALIGNED * ALIGNED, 0)
         width, height = (int(n) for n in last - first + 1)
         origin = tuple(int(n) for n in self.origin + first)
-        return replace(self, origin=origin, width=width, height=height, offset=self.offset - first)
+        seen = np.clip(self.seen[:, first[1] : first[1] + height] - first[0], 0, width)
+        return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Base-plane coordinates X (W,) and Y (H,) of the sheet pixels, float64, read-only."""
@@ -149,6 +155,44 @@ def _seen_through(homography: np.ndarray, polygon: np.ndarray, left, top, right,
     return polygon
 
 
+def _sides(polygon: np.ndarray) -> np.ndarray:
+    """(n, 3) half-planes ``side @ (X, Y, 1) >= 0`` whose common part a convex polygon, anticlockwise, is."""
+    (x, y), (dx, dy) = polygon.T, (np.roll(polygon, -1, axis=0) - polygon).T
+    lengths = np.hypot(dx, dy)
+    # Corners that rounding alone sets apart give no direction.
+    return np.stack((-dy, dx, dy * x - dx * y), axis=1)[lengths > SHORT * lengths.max()]
+
+
+def _slanted_sides(rectangles: np.ndarray) -> np.ndarray:
+    """(n, 3) half-planes: what the smallest convex outline of two upright rectangles has besides upright sides.
+
+    ``rectangles``: (2, 2, 2), of each the lowest corner and the highest.
+    """
+    one, two = (np.array([(low[0], low[1]), (high[0], low[1]), high, (low[0], high[1])]) for low, high in rectangles)
+    found = []
+    for (x, y), (dx, dy) in zip(one, two - one):  # from each corner to the same one of the other
+        side = np.array((-dy, dx, dy * x - dx * y))
+        places = np.concatenate((one, two)) @ side[:2] + side[2]
+        slack = 1e-9 * np.abs(places).max()
+        for sign in (1.0, -1.0):
+            if slack > 0.0 and (sign * places >= -slack).all():
+                found.append(sign * side)
+    return np.array(found).reshape(-1, 3)
+
+
+def _columns_within(sides: np.ndarray, origin, width: int, height: int) -> np.ndarray:
+    """(2, H) int64: see ``BasePlane.seen``.  ``sides``: half-planes ``side @ (u, v, 1) >= 0`` in pixels by their
+    numbers, of which the first are ``origin``."""
+    along, across, least = sides.T[:, :, None]
+    row = across * (np.arange(height) + origin[1]) + least
+    left, right, level = (np.flatnonzero(which) for which in (along > 0.0, along < 0.0, along == 0.0))
+    columns = np.empty((2, height))
+    columns[0] = np.ceil((-row[left] / along[left]).max(axis=0, initial=origin[0])) - origin[0]
+    columns[1] = np.floor((-row[right] / along[right]).min(axis=0, initial=origin[0] + width - 1.0)) + 1.0 - origin[0]
+    columns[1, (row[level] < 0.0).any(axis=0)] = 0.0
+    return np.clip(columns, 0, width).astype(np.int64)
+
+
 def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
     """Offsets in pixels rounded to a power of two so large that adding whole numbers up to ``furthest`` is exact.
 
@@ -171,12 +215,14 @@ def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
 
 def base_plane(
     view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float,
-    footprint: Footprint = FOOTPRINTS["tent"], boxed: bool = False,
+    footprint: Footprint = FOOTPRINTS["tent"], boxed: bool = False, reach: int | None = None,
 ) -> BasePlane | None:
     """The base plane of one principal axis and direction, or None when no visible ray belongs to it.
 
     ``sheet_density`` is in sheet pixels per image pixel; 0 asks for one sheet pixel per voxel at the reference.
     ``boxed``: the medium fills the box of the voxel centres only, without the ramps of its face voxels' footprints.
+    ``reach``: sheet pixels on either side of a ray that a pixel of the picture may read; None where all of the plane is
+    wanted, whoever reads it.
     """
     axes = i, j, k = AXES[axis]
     eye = view.eye
@@ -223,13 +269,30 @@ def base_plane(
     first = np.floor(polygon.min(axis=0) * density).astype(np.int64) - MARGIN
     last = np.ceil(polygon.max(axis=0) * density).astype(np.int64) + MARGIN
     size = last - first + 1
+    sides = np.empty((0, 3))
+    if reach is not None:
+        sides = np.concatenate((_sides(polygon), _outline(view, axes, sign, reference, sheets, counts, radius)))
+        sides[:, :2] /= density
+        sides[:, 2] += (reach + MARGIN) * np.abs(sides[:, :2]).sum(axis=1)
+    seen = _columns_within(sides, first, int(size[0]), int(size[1]))
     scales = scale[:, None] * density
     lands = np.stack((move_x, move_y), axis=1) * density
     offsets = _exactly_movable(lands, float(np.abs((first, last)).max())) - first
     return BasePlane(
         axis, sign, reference, tuple(density), tuple(int(f) for f in first), int(size[0]), int(size[1]),
-        homography, sheets, np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view,
+        homography, sheets, np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view, seen,
     )
+
+
+def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> np.ndarray:
+    """(n, 3) half-planes: the slanted sides of what the volume covers on the plane, with footprints of ``radius`` around
+    its ``counts`` voxels; none where the eye is so near that its nearest slice has no end."""
+    nearest, furthest = sign * float(sheets.begin[0]), sign * float(max(sheets.end[-1], sheets.far[-1]))
+    if not view.is_parallel and sign * (nearest - view.eye[axes[2]]) < 1.0:
+        return np.empty((0, 3))
+    scale, *moves = _slice_map(view, axes, reference, np.array((nearest, furthest)))
+    low = np.stack(moves, axis=1) - radius * scale[:, None]
+    return _slanted_sides(np.stack((low, low + (counts[:2] - 1.0 + 2.0 * radius) * scale[:, None]), axis=1))
 
 
 def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) -> np.ndarray:
