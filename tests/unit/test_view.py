@@ -13,6 +13,7 @@ from rle_splat.splat.arguments import rays_of
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.depth_rules import cell_nodes, place_sheets
 from rle_splat.view.eye import index_view
+from rle_splat.view.footprints import FOOTPRINTS
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
 from rle_splat.view.projection import world_to_pixel
 from rle_splat.view.turntable import turntable
@@ -99,6 +100,40 @@ def test_every_visible_ray_finds_its_base_plane_inside_the_window():
         assert (u >= 1).all() and u[0] < plane.width - 2 and u[1] < plane.height - 2
         rays += 1
     assert rays > 20
+
+
+@pytest.mark.parametrize("boxed, reach", [(True, 2), (False, 17)])
+def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_others_is_not(boxed, reach):
+    """Whatever a visible ray through the volume's matter reads lies in its row's ``seen`` columns, in windows too."""
+    rng = np.random.default_rng(6)
+    rays, kept, held = 0, 0, 0
+    for _ in range(60):
+        camera, matrix, shape = random_scene(rng, str(rng.choice(("ORTHO", "PERSP"))))
+        view = index_view(camera, matrix, 640, 480)
+        planes = {}
+        for pyramid in candidate_pyramids(view):
+            rule = str(rng.choice(("slice", "simpson", "midpoint-1")))
+            planes[pyramid] = base_plane(view, shape, *pyramid, rule, 2.0, FOOTPRINTS["tent"], boxed, reach)
+            if planes[pyramid] is not None:
+                kept += np.subtract(*planes[pyramid].seen[::-1]).clip(0).sum()
+                held += planes[pyramid].width * planes[pyramid].height
+        around = 0.0 if boxed else 0.99
+        for point in rng.uniform(-around, np.array(shape) - 1 + around, (200, 3)):
+            pixel = view.projection @ np.append(point, 1.0)
+            column, row = pixel[:2] / pixel[2]
+            if pixel[2] <= 0 or not (0 <= column <= 640 and 0 <= row <= 480):
+                continue
+            plane = planes[tuple(int(n) for n in dominant_axis(view.ray_directions(column, row)))]
+            x, y, w = np.linalg.inv(plane.homography) @ (column, row, 1.0)
+            left, top, right, bottom = (int(side) for side in (column, row, column + 1, row + 1))
+            for one in (plane, plane.window((left, top, right, bottom), reach)):
+                u, v = np.floor(np.array((x, y)) / w * one.density).astype(int) - one.origin
+                rows = slice(max(v + 1 - reach, 0), v + reach + 1)
+                assert (one.seen[0, rows] <= max(u + 1 - reach, 0)).all()
+                assert (one.seen[1, rows] > min(u + reach, one.width - 1)).all()
+            rays += 1
+    assert rays > 2000
+    assert kept < 0.9 * held
 
 
 def test_path_length_is_the_world_length_between_slices():
