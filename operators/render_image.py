@@ -10,26 +10,36 @@ from ..bridge.settings import tolerance_of
 from .refusal import has_volume
 
 
-class RLE_SPLAT_OT_render_image(StepwiseOperator, bpy.types.Operator):
-    bl_idname = "rle_splat.render_image"
-    bl_label = "Render Image"
-    bl_description = "Splat the volume through the active camera into a float image and a depth image"
+class ThroughCamera(StepwiseOperator):
+    """Makes images of what the active camera sees of the volume, among meshes or alone."""
+
     bl_options = {"REGISTER", "UNDO"}
 
     use_meshes: BoolProperty(
         name="Meshes Occlude", default=False,
-        description="Stop each ray at the first mesh surface; otherwise the volume is shown alone")
+        description="Stop each ray at the first mesh surface, and let meshes cast shadows on the volume; otherwise the "
+        "volume is there alone")
 
     @classmethod
     def poll(cls, context):
         return has_volume_and_camera(cls, context)
 
-    def prepare(self, context):
+    def read_scene(self, context, *, moving: bool):
+        """(Scene, Quality), see ``render_scene.read_scene``; the volume's name is kept in ``_name``."""
         volume_object = volumes.volume_object(context)
         self._name = volume_object.name
-        plain, quality = render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes, moving=True,
+        return render_scene.read_scene(
+            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes, moving=moving,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
+
+
+class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
+    bl_idname = "rle_splat.render_image"
+    bl_label = "Render Image"
+    bl_description = "Splat the volume through the active camera into a float image and a depth image"
+
+    def prepare(self, context):
+        plain, quality = self.read_scene(context, moving=True)
         self._canvas = Canvas(self._name, "color")
         tolerance = tolerance_of(context.scene)
         return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)

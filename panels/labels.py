@@ -3,18 +3,12 @@
 import bpy
 
 from ..bridge import volumes
-from .places import Sidebar
+from .places import BelowTransfer
 
 
-class RLE_SPLAT_PT_labels(Sidebar, bpy.types.Panel):
+class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
     bl_label = "Labels"
     bl_idname = "RLE_SPLAT_PT_labels"
-    bl_parent_id = "RLE_SPLAT_PT_transfer"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return volumes.volume_object(context) is not None
 
     def draw(self, context):
         layout = self.layout

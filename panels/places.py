@@ -2,6 +2,8 @@
 
 import textwrap
 
+from ..bridge import volumes
+
 PIXELS_A_LETTER = 7.0  # of the interface's font at scale 1, rounded up
 MARGIN = 60  # pixels taken by the panel's borders and an icon
 
@@ -12,6 +14,17 @@ class Sidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "RLE Splat"
+
+
+class BelowTransfer(Sidebar):
+    """In the sidebar below the transfer function, closed at first, where there is a volume."""
+
+    bl_parent_id = "RLE_SPLAT_PT_transfer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return volumes.volume_object(context) is not None
 
 
 class RenderTab:

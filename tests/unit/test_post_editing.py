@@ -1,7 +1,6 @@
 """Every edit of a post-classified scene redoes only what it must, and gives the picture of a fresh start; what it takes
 of memory is what was said."""
 
-import tracemalloc
 from collections import Counter
 from dataclasses import replace
 
@@ -16,6 +15,7 @@ from rle_splat.render import render, render_steps
 from rle_splat.scene import Camera, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.unit.test_memory import traced
 
 QUALITY = Quality(classification="post", depth_rule="slice", sheet_density=0.7, warp_filter="bilinear")
 SUN = Light("SUN", energy=3.0, matrix_world=np.array([[1, 0, 0, 0], [0, 0.8, -0.6, 0], [0, 0.6, 0.8, 0], [0, 0, 0, 1]]))
@@ -201,16 +201,6 @@ def noise(n=96, dtype=np.uint8, share=0.04):
     """Voxels of which FUNCTION shows blobs, so that cells are kept in runs."""
     values = np.random.default_rng(5).random((n // 4, n // 4, n // 8)) < share
     return Volume(np.kron(np.where(values, 130, 10), np.ones((4, 4, 8))).astype(dtype), np.eye(4))
-
-
-def traced(work):
-    """(what ``work`` returns, the most bytes it held at a time)."""
-    tracemalloc.start()
-    try:
-        result = work()
-        return result, tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 @pytest.mark.parametrize(
