@@ -47,8 +47,8 @@ def best_frame(scene: Scene, quality: Quality, repeats: int, kept=None):
 
 
 def frame_ms(report: dict) -> float:
-    """Milliseconds of what every frame costs: splat and warp."""
-    return report["stages_ms"]["splat"] + report["stages_ms"]["warp"]
+    """Milliseconds of what every frame costs: splat, warp and single rays."""
+    return sum(report["stages_ms"][stage] for stage in ("splat", "warp", "rays"))
 
 
 class Neighbours:

@@ -83,7 +83,8 @@ def choose(scene, row) -> None:
 
 def _same(one: Quality, other: Quality) -> bool:
     """Whether two plans are the same to Blender, which keeps single precision."""
-    both = (replace(q, sheet_density=typed(q.sheet_density), termination=typed(q.termination)) for q in (one, other))
+    single = ("sheet_density", "termination", "rays")
+    both = (replace(q, **{name: typed(getattr(q, name)) for name in single}) for q in (one, other))
     return same_plan(*both)
 
 

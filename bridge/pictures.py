@@ -7,6 +7,7 @@ import json
 import bpy
 
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
+from ..rle_splat.single_rays import rays_lines
 from . import effects, images
 
 LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
@@ -70,6 +71,8 @@ def note_report(settings, report: dict) -> None:
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float))]
-    settings.last_report = "\n".join((*report.get("remarks", ()), *_error_lines(report), *lines))
+    settings.last_report = "\n".join((
+        *report.get("remarks", ()), *_error_lines(report), *rays_lines(report.get("rays")), *lines
+    ))
     settings.last_report_json = json.dumps(report, default=str)
     effects.note_report(settings, report)

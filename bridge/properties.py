@@ -212,6 +212,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         precision=5)
     axis_fade: LiveFloat(
         name="Axis Fade", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
+    rays: LiveFloat(
+        name="Single Rays", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
     threads: LiveInt(name="Threads", description="Zero for one per core", default=0, min=0, soft_max=64)
     backend: LiveEnum(
         name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),

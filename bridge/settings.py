@@ -1,6 +1,6 @@
 """The settings of a Blender scene as the renderer's plain data."""
 
-from ..rle_splat.scene import DEFAULT_QUALITY, POST_ONLY, Quality, preintegrated_of, preset_knobs
+from ..rle_splat.scene import DEFAULT_QUALITY, NO_RAYS, POST_ONLY, Quality, preintegrated_of, preset_knobs
 from .decimals import typed
 
 # A VDB states no unit; Blender takes its world units as metres.
@@ -24,6 +24,7 @@ def quality_of(scene) -> Quality:
         knobs = {name: getattr(settings, name) for name in KNOBS}
         return Quality(
             name="custom", sheet_density=typed(settings.sheet_density), termination=typed(settings.termination),
+            rays=typed(settings.rays) if settings.classification == "post" else NO_RAYS,
             axis_fade=typed(settings.axis_fade), **knobs, **common,
         )
     return Quality.preset(settings.quality, **common)

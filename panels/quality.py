@@ -7,7 +7,7 @@ from ..rle_splat.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
-    "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "axis_fade", "model",
+    "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
     "threads", "backend",
 )
 

@@ -30,8 +30,9 @@ from .plan.features import features_of, pilots
 from .plan.model import Model
 from .ray_modes import mode_quality
 from .render import render_steps, truth_of
-from .retrace import can_retrace, ray_cost_steps, retrace_steps
+from .retrace import ray_cost_steps, retrace_steps
 from .scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
+from .single_rays import can_trace
 from .steps import Progress, portion
 
 REPEATS = 5  # frames that the median is of
@@ -148,7 +149,7 @@ def planned_steps(scene: Scene, base: Quality, tolerances, kept: Kept, end: floa
     features = features_of(scene, base, drawn)
     speed = Speed.of(model, features, frames[1:])  # the first one also filled the caches
     doubt, seen = None, called_for(scene, analyse(scene, base))
-    if can_retrace(seen, base):
+    if can_trace(seen, base):
         doubt = Doubt.of(drawn)
         cost = yield from portion(ray_cost_steps(seen, base, doubt, kept), end, end, SINGLE_RAYS)
     chosen, singles = {}, {}
@@ -245,7 +246,8 @@ def sweep_steps(
         entry = {"name": plan.name, "chosen": plan.name == chosen_name, "truth": truth_name, "knobs": knobs_of(plan)}
         entry.update({f"{stage}_ms": median(s.get(stage, 0.0) for s in stages[plan.name]) for stage in FRAME})
         entry["frame_ms"] = median(sum(s.get(stage, 0.0) for stage in FRAME) for s in stages[plan.name])
-        entry["rays"] = singles[plan.name].report() if plan.name in singles else None
+        own = reports[plan.name]["rays"]
+        entry["rays"] = singles[plan.name].report() if plan.name in singles else own if own["pixels"] else None
         entry["error"] = _errors(looks[plan.name], true[truth_name], where.random, flip)
         beside = truth_name != "T2"
         entry["as_ray_caster"] = _errors(looks[plan.name], true["T2"], where.random, None) if beside else None

@@ -52,8 +52,8 @@ class Medium:
     ``splat_steps(encoded, plane, limits)``: generator that splats such tables, see ``splat.splat_steps``.
     ``most_color(encodings)``: the largest channel of any unassociated colour in some tables.
     ``visible_voxels``: how many the tables hold.  ``estimate``: None for a `.rle` file.
-    ``picture(rgba, depth)``: of what was warped, where that is not the picture yet.  ``trace(encoded, rays, sign,
-    slabs)``: single rays through such tables, see ``splat.scalar_rays``; None where there is no way to.
+    ``picture(rgba, depth)``: of what was warped, where that is not the picture yet.  ``trace(rays, slabs)``: colour and
+    half depths of single rays, see ``splat.scalar_rays``; None where there is no way to.
     """
 
     shape_xyz: tuple[int, int, int]

@@ -34,6 +34,9 @@ MESH_SAMPLES = 16  # of a pixel; the effects' own number
 # Depths of a pixel's samples of meshes, of its layers, and what finding those takes; what is left of it afterwards.
 MESH_PIXEL, MESH_LAYERS = 4 * MESH_SAMPLES + 12 + 9, 12
 PICTURE_PIXEL = 20  # colour and depth of a finished pixel
+# What tracing steep pixels takes of each: which they are, where if all of them are, and the picture once more without
+# its border; and of the rays that are followed together.
+STEEP_PIXEL, RAYS_AT_ONCE = 1 + 8 + 20, 4096 * 320
 WRITTEN = 48  # what putting it into a file takes meanwhile
 # Bytes of a voxel of the scan next to fine ones that a refined classification shows: which it is, its normal, light and
 # highlight, and what finding these takes.
@@ -235,7 +238,7 @@ def _reckon_scalars(shape, dtype, count, pieces, lines, axes, lit, picture, held
     least = Quality(classification="pre", record=RECORDS[-1])
     needs = _reckon(tuple(shape), dtype, count, pieces, lines, least, axes, lit, picture, held)
     looks = 0 if counts_values(dtype) else LOOK * count  # the value table stands for them
-    marks = math.prod(shape) // 8
+    marks = math.prod(shape) // 8 + math.prod(shape) // 64  # of voxels that are kept, and of bricks with any
     visible = needs.visible - looks + marks + LIGHT * lit * count
     record = min(dtype.itemsize, 4) + LIGHT * lit
     return replace(needs, visible=visible, records=axes * record * count, record=0, work=0, rows=needs.rows + marks)
@@ -274,20 +277,23 @@ def _work_bytes(count: int, record: int) -> int:
 
 
 def picture_bytes(
-    planes, width: int, height: int, quality: Quality, *, limited: bool = False, meshes: bool = False, scratch: int = 0
+    planes, width: int, height: int, quality: Quality, *, limited: bool = False, meshes: bool = False, scratch: int = 0,
+    traced: bool = False,
 ) -> int:
     """What the sheets and the finished pixels of a picture take.
 
     ``planes``: its base planes, each with a width and a height.  ``limited``: whether clip distances or meshes
     shorten rays.  ``meshes``: whether there are any; behind their silhouettes all may be splatted twice.
-    ``scratch``: of the splat, which is kept.
+    ``scratch``: of the splat, which is kept.  ``traced``: whether steep pixels have rays of their own.
     """
     pixels = width * height
     sheets = [plane.width * plane.height for plane in planes]
     largest = max(sheets, default=0)
     splatting = (1 + meshes) * SHEET_PIXEL * sum(sheets) + MESH_LAYERS * meshes * pixels
     splatting += (WARPED * is_prefiltered(quality.warp_filter) + LIMITS * limited) * largest
-    return scratch + max(MESH_PIXEL * meshes * pixels, PICTURE_PIXEL * pixels + max(splatting, WRITTEN * pixels))
+    tracing = (STEEP_PIXEL * pixels + RAYS_AT_ONCE) * traced
+    after = PICTURE_PIXEL * pixels + max(splatting, WRITTEN * pixels, tracing)
+    return scratch + max(MESH_PIXEL * meshes * pixels, after)
 
 
 def refuse_too_large(picture: int, width: int, height: int) -> None:

@@ -28,9 +28,10 @@ from .pooled_medium import PooledVolume, pooled_medium_steps, pooled_scene
 from .ray_modes import mode_quality, mode_remarks, sheet_rule
 from .scalar_medium import scalar_medium_steps
 from .scene import NO_DEPTH, Quality, Rendering, RleSplatError, Scene
+from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbours
 from .splat.scratch import scratch_bytes
 from .splat.splat import LOADING
-from .steps import Clock, Progress, portion
+from .steps import Clock, Progress, portion, timed
 from .view.base_plane import BasePlane, base_plane
 from .view.clip_limits import clip_limits, what_is_left
 from .view.eye import IndexView, index_view
@@ -118,7 +119,10 @@ def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_
 def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet, refuse_empty_view: bool):
     """``render_steps`` of a scene without a lens and a shutter, and without the effects that are off."""
     clock = Clock()
-    asked, quality = quality, mode_quality(scene, quality)
+    asked, quality, wanted = quality, mode_quality(scene, quality), scene
+    traced = traces_steep_pixels(scene, quality)
+    if traced:
+        scene = with_neighbours(scene)
     shape_xyz, scene = scene.volume.shape_xyz, classified_scene(scene, quality)
     view, fades = _look(scene, quality, refuse_empty_view)
     if quality.minification == "pool":
@@ -134,7 +138,7 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
     scratch = max((scratch_bytes(plane, scene.volume.shape_xyz, quality, limited) for plane in planes), default=0)
     meshes = scene.triangles is not None and len(scene.triangles) > 0
     picture = picture_bytes(
-        planes, right - left, bottom - top, quality, limited=limited, meshes=meshes, scratch=scratch
+        planes, right - left, bottom - top, quality, limited=limited, meshes=meshes, scratch=scratch, traced=traced
     )
     kept.make_room(picture)
     refuse_too_large(picture, right - left, bottom - top)
@@ -160,14 +164,19 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
         stage = (encodings, medium, layers, cuts, clock, told)
         found = yield from _splat_and_warp(scene, quality, view, fade.planes, *stage)
         rgba, depth = fade.mixed(rgba, depth, *found)
+    rays = NO_PIXELS
+    if traced:
+        steps = timed(steep_steps(scene, wanted.region, view, medium, quality, rgba, depth), clock, "rays")
+        rgba, depth, rays = yield from portion(steps, 0.95, 0.99, "Following single rays")
 
     report = {
-        "image": _image_report(scene),
+        "image": _image_report(wanted),
         "volume": _volume_report(shape_xyz, medium),
         "stages_ms": clock.report(),
         "memory_bytes": _memory_report(held),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(scene, quality, fades),
+        "rays": dict(rays),
         "effects": effects.report(clock),
         "error": {
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,

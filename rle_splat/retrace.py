@@ -1,13 +1,10 @@
-"""Single pixels of a scene by rays of their own, where the warp of a whole picture would err too much.
-
-They go through the same tables, table of values and light as the sheets, and are cut off by the same box and clip
-distances; what they leave out is the resampling of sheets and the warp.
-"""
+"""Pixels of a picture that has been made, by rays of their own, where a tolerance is not kept without them; and what
+such rays err and take."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import MISSING, fields, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,40 +14,13 @@ from .plan.doubt import Doubt, RayCost
 from .plan.features import LEVELS
 from .scalar_medium import scalar_medium_steps
 from .scene import Quality, Scene
-from .splat.scalar_rays import rays_through
+from .single_rays import trace_steps
 from .steps import Clock
-from .view.base_plane import base_plane
 from .view.eye import index_view
-from .view.principal_axis import candidate_pyramids, dominant_axis
 
 # Single rays that tell what rays err, and what they take; and slabs that a voxel's depth is cut into for both.
 DOUBTFUL_RAYS, TIMED_RAYS, FEW_SLABS = 256, 1024, 4
 TRIED_TERMINATION = 1 / 16384
-AT_ONCE = 2048  # rays between two looks at the user's Esc
-# What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.
-KNOWN = {
-    "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
-    "background", "crop", "effects", "volume_shadows", "world", "ambient_occlusion",
-}  # fmt: skip
-
-
-def can_retrace(scene: Scene, quality: Quality) -> bool:
-    """Whether single pixels of a scene can be had by rays of their own: of scalars, and without meshes.
-
-    ``scene``: without the effects that are off (``effects.analyse``).
-    """
-    if quality.classification != "post" or min(scene.volume.shape_xyz) < 2:
-        return False
-    return all(field.name in KNOWN or not _given(scene, field) for field in fields(Scene))
-
-
-def _given(scene: Scene, field) -> bool:
-    """Whether a field of the scene is something else than what it is by itself; an empty array is nothing."""
-    value, usual = getattr(scene, field.name), field.default
-    usual = field.default_factory() if usual is MISSING else usual
-    if isinstance(value, np.ndarray):
-        return value.size > 0 and not np.array_equal(value, usual)
-    return value is not usual and value != usual
 
 
 def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kept: Kept):
@@ -61,27 +31,19 @@ def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kep
     scene's picture, whose tables are used.
     """
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
-    view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    columns, rows = (np.asarray(at, np.float64) + first + 0.5 for at, first in zip((columns, rows), scene.region))
-    axes, signs = dominant_axis(view.ray_directions(columns, rows))
-    spent, job, found = 0.0, kept.job(), np.zeros((len(columns), 4), np.float32)
+    view, job = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), kept.job()
     medium = yield from _quietly(scalar_medium_steps(scene, quality, job, Clock()))
-    shape, clip = scene.volume.shape_xyz, (scene.camera.clip_start, scene.camera.clip_end)
-    for axis, sign in candidate_pyramids(view):
-        mine = np.flatnonzero((axes == axis) & (signs == sign))
-        plane = base_plane(view, shape, axis, sign, "slice", 1.0, boxed=True) if len(mine) else None
-        if plane is None:
-            continue
-        encoded = yield from _quietly(medium.encode_steps(axis))
-        for first in range(0, len(mine), AT_ONCE):
-            yield first / len(mine)
-            part = mine[first : first + AT_ONCE]
-            began = time.perf_counter()
-            rays = rays_through(plane, view, shape, columns[part], rows[part], clip)
-            found[part] = medium.trace(encoded, rays, sign, slabs)
+    steps, spent = trace_steps(scene, view, medium, columns, rows, slabs), 0.0
+    while True:
+        began = time.perf_counter()
+        try:
+            done = next(steps)
+        except StopIteration as finished:
             spent += 1e3 * (time.perf_counter() - began)
-    job.keep()
-    return found, spent
+            job.keep()
+            return finished.value, spent
+        spent += 1e3 * (time.perf_counter() - began)
+        yield done
 
 
 def ray_cost_steps(scene: Scene, quality: Quality, doubt: Doubt, kept: Kept):

@@ -22,6 +22,7 @@ import numpy as np
 
 from .classify.classification import opacity_distance, unit_length
 from .classify.lighting import Lighting
+from .classify.points import LARGEST
 from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
 from .classify.shading import normals, refuse_too_bright
 from .classify.value_table import extinction_of, value_table
@@ -29,6 +30,7 @@ from .classify.visible import VisibleVoxels
 from .effects.shadows import Matter
 from .encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
 from .encode.voxel_light import VoxelLight, voxel_light, with_factor
+from .jit import read_only
 from .kept import Job
 from .kept_shadows import shadow_count, shadow_steps
 from .medium import Medium, array_key, lighting_key, scene_lighting
@@ -36,6 +38,7 @@ from .memory import bytes_text
 from .memory_estimate import MemoryEstimate, refuse_too_much, scalar_estimate
 from .ray_modes import VALUE_MODES, shown_values, value_look
 from .scene import Quality, Scene, preintegrated_of
+from .splat.scalar_rays import RowVoxels, bricks_of
 from .splat.scalar_splat import scalar_splat_steps, scalar_trace, value_splat_steps
 from .steps import Clock, Progress, portion, timed
 from .volume.blocks import Blocks, block_steps
@@ -43,18 +46,20 @@ from .volume.gradient_size import gradient_sizes
 
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0
+IN_ROWS = "rows"  # the voxels' own order
 
 
 @dataclass(frozen=True, eq=False)
 class RelevantVoxels:
-    """The ``voxels`` that matter to a range of values, ``reach``."""
+    """The ``voxels`` that matter to a range of values, ``reach``; ``bits``: of ``classify.relevant``, one for each."""
 
     reach: Reach
     voxels: VisibleVoxels
+    bits: np.ndarray
 
     @property
     def nbytes(self) -> int:
-        return self.voxels.nbytes
+        return self.voxels.nbytes + self.bits.nbytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +137,20 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
             return value_splat_steps(encoded, values, plane, quality, limits)
         return scalar_splat_steps(encoded, table, plane, quality, limits, scene.mode == "xray", scene.mist)
 
-    def trace(encoded, rays, sign, slabs):
-        return scalar_trace(encoded, table, rays, sign, slabs, quality)
+    def trace(rays, slabs):
+        shape, ends = volume.shape_xyz, (infinite, centre)
+        bricks = job.get("bricks", key, lambda: bricks_of(relevant.bits, shape))
+        scalars = job.get(
+            "scalars", (key, *ends, IN_ROWS), lambda: scalars_of(voxels, volume.voxels.dtype, *ends)
+        )
+        lights = (None, np.float32(1.0)) if light is None else (read_only(light.codes), np.float32(light.unit))
+        # Of the function as it is: what is kept may be more.
+        reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
+        with np.errstate(over="ignore"):
+            shown = np.clip(reach.ends.astype(np.float64) - centre, -LARGEST, LARGEST)
+        records = read_only(scalars), *lights
+        rows = RowVoxels(relevant.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
+        return scalar_trace(rows, centre, table, rays, slabs, quality)
 
     voxels = relevant.voxels
     counts = (len(voxels), voxels.nan_voxels, needs)
@@ -183,7 +200,7 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     yield Progress(0.08, f"Keeping {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
     with clock.stage("classify"):
         relevant = job.get(
-            "relevant", key, lambda: RelevantVoxels(reach, kept_voxels(volume, bits, counted, blocks, **machine))
+            "relevant", key, lambda: RelevantVoxels(reach, kept_voxels(volume, bits, counted, blocks, **machine), bits)
         )
     return relevant, needs
 
@@ -230,7 +247,7 @@ def _axis_steps(volume, lit: _Lit, axis: int, infinite, centre: float, quality: 
     with clock.stage("encode"):
         tables = job.get("runs", (lit.key, axis), lambda: scalar_tables(voxels, axis, **machine))
     needs = lit.estimate.one_axis()
-    order = "rows" if is_shared(axis) else axis
+    order = IN_ROWS if is_shared(axis) else axis
 
     def scalars():
         job.kept.make_room(needs.needed)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 STAGES = (
     "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion", "clipping",
     "clip objects",
-    "kernels", "splat", "warp",
+    "kernels", "splat", "warp", "rays",
 )  # fmt: skip
 
 

@@ -29,8 +29,9 @@ from .plan.features import Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model, default_classification
 from .plan.need import need_of
 from .render import render_steps, truth_of
-from .retrace import can_retrace, ray_cost_steps, retrace_steps
+from .retrace import ray_cost_steps, retrace_steps
 from .scene import MODES, Quality, Rendering, RleSplatError, Scene
+from .single_rays import can_trace
 from .steps import Progress, portion
 
 MOST_ESCALATIONS = 2
@@ -121,7 +122,7 @@ def tolerance_steps(
     seen = called_for(scene, analyse(scene, quality))
     judge = Judge(seen, quality, probes, seed) if probes else None
     wanted = _Wanted(scene, seen, tolerance, quality, kept, refuse_empty_view, model, features, frames[1:])
-    if can_retrace(seen, quality):
+    if can_trace(seen, quality):
         rounds = yield from _rounds_with_rays(wanted, Doubt.of(drawn), judge)
     else:
         rounds = yield from _rounds(wanted, judge)
@@ -340,8 +341,9 @@ def _finished(
         error["statement"] = best.judged["sentence"]
     error["sentence"] = sentence(error)
     remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, quality, error)]
-    plan = {**rendering.report["plan"], "name": best.plan}
-    return replace(rendering, report={**rendering.report, "plan": plan, "error": error, "remarks": remarks})
+    found = {"plan": {**rendering.report["plan"], "name": best.plan}, "error": error, "remarks": remarks}
+    found["rays"] = {name: error["rays"][name] for name in rendering.report["rays"]}
+    return replace(rendering, report={**rendering.report, **found})
 
 
 def _badness(one: _Round) -> float:

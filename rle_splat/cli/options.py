@@ -41,6 +41,7 @@ KNOBS = {
     "--warp-filter": ("warp_filter", str, "|".join(WARP_FILTERS)),
     "--termination": ("termination", float, "T"),
     "--axis-fade": ("axis_fade", float, "DEGREES"),
+    "--rays": ("rays", float, "D"),
     "--model": ("model", str, "|".join(MODELS)),
 }
 BESIDE = ("classification", "refinement")  # knobs that a quality and a tolerance leave to the user

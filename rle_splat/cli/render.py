@@ -209,11 +209,15 @@ def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) 
 
 def _say(report: dict) -> None:
     """What came of it, on stdout: a few lines."""
+    from ..single_rays import rays_lines
+
     for remark in report["remarks"]:
         print(remark)
     function, image = report["transfer_function"], report["image"]
     print(f"Transfer function {function['name']}: {function['reason']}")
     if report["error"]["tolerance"] is not None:
         print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
+    for line in rays_lines(report["rays"]):
+        print(line)
     seconds = report["stages_ms"]["total"] / 1e3
     print(f"Wrote {', '.join(report['outputs'])} ({image['width']} x {image['height']}) in {seconds:.2f} s.")

@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from itertools import product
 
-from ..scene import Quality, RleSplatError, midpoints_of, preintegrated_of
+from ..scene import NO_RAYS, Quality, RleSplatError, midpoints_of, preintegrated_of
 
 # Not slice-2: whatever is coarse enough for its errors, of tens of levels at edges, is too coarse to be promised.
 DEPTH_RULES = (
@@ -38,7 +38,10 @@ def depth_rules(classification: str) -> tuple[str, ...]:
 def candidates(base: Quality) -> list[Quality]:
     """Every plan of the grid, its other knobs as in ``base``; along either principal axis a tolerance is kept."""
     return [
-        replace(base, name=PLANNED, axis_fade=0.0, depth_rule=rule, sheet_density=density, warp_filter=warp_filter)
+        replace(
+            base, name=PLANNED, axis_fade=0.0, rays=NO_RAYS, depth_rule=rule, sheet_density=density,
+            warp_filter=warp_filter,
+        )
         for rule, density, warp_filter in product(depth_rules(base.classification), SHEET_DENSITIES, WARP_FILTERS)
     ]
 

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from ..encode.tables import run_type
-from ..scene import Quality, Rendering, Scene
+from ..scene import NO_RAYS, Quality, Rendering, Scene
 from ..view.base_plane import base_plane
 from ..view.eye import index_view
 from ..view.footprints import FOOTPRINTS
@@ -63,7 +63,7 @@ def pilots(base: Quality) -> dict[str, Quality]:
     return {
         name: replace(
             base, name="pilot", depth_rule=rule, sheet_density=density, warp_filter="cubic",
-            termination=PILOT_TERMINATION,
+            termination=PILOT_TERMINATION, rays=NO_RAYS,
         )
         for name, (rule, density) in PILOTS.items()
     }  # fmt: skip

@@ -9,15 +9,24 @@ import numpy as np
 
 from .errors import RleSplatError
 
-PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination")
+NO_RAYS = 0.0
+PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays")
 # One table of names for the command line, the panel and the reports: what each quality preset sets of PRESET_KNOBS,
 # for sheets of classified voxels, pre and refined, and for post-classified ones.
 # Their errors against the truths are asserted in tests/truths/test_ladder.py, their times printed by bench stages.
 QUALITY_PRESETS = {
-    "draft": {"pre": ("slice", 0.7, "bilinear", 1 / 256), "post": ("slice-2", 0.4, "bilinear", 1 / 256)},
-    "standard": {"pre": ("simpson", 1.0, "cubic", 1 / 1024), "post": ("preintegrated", 1.0, "cubic", 1 / 1024)},
-    "fine": {"pre": ("simpson", 1.5, "cubic", 1 / 2048), "post": ("simpson", 1.25, "cubic", 1 / 2048)},
-    "strict": {"pre": ("midpoint-4", 3.0, "cubic", 1 / 8192), "post": ("midpoint-4", 2.0, "cubic", 1 / 8192)},
+    "draft": {
+        "pre": ("slice", 0.7, "bilinear", 1 / 256, NO_RAYS), "post": ("slice-2", 0.4, "bilinear", 1 / 256, NO_RAYS),
+    },
+    "standard": {
+        "pre": ("simpson", 1.0, "cubic", 1 / 1024, NO_RAYS), "post": ("preintegrated", 1.0, "cubic", 1 / 1024, 0.8),
+    },
+    "fine": {
+        "pre": ("simpson", 1.5, "cubic", 1 / 2048, NO_RAYS), "post": ("gauss2", 1.25, "cubic", 1 / 2048, 0.6),
+    },
+    "strict": {
+        "pre": ("midpoint-4", 3.0, "cubic", 1 / 8192, NO_RAYS), "post": ("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45),
+    },
 }
 DEFAULT_QUALITY = "standard"
 # Names of the knobs' values, in the order shown to people.
@@ -52,6 +61,8 @@ KNOB_TEXTS = {
     "warp_filter": "filter from the intermediate image to the picture",
     "axis_fade": "degrees about the switch of the principal axis in which both are drawn and mixed, against popping",
     "termination": "transmittance below which a pixel counts as opaque",
+    "rays": "how far apart a pixel and its neighbours must be, 1 between black and white, for a ray of its own, which "
+    "is dearer and exact; zero for none; post alone",
     "model": "what overlapping footprints add up; post has extinction alone",
     "record": "bytes of a classified voxel in the run-length tables; fewer save memory and lose accuracy",
     "backend": "what runs the loops",
@@ -92,8 +103,8 @@ class Quality:
     a ray caster; it has the knobs of POST_ONLY at those values alone.  "pre" is the paper's: voxels are classified, and
     what is shown is interpolated; "refined" interpolates the values on a grid ``refinement`` times finer first, against
     blurred edges.  All but "pre" show the box of the voxels' centres and nothing outside it.
-    ``depth_rule``, ``sheet_density``, ``warp_filter`` and ``termination`` that are left out, or None, are those of the
-    quality "standard" of the classification.
+    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are left out, or None, are
+    those of the quality "standard" of the classification.
     ``kernel`` is the footprint; ``minification`` "widen" widens it where several voxels share a sheet pixel, for
     pictures without shimmer, "pool" averages voxels first, as many as fit into a sheet pixel everywhere in the picture,
     and widens what is left; "off" shows exactly what lies on each pixel's ray.
@@ -101,6 +112,9 @@ class Quality:
     ``record`` is how many bytes a voxel of the run-length tables takes: fewer save memory and lose accuracy.
     ``axis_fade``: within so many degrees of where the principal axis of parallel rays switches, pictures along both are
     mixed, so that nothing pops as the camera turns; they cost as many pictures.  0 to 15.
+    ``rays``, above zero: pixels among whose 3 x 3 neighbours a channel of the premultiplied scene-linear picture takes
+    values at least so far apart are had by single rays, without sheets and warp ("post" alone, and where nothing is in
+    the scene that such rays do not know: ``single_rays.can_trace``).
     ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
     paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
     """
@@ -114,6 +128,7 @@ class Quality:
     warp_filter: str | None = None
     termination: float | None = None
     axis_fade: float = 2.0
+    rays: float | None = None
     model: str = "extinction"
     length_correction: bool = True
     record: int = 16
@@ -171,6 +186,13 @@ class Quality:
             raise RleSplatError("The termination transmittance must be at least 0 and below 0.5.")
         if not (0.0 <= self.axis_fade <= MOST_FADE):
             raise RleSplatError(f"Principal axes fade into each other over 0 to {MOST_FADE:g} degrees.")
+        if not (np.isfinite(self.rays) and self.rays >= 0.0):
+            raise RleSplatError("How steep a pixel must be for a ray of its own is 0, for none, or a number above it.")
+        if self.rays and self.classification != "post":
+            raise RleSplatError(
+                "Single rays go through voxels that are not classified yet; choose the classification post with them, "
+                "or rays of 0, for none."
+            )
         if self.threads < 0:
             raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
 
@@ -181,7 +203,7 @@ class Quality:
 
     def classified(self, classification: str) -> Quality:
         """The same for another classification; a preset stays that preset, whose knobs may be others."""
-        knobs = {"classification": classification}
+        knobs = {"classification": classification, "rays": self.rays if classification == "post" else NO_RAYS}
         if self.name in QUALITY_PRESETS:
             mine = preset_knobs(self.name, self.classification)
             if all(getattr(self, knob) == value for knob, value in mine.items()):

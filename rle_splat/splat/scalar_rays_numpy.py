@@ -4,45 +4,53 @@ from __future__ import annotations
 
 import numpy as np
 
-from .scalar_rays import SLIVER, SPAN
+from .scalar_rays import HALF, SLIVER, SPAN
 from .scalar_scanline import NOT_KEPT
-from .scalar_sheets_numpy import dense_slice
+from .voxel_groups import CODE_BITS
 
-CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as (slice, scanline, voxel), voxels first
+CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays_numpy(tables, rays, sign, look, matt, gloss, slabs, least, out):
-    """Fills ``out`` as ``scalar_rays.trace_rays`` does."""
-    channels = 1 if tables.lights is None else 1 + tables.lights.shape[1]
-    shape = *tables.pointers.shape, tables.width
-    if min(shape) < 2:
+def trace_rays_numpy(voxels, rays, look, matt, gloss, slabs, least, out, half):
+    """Fills ``out`` and ``half`` as ``scalar_rays.trace_rays`` does."""
+    if min(voxels.shape) < 2:
         return
-    dense = np.zeros((*shape, channels), np.float32)
-    dense[..., 0] = NOT_KEPT
-    for k in range(shape[0]):
-        found = dense_slice(tables, k)
-        if found is not None:
-            dense[k] = found
-    tops = np.array(shape) - 2
-    first = np.stack((np.zeros_like(rays.enter), rays.first_y, rays.first_x), axis=1)
-    step = np.stack((np.full_like(rays.enter, sign), rays.step_y, rays.step_x), axis=1)
+    dense = _dense(voxels)
+    tops = np.array(dense.shape[2::-1]) - 2
     state = np.zeros((len(out), 4))
     state[:, 3] = 1.0
     here = rays.enter.copy()
-    live = np.flatnonzero((here < rays.leave) & (state[:, 3] >= least))
+    live = np.flatnonzero(here < rays.leave)
     while len(live):
         a, stop = here[live], rays.leave[live]
-        b = _next_cut(first[live], step[live], a, stop)
-        cell = np.floor(first[live] + step[live] * (0.5 * (a + b))[:, None])
+        b = _next_cut(rays.first[live], rays.step[live], a, stop)
+        cell = np.floor(rays.first[live] + rays.step[live] * (0.5 * (a + b))[:, None])
         cell = np.clip(cell, 0, tops).astype(np.int64)
-        corners = dense[tuple(np.moveaxis(cell[:, None] + CELL, -1, 0))]
-        kept = (corners[..., 0] > NOT_KEPT).all(axis=1)
+        corners = dense[tuple(np.moveaxis(cell[:, None] + CELL, -1, 0))[::-1]]
+        low, high = (choose(corners[..., 0], axis=1)[:, None] for choose in (np.min, np.max))
+        shown = ((high >= voxels.shown[:, 0]) & (low <= voxels.shown[:, 1])).any(axis=1)
+        kept = (corners[..., 0] > NOT_KEPT).all(axis=1) & shown
         here[live] = b
         mine = live[kept]
-        stretch = first[mine] - cell[kept], step[mine], a[kept], b[kept], rays.length[mine]
-        state[mine] = _composited(state[mine], corners[kept], *stretch, look, matt, gloss, slabs, least)
+        stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
+        state[mine], half[mine] = _composited(
+            state[mine], half[mine], corners[kept], *stretch, look, matt, gloss, slabs, least
+        )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
     out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
+
+
+def _dense(voxels) -> np.ndarray:
+    """(z, y, x, channels) float32: scalar and light of every voxel, NOT_KEPT where it is not kept."""
+    n_z, n_y, n_x = voxels.shape
+    channels = 1 if voxels.lights is None else 1 + voxels.lights.shape[1]
+    kept = np.unpackbits(voxels.bits.astype("<u8").view(np.uint8).reshape(n_z * n_y, -1), axis=1, bitorder="little")
+    dense = np.full((n_z * n_y, n_x, channels), NOT_KEPT, np.float32)
+    kept = kept[:, :n_x] > 0
+    dense[kept, 0] = voxels.scalars
+    if voxels.lights is not None:
+        dense[kept, 1:] = (voxels.lights.astype(np.uint32) << CODE_BITS).view(np.float32) * voxels.light_unit
+    return dense.reshape(n_z, n_y, n_x, channels)
 
 
 def _next_cut(first, step, a, stop):
@@ -54,7 +62,6 @@ def _next_cut(first, step, a, stop):
         reached = cut / step
         after = (cut + ahead) / step
     reached = np.where(reached > (a + SLIVER)[:, None], reached, after)
-    reached[:, 0] = np.floor(a) + 1.0
     reached[step == 0.0] = np.inf
     return np.maximum(np.minimum(reached.min(axis=1), stop), np.minimum(a + SLIVER, stop))
 
@@ -66,11 +73,12 @@ def _trilinear(corners, place):
     return (weights[..., None] * corners).sum(axis=1)
 
 
-def _composited(state, corners, first, step, a, b, length, look, matt, gloss, slabs, least):
-    """The rays' colour and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each."""
+def _composited(state, half, corners, first, step, a, b, length, look, matt, gloss, slabs, least):
+    """The rays' colour and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
+    is absorbed."""
     table, sums, origin, rate, _, low, high, nearest, furthest, last = look
     table, sums = table.reshape(-1, 4).astype(np.float64), sums.reshape(-1, 4).astype(np.float64)
-    count = np.maximum(np.ceil((b - a) * slabs), 1).astype(np.int64)
+    count = np.maximum(np.ceil((b - a) * slabs - SLIVER), 1).astype(np.int64)
     thick = (b - a) / count
     before = np.zeros(len(a))
     for slab in range(int(count.max(initial=-1)) + 1):
@@ -98,8 +106,12 @@ def _composited(state, corners, first, step, a, b, length, look, matt, gloss, sl
             color = color * light[:, list(matt)]
         if gloss:
             color = color + sigma[:, None] * light[:, list(gloss)]
-        absorbed = -np.expm1(-sigma * length * thick)
+        deep = sigma * length * thick
+        absorbed = -np.expm1(-deep)
         with np.errstate(divide="ignore", invalid="ignore"):
             after = state[:, :3] + (state[:, 3] * absorbed / sigma)[:, None] * color
+            crossing = s - thick + thick * np.log(state[:, 3] / HALF) / deep
+        crosses = seen & (state[:, 3] > HALF) & (state[:, 3] * (1.0 - absorbed) <= HALF)
+        half = np.where(crosses, crossing, half)
         state = np.where(seen[:, None], np.column_stack((after, state[:, 3] * (1.0 - absorbed))), state)
-    return state
+    return state, half

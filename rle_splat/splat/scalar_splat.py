@@ -14,7 +14,7 @@ from .arguments import ScalarTables, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
-from .scalar_rays import CORNERS, RayList, trace_rays
+from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
 from .scalar_rays_numpy import trace_rays_numpy
 from .scalar_sheets import splat_scalar_rows
 from .scalar_sheets_numpy import splat_scalar_sheets_numpy
@@ -30,7 +30,7 @@ def scalar_splat_steps(
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
     """
-    look = _look(encoded, table)
+    look = _look(table, encoded.centre)
     if absorbs:
         look = *(np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums)), *look[2:]
     around = None if mist is None else mist_rays(plane, mist)
@@ -66,14 +66,14 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     return image
 
 
-def _from_centre(encoded: ScalarVolume, *stored) -> list:
-    return [np.float32(min(max(value - encoded.centre, -1e38), 1e38)) for value in stored]
+def _from_centre(centre: float, *stored) -> list:
+    return [np.float32(min(max(value - centre, -1e38), 1e38)) for value in stored]
 
 
-def _look(encoded: ScalarVolume, table: ValueTable) -> tuple:
-    """The value table as kernels take it."""
+def _look(table: ValueTable, centre: float) -> tuple:
+    """The value table as kernels take it, for stored values less ``centre``."""
     least, low, high, nearest, furthest, origin = _from_centre(
-        encoded, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
+        centre, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
     )
     return (
         table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high, nearest,
@@ -88,9 +88,9 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
     )
 
 
-def _light_planes(encoded: ScalarVolume) -> tuple[tuple, tuple]:
+def _light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
     """The planes of light and of highlight, as kernels take them."""
-    shining = 0 if encoded.lights is None else encoded.lights.shape[1] - encoded.thinned
+    shining = 0 if lights is None else lights.shape[1] - thinned
     return light_planes(shining) if shining else ((), ())
 
 
@@ -100,7 +100,7 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    matt, gloss = _light_planes(encoded)
+    matt, gloss = _light_planes(encoded.lights, encoded.thinned)
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
     thinning = (channels,) if encoded.thinned else ()
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
@@ -117,20 +117,21 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
 
 
 def scalar_trace(
-    encoded: ScalarVolume, table: ValueTable, rays: RayList, sign: int, slabs: int, quality: Quality
-) -> np.ndarray:
-    """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least.
+    voxels: RowVoxels, centre: float, table: ValueTable, rays: RayList, slabs: int, quality: Quality
+) -> tuple[np.ndarray, np.ndarray]:
+    """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
+    them half is absorbed (n,) float64, inf where less is.
 
-    ``sign``: +1 or -1, which way they go along the principal axis of the tables.
+    ``centre``: what was taken from the stored values.  No extinction is thinned.
     """
-    look, (matt, gloss) = _look(encoded, table), _light_planes(encoded)
+    look, (matt, gloss) = _look(table, centre), _light_planes(voxels.lights, False)
     least = max(quality.termination, OPAQUE)
-    out = np.zeros((len(rays.enter), 4), np.float32)
-    arguments = (_tables(encoded), rays, float(sign), look, matt, gloss, slabs, least)
+    out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
+    arguments = (voxels, rays, look, matt, gloss, slabs, least)
     if not compiled(quality.backend):
-        trace_rays_numpy(*arguments, out)
-        return out
-    corners = np.empty((len(out), CORNERS * (1 + len(matt) + len(gloss))), np.float32)
+        trace_rays_numpy(*arguments, out, half)
+        return out, half
+    cubics = np.empty((len(out), POWERS * (len(matt) + len(gloss))))
     with parallel_call(quality.threads):
-        trace_rays(*arguments, corners, out)
-    return out
+        trace_rays(*arguments, cubics, out, half)
+    return out, half

@@ -44,9 +44,9 @@ class IndexView:
         columns, rows = np.broadcast_arrays(np.asarray(columns, float), np.asarray(rows, float))
         if self.is_parallel:
             return np.broadcast_to(-self.eye[:3], (*columns.shape, 3))
-        square = self.projection[:, :3]
-        pixels = np.stack((columns, rows, np.ones_like(columns)), axis=-1)
-        return pixels @ (np.linalg.inv(square).T)
+        # Element by element: the bits of a matrix product depend on its size.
+        inverse = np.linalg.inv(self.projection[:, :3])
+        return np.stack([row[0] * columns + row[1] * rows + row[2] for row in inverse], axis=-1)
 
 
 def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: int) -> IndexView:

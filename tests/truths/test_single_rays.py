@@ -13,8 +13,9 @@ from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.kept import Kept
-from rle_splat.retrace import can_retrace, retrace_steps
+from rle_splat.retrace import retrace_steps
 from rle_splat.scene import Light, Quality
+from rle_splat.single_rays import can_trace
 from rle_splat.steps import drain
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -90,9 +91,9 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
 
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
     scene = stage.on_turntable(waves(), size=SIZE, transfer_function=LOOKS["wide"])
-    assert can_retrace(scene, POST) and can_retrace(replace(scene, triangles=np.empty((0, 3, 3))), POST)
+    assert can_trace(scene, POST) and can_trace(replace(scene, triangles=np.empty((0, 3, 3))), POST)
     triangle = np.array([[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]])
-    assert not can_retrace(replace(scene, triangles=triangle), POST)
-    assert not can_retrace(scene, Quality(classification="pre"))
-    assert not can_retrace(scene, Quality(classification="refined"))
-    assert not can_retrace(replace(scene, volume=stage.volume(waves()[:1])), POST)
+    assert not can_trace(replace(scene, triangles=triangle), POST)
+    assert not can_trace(scene, Quality(classification="pre"))
+    assert not can_trace(scene, Quality(classification="refined"))
+    assert not can_trace(replace(scene, volume=stage.volume(waves()[:1])), POST)

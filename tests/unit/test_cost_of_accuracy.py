@@ -115,7 +115,7 @@ def test_plans_for_tolerances_say_what_was_predicted(scene):
 
 
 def test_plans_for_tolerances_have_the_rays_that_keep_them(scene):
-    base = Quality(classification="post", backend="numpy")
+    base = Quality(classification="post", backend="numpy", rays=0.0)
     report = drain(sweep_steps(scene, [base], base, probes=200, repeats=1, tolerances=(0.5,))).report
     strict, plain = (next(e for e in report["plans"] if bool(e["predicted"]) == wished) for wished in (True, False))
     assert strict["error"]["largest"] <= 0.5 < plain["error"]["largest"]

@@ -56,6 +56,7 @@ FLOORS = {
     "rle_splat.render": 10,
     "rle_splat.encode_scene": 11,
     "rle_splat.shadow_pass": 11,
+    "rle_splat.single_rays": 9.5,
     "rle_splat.retrace": 10,
     "rle_splat.judge": 10.5,
     "rle_splat.cost_of_accuracy": 11,

@@ -17,7 +17,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from tests.unit.test_memory import traced
 
-QUALITY = Quality(classification="post", depth_rule="slice", sheet_density=0.7, warp_filter="bilinear")
+QUALITY = Quality(classification="post", depth_rule="slice", sheet_density=0.7, warp_filter="bilinear", rays=0.05)
 SUN = Light("SUN", energy=3.0, matrix_world=np.array([[1, 0, 0, 0], [0, 0.8, -0.6, 0], [0, 0.6, 0.8, 0], [0, 0, 0, 1]]))
 MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
 FUNCTION = TransferFunction(
@@ -63,7 +63,7 @@ SPLIT = shown((85, 0.0), (90, 0.4), (100, 0.0), (150, 0.0), (155, 0.9), (160, 0.
 HIDING = shown((80, 0.0))
 WARMER = replace(FUNCTION, color=((80, 1.0, 0.1, 0.0), (250, 1.0, 0.8, 0.2)))
 LIT = dict(lights=(SUN,))
-ALL_BUT_BLOCKS = {"relevant", "normals", "light", "lights", "runs", "scalars", "table"}
+ALL_BUT_BLOCKS = {"relevant", "normals", "light", "lights", "runs", "scalars", "table", "bricks"}
 EDITS = {  # edited, first, stages
     "camera, matt under a sun": (dict(azimuth=24, function=MATT_FUNCTION, **LIT), dict(function=MATT_FUNCTION, **LIT),
                                  set()),
@@ -79,9 +79,10 @@ EDITS = {  # edited, first, stages
     "fewer values shown": (dict(function=NARROWER, **LIT), LIT, {"table"}),
     "steps within": (dict(function=STEPS, **LIT), LIT, {"table"}),
     "two ranges within": (dict(function=SPLIT, **LIT), LIT, {"table"}),
-    "nothing shown": (dict(function=HIDING, **LIT), LIT, ALL_BUT_BLOCKS),  # nothing is worth keeping for nothing
+    # Nothing is worth keeping for nothing.
+    "nothing shown": (dict(function=HIDING, **LIT), LIT, ALL_BUT_BLOCKS - {"bricks"}),
     "more values shown": (dict(function=WIDER, **LIT), LIT, ALL_BUT_BLOCKS),
-    "more values shown, unlit": (dict(function=WIDER), dict(), {"relevant", "runs", "scalars", "table"}),
+    "more values shown, unlit": (dict(function=WIDER), dict(), {"relevant", "runs", "scalars", "table", "bricks"}),
     "another principal axis": (dict(azimuth=70, function=MATT_FUNCTION, **LIT), dict(function=MATT_FUNCTION, **LIT),
                                {"runs", "scalars", "lights"}),
 }  # fmt: skip
@@ -143,7 +144,8 @@ def test_going_back_costs_nothing_and_equal_voxels_are_the_same_content():
             lit = scene(function=function, lights=(replace(SUN, energy=energy),), volume=ball())
             render(lit, QUALITY, kept=kept)
     assert kept.made == {
-        "blocks": 1, "relevant": 1, "normals": 1, "runs": 1, "scalars": 1, "light": 2, "lights": 2, "table": 2
+        "blocks": 1, "relevant": 1, "normals": 1, "runs": 1, "scalars": 1, "light": 2, "lights": 2, "table": 2,
+        "bricks": 1,
     }
 
 

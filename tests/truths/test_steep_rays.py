@@ -1,0 +1,148 @@
+"""Proves that the single rays of a quality go where its picture is steepest and make it better there: they are the
+truth T2 up to their slabs, all else is as without them; a crop, any number of threads and numpy give the same; what
+rays know nothing of is left alone; and the report says how many there were."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.metrics import LEVEL
+from rle_splat.accuracy.truths import truth
+from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
+from rle_splat.kept import Kept
+from rle_splat.render import render
+from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Quality, RleSplatError
+from rle_splat.warp.steep import steep_pixels
+
+PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
+SIZE, STEEP = (72, 64), 0.3
+COLORS = ((0.0, 0.9, 0.3, 0.1), (0.6, 0.2, 0.8, 0.3), (1.0, 0.3, 0.4, 1.0))
+BONE = TransferFunction("bone", None, ((0.45, 0.0), (0.55, 0.9), (1.0, 0.95)), COLORS, 1.0, None)
+POST = Quality(rays=STEEP, sheet_density=1.0, termination=1e-6)
+
+
+@cache
+def knots():
+    """A field whose surfaces are opaque, bent, and cut by the volume's faces; some of it is no number."""
+    z, y, x = np.mgrid[:18, :20, :22].astype(np.float64)
+    field = 0.5 + 0.5 * np.sin(0.5 * x + 0.3 * y) * np.cos(0.45 * y - 0.6 * z + 0.3) * np.cos(0.2 * x * z / 9.0)
+    field[4, 5, 6:9] = np.nan
+    return field.astype(np.float32)
+
+
+def scene_of(stage, perspective=False, **more):
+    return stage.on_turntable(
+        knots(), perspective=perspective, size=SIZE, fit=0.9, **{"transfer_function": BONE, **more}
+    )
+
+
+def without(quality):
+    return replace(quality, rays=NO_RAYS)
+
+
+@PROJECTIONS
+@pytest.mark.parametrize("name, slabs", (("standard", 4), ("fine", 4), ("strict", 8)))
+def test_steep_pixels_are_the_truth_and_others_as_they_were(stage, name, slabs, perspective):
+    scene, quality = scene_of(stage, perspective), replace(Quality.preset(name), rays=STEEP)
+    before, after = render(scene, without(quality)), render(scene, quality)
+    steep = steep_pixels(before.rgba, STEEP).astype(bool)
+    assert 0.01 < steep.mean() < 0.9
+    assert (after.rgba[~steep] == before.rgba[~steep]).all() and (after.depth[~steep] == before.depth[~steep]).all()
+    true = truth(scene, "T2", tolerance=1e-8)[0].reshape(before.rgba.shape)
+    errors = [np.sqrt(((rendering.rgba - true)[steep] ** 2).mean()) / LEVEL for rendering in (before, after)]
+    assert errors[1] < 0.5 and errors[1] < 0.5 * errors[0], errors
+    assert after.report["rays"] == {"pixels": steep.sum(), "share": steep.mean(), "slabs": slabs}
+    assert after.report["stages_ms"]["rays"] > 0.0 and after.report["plan"]["rays"] == STEEP
+    assert before.report["rays"]["pixels"] == 0 and before.report["stages_ms"]["rays"] == 0.0
+
+
+@PROJECTIONS
+def test_a_crop_is_the_same_part_of_the_picture(stage, perspective):
+    scene = scene_of(stage, perspective, headlight=True)
+    whole, kept = render(scene, POST), Kept()
+    crops = (0, 0, 9, 64), (23, 17, 60, 44), (31, 30, 32, 31), (60, 50, 72, 64), (1, 1, 71, 63)
+    for left, top, right, bottom in crops:
+        part = render(replace(scene, crop=(left, top, right, bottom)), POST, kept=kept)
+        assert (part.rgba == whole.rgba[top:bottom, left:right]).all()
+        assert (part.depth == whole.depth[top:bottom, left:right]).all()
+        assert part.report["image"]["crop"] == [left, top, right, bottom]
+
+
+@PROJECTIONS
+@pytest.mark.parametrize("lit", (False, True), ids=("unlit", "lit"))
+def test_the_same_with_any_number_of_threads_and_without_numba(stage, lit, perspective):
+    more = {}
+    if lit:
+        shade = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.0)
+        lights = (Light(energy=2.0, color=(1.0, 0.6, 0.3), matrix_world=np.diag((1.0, -1.0, -1.0, 1.0))),)
+        more = {"transfer_function": replace(BONE, shade=shade), "lights": lights}
+    scene = scene_of(stage, perspective, **more)
+    found = render(scene, POST)
+    one = render(scene, replace(POST, threads=1))
+    assert (found.rgba == one.rgba).all() and (found.depth == one.depth).all()
+    twin = render(scene, replace(POST, backend="numpy"))
+    assert twin.report["rays"] == found.report["rays"] and found.report["rays"]["pixels"] > 50
+    steep = steep_pixels(render(scene, without(POST)).rgba, STEEP).astype(bool)
+    assert np.abs(twin.rgba - found.rgba)[steep].max() < 4e-6
+    assert ((twin.depth == NO_DEPTH) == (found.depth == NO_DEPTH))[steep].all()
+    assert np.abs(twin.depth - found.depth)[steep & (found.depth != NO_DEPTH)].max() < 1e-4
+
+
+@PROJECTIONS
+def test_depths_of_rays_are_where_half_is_absorbed(stage, perspective):
+    scene = scene_of(stage, perspective)
+    everywhere = render(scene, replace(POST, rays=1e-9))
+    depth = truth(scene, "T2", tolerance=1e-8)[1].reshape(everywhere.depth.shape)
+    traced = steep_pixels(render(scene, without(POST)).rgba, 1e-9).astype(bool)
+    both = traced & (depth != NO_DEPTH) & (everywhere.depth != NO_DEPTH)
+    # Where hardly anything is absorbed about the half, a hair's breadth of light decides which surface it is.
+    assert both.sum() > 500 and np.quantile(np.abs(everywhere.depth - depth)[both], 0.95) < 0.05
+    assert ((depth == NO_DEPTH) != (everywhere.depth == NO_DEPTH))[traced].mean() < 0.005
+
+
+def test_what_was_shown_before_does_not_change_a_picture(stage):
+    kept = Kept()
+    wide = replace(BONE, name="wide", opacity=((0.1, 0.0), (0.3, 0.5), (1.0, 0.9)))
+    quality = replace(POST, depth_rule="gauss2")
+    render(scene_of(stage, transfer_function=wide), quality, kept=kept)
+    again = render(scene_of(stage), quality, kept=kept)
+    assert (again.rgba == render(scene_of(stage), quality).rgba).all()
+
+
+@pytest.mark.parametrize("change", ("mesh", "clip", "mode", "gradients"))
+def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage, change):
+    scene = scene_of(stage)
+    box = Clip(matrix_world=np.diag((4.0, 4.0, 4.0, 1.0)))
+    triangle = np.array([[(-9.0, 0.0, -9.0), (9.0, 0.0, -9.0), (0.0, 0.0, 9.0)]])
+    steep = replace(BONE, gradient_opacity=GradientOpacity(0.05, 0.3))
+    changes = {
+        "mesh": {"triangles": triangle}, "clip": {"clips": (box,)}, "mode": {"mode": "xray"},
+        "gradients": {"transfer_function": steep},
+    }  # fmt: skip
+    changed = replace(scene, **changes[change])
+    rendering = render(changed, POST)
+    assert rendering.report["rays"]["pixels"] == 0
+    assert (rendering.rgba == render(changed, without(POST)).rgba).all()
+    assert (rendering.rgba != render(scene, POST).rgba).any()
+
+
+def test_rays_are_of_post_alone():
+    assert Quality.preset("strict").classified("pre").rays == NO_RAYS
+    assert replace(POST, depth_rule="simpson", name="custom").classified("refined").rays == NO_RAYS
+    for wrong in ({"classification": "pre", "rays": 0.5}, {"rays": -0.1}, {"rays": np.nan}):
+        with pytest.raises(RleSplatError):
+            Quality(**wrong)
+
+
+def test_steep_pixels_are_those_of_which_neighbours_differ():
+    random = np.random.default_rng(3)
+    for shape in ((1, 1), (1, 7), (9, 2), (33, 70)):
+        rgba = random.random((*shape, 4)).astype(np.float32) ** 3
+        expected = np.zeros(shape, np.uint8)
+        for row, column in np.ndindex(shape):
+            around = rgba[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].reshape(-1, 4)
+            expected[row, column] = (around.max(axis=0) - around.min(axis=0) >= np.float32(0.6)).any()
+        for backend in ("numba", "numpy"):
+            assert (steep_pixels(rgba, 0.6, backend) == expected).all()
