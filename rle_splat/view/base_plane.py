@@ -7,6 +7,7 @@ one-dimensional convolution: the claim the paper rests on.  One homography then 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -28,6 +29,7 @@ DENSEST_CORNER = 2.0
 # whole plane are handled together in the window.
 ALIGNED = 16
 SHORT = 1e-6  # a side of a polygon, of its longest
+SLANTED = 1e-9  # of sides and of how far corners are from them, what is put down to rounding
 OFFSET_BITS = 51  # of a float's 53: room for a whole plane's pixels to be added twice
 
 
@@ -155,42 +157,48 @@ def _seen_through(homography: np.ndarray, polygon: np.ndarray, left, top, right,
     return polygon
 
 
-def _sides(polygon: np.ndarray) -> np.ndarray:
-    """(n, 3) half-planes ``side @ (X, Y, 1) >= 0`` whose common part a convex polygon, anticlockwise, is."""
-    (x, y), (dx, dy) = polygon.T, (np.roll(polygon, -1, axis=0) - polygon).T
-    lengths = np.hypot(dx, dy)
+def _sides(polygon: list) -> list:
+    """Half-planes (a, b, c), where ``a X + b Y + c >= 0``, whose common part a convex polygon, anticlockwise, is."""
+    edges = [(x, y, u - x, v - y) for (x, y), (u, v) in zip(polygon, (*polygon[1:], polygon[0]))]
+    longest = max(math.hypot(dx, dy) for *_, dx, dy in edges)
     # Corners that rounding alone sets apart give no direction.
-    return np.stack((-dy, dx, dy * x - dx * y), axis=1)[lengths > SHORT * lengths.max()]
+    return [(-dy, dx, dy * x - dx * y) for x, y, dx, dy in edges if math.hypot(dx, dy) > SHORT * longest]
 
 
-def _slanted_sides(rectangles: np.ndarray) -> np.ndarray:
-    """(n, 3) half-planes: what the smallest convex outline of two upright rectangles has besides upright sides.
-
-    ``rectangles``: (2, 2, 2), of each the lowest corner and the highest.
-    """
-    one, two = (np.array([(low[0], low[1]), (high[0], low[1]), high, (low[0], high[1])]) for low, high in rectangles)
+def _slanted_sides(one: list, two: list) -> list:
+    """Half-planes, as of ``_sides``: what the smallest convex outline of two upright rectangles, each its four corners
+    in the same order, has besides upright sides."""
     found = []
-    for (x, y), (dx, dy) in zip(one, two - one):  # from each corner to the same one of the other
-        side = np.array((-dy, dx, dy * x - dx * y))
-        places = np.concatenate((one, two)) @ side[:2] + side[2]
-        slack = 1e-9 * np.abs(places).max()
-        for sign in (1.0, -1.0):
-            if slack > 0.0 and (sign * places >= -slack).all():
-                found.append(sign * side)
-    return np.array(found).reshape(-1, 3)
+    for (x, y), (u, v) in zip(one, two):
+        a, b, c = y - v, u - x, (v - y) * x - (u - x) * y
+        places = [a * x + b * y + c for x, y in (*one, *two)]
+        least, most = min(places), max(places)
+        slack = SLANTED * max(-least, most)
+        if slack > 0.0 and (least >= -slack or most <= slack):
+            found.append((a, b, c) if least >= -slack else (-a, -b, -c))
+    return found
 
 
-def _columns_within(sides: np.ndarray, origin, width: int, height: int) -> np.ndarray:
-    """(2, H) int64: see ``BasePlane.seen``.  ``sides``: half-planes ``side @ (u, v, 1) >= 0`` in pixels by their
-    numbers, of which the first are ``origin``."""
-    along, across, least = sides.T[:, :, None]
-    row = across * (np.arange(height) + origin[1]) + least
-    left, right, level = (np.flatnonzero(which) for which in (along > 0.0, along < 0.0, along == 0.0))
+def _columns_within(sides: list, origin, width: int, height: int) -> np.ndarray:
+    """(2, H) int64: see ``BasePlane.seen``.  ``sides``: half-planes as of ``_sides``, in pixels by their numbers, of
+    which the first are ``origin``."""
+    rows = np.arange(height) + origin[1]
+    left, right = [(0.0, float(origin[0]))], [(0.0, origin[0] + width - 1.0)]  # slope and column of the first row
     columns = np.empty((2, height))
-    columns[0] = np.ceil((-row[left] / along[left]).max(axis=0, initial=origin[0])) - origin[0]
-    columns[1] = np.floor((-row[right] / along[right]).min(axis=0, initial=origin[0] + width - 1.0)) + 1.0 - origin[0]
-    columns[1, (row[level] < 0.0).any(axis=0)] = 0.0
-    return np.clip(columns, 0, width).astype(np.int64)
+    level = []
+    for a, b, c in sides:
+        if abs(a) <= SLANTED * abs(b):  # along the rows: it leaves all of a row or nothing
+            level.append(b * rows + c < 0.0)
+        else:
+            (left if a > 0.0 else right).append((-b / a, -c / a))
+    for n, (ends, reduce, whole) in enumerate(((left, np.maximum, np.ceil), (right, np.minimum, np.floor))):
+        slopes, firsts = np.array(ends).T[:, :, None]
+        whole(reduce.reduce(slopes * rows + firsts, axis=0), out=columns[n])
+    columns[1] += 1.0
+    for outside in level:
+        columns[1, outside] = columns[0, outside]
+    columns -= origin[0]
+    return columns.clip(0, width).astype(np.int64)
 
 
 def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
@@ -269,11 +277,12 @@ def base_plane(
     first = np.floor(polygon.min(axis=0) * density).astype(np.int64) - MARGIN
     last = np.ceil(polygon.max(axis=0) * density).astype(np.int64) + MARGIN
     size = last - first + 1
-    sides = np.empty((0, 3))
+    sides = []
     if reach is not None:
-        sides = np.concatenate((_sides(polygon), _outline(view, axes, sign, reference, sheets, counts, radius)))
-        sides[:, :2] /= density
-        sides[:, 2] += (reach + MARGIN) * np.abs(sides[:, :2]).sum(axis=1)
+        outline = _outline(view, axes, sign, reference, sheets, counts, radius)
+        for a, b, c in _sides(polygon.tolist()) + outline:
+            a, b = a / density[0], b / density[1]
+            sides.append((a, b, c + (reach + MARGIN) * (abs(a) + abs(b))))
     seen = _columns_within(sides, first, int(size[0]), int(size[1]))
     scales = scale[:, None] * density
     lands = np.stack((move_x, move_y), axis=1) * density
@@ -284,15 +293,18 @@ def base_plane(
     )
 
 
-def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> np.ndarray:
-    """(n, 3) half-planes: the slanted sides of what the volume covers on the plane, with footprints of ``radius`` around
-    its ``counts`` voxels; none where the eye is so near that its nearest slice has no end."""
-    nearest, furthest = sign * float(sheets.begin[0]), sign * float(max(sheets.end[-1], sheets.far[-1]))
-    if not view.is_parallel and sign * (nearest - view.eye[axes[2]]) < 1.0:
-        return np.empty((0, 3))
-    scale, *moves = _slice_map(view, axes, reference, np.array((nearest, furthest)))
-    low = np.stack(moves, axis=1) - radius * scale[:, None]
-    return _slanted_sides(np.stack((low, low + (counts[:2] - 1.0 + 2.0 * radius) * scale[:, None]), axis=1))
+def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> list:
+    """Half-planes, as of ``_sides``: the slanted sides of what the volume covers on the plane, with footprints of
+    ``radius`` around its ``counts`` voxels; none where the eye is so near that its nearest slice has no end."""
+    ends = sheets.begin[0], max(sheets.end[-1], sheets.far[-1])
+    if not view.is_parallel and ends[0] - sign * view.eye[axes[2]] < 1.0:
+        return []
+    rectangles = []
+    for scale, *moves in zip(*(each.tolist() for each in _slice_map(view, axes, reference, sign * np.array(ends)))):
+        left, top = (move - radius * scale for move in moves)
+        right, bottom = (move + (count - 1.0 + radius) * scale for move, count in zip(moves, counts.tolist()))
+        rectangles.append([(left, top), (right, top), (right, bottom), (left, bottom)])
+    return _slanted_sides(*rectangles)
 
 
 def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) -> np.ndarray:
