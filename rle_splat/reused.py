@@ -65,4 +65,11 @@ def _memory(size: int) -> np.ndarray:
         if memory.size == whole:
             return memory
         _Loan.idle.append(memory)
+    # What fits nothing goes back first: the system is quicker to give that away again than what was never used.
+    given_back = 0
+    while given_back < whole and _Loan.idle:
+        try:
+            given_back += _Loan.idle.popleft().size
+        except IndexError:
+            break
     return np.empty(whole, np.uint8)

@@ -66,6 +66,14 @@ def test_little_is_held_that_no_array_uses(monkeypatch):
     assert too_large.base is None
 
 
+def test_what_does_not_fit_goes_back_before_more_is_taken():
+    arrays = [reused.empty(n * reused.LEAST, np.uint8) for n in (1, 1, 1, 4)]
+    while arrays:
+        arrays.pop(0)
+    last = reused.empty(2 * reused.LEAST, np.uint8)
+    assert [memory.size // reused.LEAST for memory in reused._Loan.idle] == [1, 4] and last.size == 2 * reused.LEAST
+
+
 def test_a_store_that_is_emptied_gives_everything_back():
     kept = Kept()
     job = kept.job()
