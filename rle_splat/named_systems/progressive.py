@@ -46,7 +46,7 @@ MOST_NODES, LEAST_SIDE = 1 << 20, 32
 # A preview's own knobs: its nodes are many pixels wide, so that half of the sheet's pixels tell them apart.
 KNOBS = dict(
     classification="pre", depth_rule="slice", sheet_density=0.5, kernel="tent", minification="off", warp_filter="cubic",
-    termination=1 / 256, record=16, axis_fade=0.0,
+    termination=1 / 256, record=16, axis_fade=0.0, rays=0.0,
 )
 SMALLEST_SHARE = 1e-4  # of its error that a node absorbs at least: only what absorbs at all is encoded
 
