@@ -27,8 +27,22 @@ if numba is not None:
 
         return types.int64(types.uint64), generate
 
+    @intrinsic
+    def eight_bytes(typing, row, at):
+        """Eight bytes of a row of bytes (n,), from number ``at`` on, as one number.  (A view of the row would have
+        numba compile two functions more.)"""
+
+        def generate(context, builder, signature, arguments):
+            data = context.make_array(row)(context, builder, arguments[0]).data
+            place = builder.gep(data, [arguments[1]])
+            return builder.load(builder.bitcast(place, ir.IntType(64).as_pointer()), align=1)
+
+        return types.uint64(row, types.intp), generate
+
 else:  # never called: callers take the numpy twin
 
     def lowest_bit(word): ...
 
     def count_bits(word): ...
+
+    def eight_bytes(row, at): ...

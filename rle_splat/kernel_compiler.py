@@ -17,6 +17,8 @@ from numba import _dynfunc
 from numba.core import cgutils, ir, types
 from numba.core.compiler import Compiler, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import FunctionPass, LoweringPass, register_pass
+from numba.core.postproc import PostProcessor, VariableLifetime
+from numba.core.transforms import canonicalize_cfg
 from numba.core.typed_passes import NativeLowering, NopythonRewrites, NopythonTypeInference
 from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import intrinsic
@@ -45,6 +47,31 @@ def _collector_paused():
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()
+
+
+@contextmanager
+def _analysed_when_asked():
+    """numba looks for what variables live where after each of its passes; only the last one's answers are used.
+
+    Answers for all but generators are found when they are asked for; where variables end, which is what the last pass
+    asks, at once.  numba's lock lets one thread compile at a time, so nobody else meets this.
+    """
+    at_once = PostProcessor.run
+
+    def run(self, emit_dels=False, extend_lifetimes=False):
+        function = self.func_ir
+        if emit_dels or function.is_generator:
+            at_once(self, emit_dels, extend_lifetimes)
+            return
+        function.blocks = canonicalize_cfg(function.blocks)
+        function.variable_lifetime = VariableLifetime(function.blocks)
+        function.generator_info = None
+
+    PostProcessor.run = run
+    try:
+        yield
+    finally:
+        PostProcessor.run = at_once
 
 
 class _Options(Flags):
@@ -219,7 +246,7 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, func):
         self.state.flags = _Options(self.state.flags)
-        with _collector_paused():
+        with _collector_paused(), _analysed_when_asked():
             return super().compile_extra(func)
 
     def define_pipelines(self):

@@ -267,17 +267,24 @@ class PlainLower(Lower):
         places = [index[0] if isinstance(index, tuple) else index for index in indices]
         data = array.part("data")
         if array.kind.layout == "C":
-            place = places[0]
-            for axis in range(1, array.kind.ndim):
-                place = build.mul(place, array.part("shape", axis))
-                if axis < len(places) and not _is_constant(places[axis], 0):
-                    place = build.add(place, places[axis])
-            return build.gep(data, [place])
+            return build.gep(data, [self._place_in_row(array, places)])
         offset = None
         for axis, place in enumerate(places):
             step = build.mul(array.part("strides", axis), place)
             offset = step if offset is None else build.add(offset, step)
         return cgutils.pointer_add(build, data, offset)
+
+    def _place_in_row(self, array, places):
+        """The number of an element among all of an array without gaps; what does not change in a loop is not in it."""
+        build, place, step = self.builder, None, None
+        for axis in reversed(range(array.kind.ndim)):
+            if axis < len(places) and not _is_constant(places[axis], 0):
+                further = places[axis] if step is None else build.mul(places[axis], step)
+                place = further if place is None else build.add(further, place)
+            if axis > 0:
+                size = array.part("shape", axis)
+                step = size if step is None else build.mul(size, step)
+        return INTP(0) if place is None else place
 
     def _item(self, resty, variable, index_variable, signature):
         """An element or a view of an array; None when the index is not plain."""

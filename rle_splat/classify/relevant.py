@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bits import count_bits, lowest_bit
+from ..bits import count_bits, eight_bytes, lowest_bit
 from ..jit import compiled, kernel, parallel_call, read_only
 from ..parallel import share_out
 from ..reused import empty
@@ -215,7 +215,7 @@ def _mark_rows(begin, end, voxels, first, near, ends, bits):
         if some:
             for z in range(z0, z1):
                 for y in range(y0, y1):
-                    _pack(kept[z - z0, y - y0].view(np.uint64), bits[z * n_y + y])
+                    _pack(kept[z - z0, y - y0], bits[z * n_y + y])
 
 
 @kernel(inner=True, exact=True)
@@ -257,13 +257,13 @@ def _keep_corners(seen, kept):
 
 
 @kernel(inline="always")
-def _pack(eights, bits):
+def _pack(kept, bits):
     """Bytes of 0 and 1, eight at a time as one number (little-endian), to bits."""
     gather = np.uint64(0x0102040810204080)
     for word in range(bits.size):
         packed = NO_BITS
         for part in range(8):
-            packed |= ((eights[8 * word + part] * gather) >> np.uint64(56)) << np.uint64(8 * part)
+            packed |= ((eight_bytes(kept, 8 * (8 * word + part)) * gather) >> np.uint64(56)) << np.uint64(8 * part)
         bits[word] = packed
 
 

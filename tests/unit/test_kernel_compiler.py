@@ -16,7 +16,8 @@ from rle_splat.jit import compiled, inner_loop, kernel
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from numba.core import event
+from numba.core import analysis, event
+from numba.core.postproc import PostProcessor
 from numba.core.typing.context import BaseContext
 from numba.extending import overload
 
@@ -178,3 +179,24 @@ def test_an_inner_loop_is_only_ever_linked_in():
     with compiled_functions() as names:
         assert quadrupled(3.0) == 12.0
     assert sorted(names) == ["doubled", "quadrupled"]
+
+
+def test_where_variables_end_is_looked_for_once(monkeypatch):
+    looked = []
+    dead_maps = analysis.compute_dead_maps
+
+    def counted(*arguments):
+        looked.append(arguments)
+        return dead_maps(*arguments)
+
+    monkeypatch.setattr(analysis, "compute_dead_maps", counted)
+    ordinary = PostProcessor.run
+
+    @kernel
+    def halves(values):
+        for i in range(values.size):
+            values[i] *= 0.5 if values[i] > 1.0 else 2.0
+        return values
+
+    assert halves(np.array([4.0, 1.0])).tolist() == [2.0, 2.0]
+    assert len(looked) == 1 and PostProcessor.run is ordinary
