@@ -19,7 +19,8 @@ QUALITY_PRESETS = {
         "pre": ("slice", 0.7, "bilinear", 1 / 256, NO_RAYS), "post": ("slice-2", 0.4, "bilinear", 1 / 256, NO_RAYS),
     },
     "standard": {
-        "pre": ("simpson", 1.0, "cubic", 1 / 1024, NO_RAYS), "post": ("preintegrated", 1.0, "cubic", 1 / 1024, 0.8),
+        "pre": ("simpson", 1.0, "cubic", 1 / 1024, NO_RAYS),
+        "post": ("preintegrated", 1.0, "cubic", 1 / 1024, NO_RAYS),
     },
     "fine": {
         "pre": ("simpson", 1.5, "cubic", 1 / 2048, NO_RAYS), "post": ("gauss2", 1.25, "cubic", 1 / 2048, 0.6),

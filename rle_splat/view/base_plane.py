@@ -23,8 +23,8 @@ from .footprints import FOOTPRINTS, Footprint
 # Sheet pixels beyond what is seen, so that the warp's filter never misses a neighbour.
 MARGIN = 3
 # In strong perspective the densest corner does not decide the density of the whole sheet: it may ask for so many times
-# what the middle does, and of sheets coarser than the picture, which are to be quick, for less in proportion.
-DENSEST_CORNER = 2.0
+# what the middle does.  Of sheets coarser than this, which are there to be quick, it asks for no more than the middle.
+DENSEST_CORNER, QUICK = 2.0, 0.5
 
 # Windows of a plane begin at a multiple of so many of its pixels, so that pixels which are handled together in the
 # whole plane are handled together in the window.
@@ -318,5 +318,5 @@ def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) 
     for d in range(2):  # image pixels per voxel along X, along Y, at each point
         h = homography[:, d]
         stretch[d] = np.hypot(h[0] * c - a * h[2], h[1] * c - b * h[2]) / c**2
-    cap = max(DENSEST_CORNER * min(sheet_density, 1.0), 1.0)
+    cap = DENSEST_CORNER if sheet_density >= QUICK else 1.0
     return sheet_density * np.minimum(stretch.max(axis=1), cap * stretch[:, -1])

@@ -78,6 +78,17 @@ def test_a_plain_unlit_scene_runs_these_kernels_and_no_other(classification):
 
 
 @needs_kernels
+def test_single_rays_are_what_a_quality_that_has_them_adds():
+    """The default has none, and its first picture does not wait for their kernels."""
+    knobs = dict(depth_rule="preintegrated", sheet_density=1.0, termination=1 / 1024)
+    stages, kernels = worked(scene_of(), "post", **knobs, rays=0.1)
+    assert Quality().rays == 0.0 < Quality.preset("fine").rays
+    assert stages - STAGES["post"] == {"bricks"} and stages >= STAGES["post"]
+    assert kernels - KERNELS["post"] == {"splat.scalar_rays.trace_rays", "warp.steep._mark_steep"}
+    assert worked(scene_of(), "post", **knobs, rays=1.1)[0] == STAGES["post"]  # where nothing is as steep
+
+
+@needs_kernels
 @pytest.mark.parametrize("classification", KERNELS)
 @pytest.mark.parametrize("more", [
     {"headlight": True}, {"lights": (Light("SUN"),)}, {"triangles": MESH + (0.0, 500.0, 0.0)},
