@@ -75,7 +75,8 @@ def start(bridge, addon):
         cls = getattr(module, f"RLE_SPLAT_OT_{name}")
         own = {key: value for key, value in vars(cls).items() if callable(value)}
         reports = []
-        stand_in = type("StandIn", (jobs.StepwiseOperator,), {**own, "reports": reports})()
+        bases = tuple(base for base in cls.__bases__ if base is not bpy.types.Operator)
+        stand_in = type("StandIn", bases, {**own, "reports": reports})()
         stand_in.report = lambda kind, sentence: reports.append((kind, sentence))
         stand_in.properties = SimpleNamespace(is_property_set=lambda key: key in properties)
         vars(stand_in).update(properties)
