@@ -29,12 +29,12 @@ def inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end,
     for i in range(count):
         enter, leave = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
         from_, to = max(begin, enter), min(end, leave)
-        inside = (to - from_) / (end - begin)
+        left = to - from_
         if limits is not None:
             for hole in range(2, limits.shape[0], 2):
                 gone = min(to, limits[hole + 1, v, first_pixel + i]) - max(from_, limits[hole, v, first_pixel + i])
-                inside -= max(gone, 0.0) / (end - begin)
-        length_inside[i] = lengths[deep + i] * np.float32(min(max(inside, 0.0), 1.0))
+                left -= max(gone, 0.0)  # of a hole that has all of it nothing is left, not even a rounding
+        length_inside[i] = lengths[deep + i] * np.float32(min(max(left / (end - begin), 0.0), 1.0))
 
 
 @inner_loop(forceinline=True)
