@@ -1,7 +1,7 @@
 """The scratch memory of the sheet-buffer loop, kept between pictures: nothing is allocated inside the loops.
 
 It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all
-pictures share it; a kernel clears what it relies on.
+pictures share it; a kernel clears what it relies on.  Nobody else writes to it: another thread's kernel may be using it.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as lon
 MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
 _KEPT: list[np.ndarray] = []
 WHITE = 2  # channels of a voxel's light and highlight, all colours alike
+REACH = (CACHE_LINE // 8,)  # numbers of it
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
@@ -41,7 +42,8 @@ class Scratch(NamedTuple):
     ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
     and ``row_place`` float64 the row's own position among scanlines.
     ``reach``: first and last shifted voxel touched, and, of the picture so far, how many scanlines were walked and
-    voxels put on a line; ``live`` (n, 2) voxel intervals under pixels not yet opaque.
+    voxels put on a line, which is why it is the picture's own; ``live`` (n, 2) voxel intervals under pixels not yet
+    opaque.
     Rows in blocks of pixels: ``state`` colour and transmittance, in numbers of ``accumulator``, ``length`` of rays,
     ``alive`` (BAND + 1, words) a bit for each block that is not opaque, the last row for the band as a whole,
     ``bright`` (BAND, blocks) pixels above one half.
@@ -101,11 +103,8 @@ def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, bef
         places.append(size)
         size += _whole(rows * math.prod(shape) * np.dtype(kind).itemsize, CACHE_LINE)
     memory = _memory(size)
-    scratch = Scratch(*(
-        np.ndarray((rows, *shape), kind, memory, at) for (*shape, kind), at in zip(shapes.values(), places)
-    ))
-    scratch.reach[:] = 0
-    return scratch
+    shared = (np.ndarray((rows, *shape), kind, memory, at) for (*shape, kind), at in zip(shapes.values(), places))
+    return Scratch(*shared)._replace(reach=np.zeros((rows, *REACH), np.int64))
 
 
 def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) -> int:
@@ -138,7 +137,7 @@ def _shapes(width: int, image_width: int, coarsest, sheets: int, wide, channels:
         "line": (channels * _whole(width + 2 * taps + 3, BLOCK), np.float32),
         "sheet": (channels * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
         "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
-        "reach": (CACHE_LINE // 8, np.int64), "live": (blocks, 2, np.int64),
+        "reach": (*REACH, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),

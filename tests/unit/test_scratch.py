@@ -6,7 +6,7 @@ import pytest
 from rle_splat.jit import compiled
 from rle_splat.render import render
 from rle_splat.scene import Mist, Quality
-from rle_splat.splat import scratch
+from rle_splat.splat import scalar_splat, scratch, splat
 from tests.unit.test_crop import TRIANGLES, bits, scene_of
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
@@ -39,6 +39,31 @@ def test_what_the_scratch_held_before_is_not_seen(name, kind):
         np.testing.assert_array_equal(bits(again.rgba), bits(first.rgba))
         np.testing.assert_array_equal(bits(again.depth), bits(first.depth))
         assert scratch._KEPT[-1] is held
+
+
+@pytest.mark.parametrize("kind", ["ortho", "inside"])
+@pytest.mark.parametrize("name", CASES)
+def test_only_kernels_write_to_the_scratch(monkeypatch, name, kind):
+    """What comes before them may run while another thread's kernel uses it."""
+    quality, more = CASES[name]
+    scene = scene_of(kind, **more)
+    render(scene, quality)
+    held, planes = scratch._KEPT[-1], []
+    held[:] = 0x3F
+
+    def spying(row_steps):
+        def steps(*arguments):
+            assert (held == 0x3F).all()
+            yield from row_steps(*arguments)
+            held[:] = 0x3F
+            planes.append(1)
+
+        return steps
+
+    for module in (splat, scalar_splat):
+        monkeypatch.setattr(module, "row_steps", spying(module.row_steps))
+    render(scene, quality)
+    assert planes and scratch._KEPT[-1] is held
 
 
 def test_the_scratch_grows_and_what_is_too_large_is_not_kept(monkeypatch):
