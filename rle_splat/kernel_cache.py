@@ -54,6 +54,18 @@ class _SealedFiles(IndexDataCacheFile):
         _refuse_damaged(self._data_path(name))
         return super()._load_data(name)
 
+    def save(self, key, data):
+        """Each version of a kernel under a name of its own, and named in the index once it is there.
+
+        numba numbers them: of two processes that compile two versions at once, both may take the same number, and the
+        index then hands out one's machine code for the other's arguments.
+        """
+        versions = self._load_index()
+        digest = hashlib.blake2b(repr(key).encode(), digest_size=8).hexdigest()
+        versions[key] = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
+        self._save_data(versions[key], data)
+        self._save_index(versions)
+
     @contextmanager
     def _open_for_write(self, filepath):
         with super()._open_for_write(filepath) as file:
