@@ -2,12 +2,11 @@
 
 A key names everything a result depends on, so nothing kept can go stale: not by undo, not by loading another
 file.  A job sees what is kept, and hands over what it made only when all of it is done, so a job that was cancelled
-or failed half-way leaves everything as it was.
+or failed half-way leaves everything as it was.  Jobs of several threads may share a store (Blender renders beside its
+window): nothing is relied on to be still there, and nothing is counted but what is.
 """
 
 from __future__ import annotations
-
-from collections import OrderedDict
 
 from .memory import available_bytes, total_bytes
 from .reused import forget
@@ -33,8 +32,7 @@ class Kept:
     def __init__(self, most_bytes: int | None = None):
         self.most_bytes = max(LEAST_BYTES, int(SHARE * total_bytes())) if most_bytes is None else most_bytes
         self.made: dict[str, int] = {}
-        self._results: OrderedDict = OrderedDict()
-        self._bytes = 0
+        self._results: dict = {}  # the least recently used first; looked through in copies
 
     @property
     def keeps(self) -> bool:
@@ -43,12 +41,12 @@ class Kept:
 
     @property
     def nbytes(self) -> int:
-        return self._bytes
+        return sum(size for _, size in self._results.copy().values())
 
     @property
     def contents(self) -> tuple:
         """(stage, key) of every result, the least recently used first."""
-        return tuple(self._results)
+        return tuple(self._results.copy())
 
     def job(self) -> Job:
         """A job's view of the store; see the module."""
@@ -59,7 +57,6 @@ class Kept:
 
     def clear(self) -> None:
         self._results.clear()
-        self._bytes = 0
         forget()
 
     def make_room(self, needed: int) -> None:
@@ -70,16 +67,16 @@ class Kept:
     def _add(self, place, result, size: int) -> None:
         self._drop(place)
         self._results[place] = (result, size)
-        self._bytes += size
-        alike = [other for other in self._results if other[0] == place[0]]
+        alike = [other for other in self.contents if other[0] == place[0]]
         for oldest in alike[: -MOST_RESULTS.get(place[0], len(alike))]:
             self._drop(oldest)
-        while self._bytes > self.most_bytes and len(self._results) > 1:
-            self._drop(next(iter(self._results)))
+        for oldest in self.contents[:-1]:
+            if self.nbytes <= self.most_bytes:
+                break
+            self._drop(oldest)
 
     def _drop(self, place) -> None:
-        _, size = self._results.pop(place, (None, 0))
-        self._bytes -= size
+        self._results.pop(place, None)
 
 
 class Job:
@@ -87,11 +84,11 @@ class Job:
 
     def __init__(self, kept: Kept):
         self.kept = kept
-        self._used: OrderedDict = OrderedDict()
+        self._used: dict = {}
 
     def has(self, stage: str, key) -> bool:
-        """Whether a result is at hand, kept or made by this job."""
-        return (stage, key) in self._used or self.kept.has(stage, key)
+        """Whether a result is at hand, kept or made by this job, and will be until the job is done."""
+        return self._find((stage, key))
 
     def get(self, stage: str, key, make, size=None):
         """The result of ``stage`` for ``key``: the kept one, or ``make()``.
@@ -111,9 +108,11 @@ class Job:
         return self._used[place][0]
 
     def latest(self, stage: str, serves) -> object:
-        """The key of the latest kept result of ``stage`` for which ``serves(key, result)``; None if there is none."""
-        for place in reversed(self.kept._results):
-            if place[0] == stage and serves(place[1], self.kept._results[place][0]):
+        """The key of the latest kept result of ``stage`` for which ``serves(key, result)``, which is at hand from now
+        on; None if there is none."""
+        for place, held in reversed(self.kept._results.copy().items()):
+            if place[0] == stage and serves(place[1], held[0]):
+                self._used[place] = held
                 return place[1]
         return None
 
@@ -124,11 +123,10 @@ class Job:
                 self.kept._add(place, result, size)
 
     def _find(self, place) -> bool:
-        if place not in self._used and place in self.kept._results:
-            self._used[place] = self.kept._results[place]
-        if place in self._used:
-            self._used.move_to_end(place)
-        return place in self._used
+        held = self._used.pop(place, None) or self.kept._results.get(place)
+        if held is not None:
+            self._used[place] = held  # the last of them now
+        return held is not None
 
     def _made(self, place, result, size) -> None:
         self.kept.made[place[0]] = self.kept.made.get(place[0], 0) + 1

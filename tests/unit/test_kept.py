@@ -72,3 +72,22 @@ def test_steps_that_are_closed_half_way_leave_nothing():
     assert list(steps) == [0.5]
     job.keep()
     assert kept.has("s", "a") and kept.made == {"s": 1}
+
+
+def test_what_a_job_has_found_stays_at_hand_whatever_becomes_of_the_store():
+    """Another thread's picture may empty a store, or fill it, between any two steps of a job."""
+    kept = Kept()
+    keep(kept, "s", "one", "first")
+    keep(kept, "s", "two", "second")
+    job = kept.job()
+    assert job.has("s", "one")
+
+    def serves(key, result):
+        kept.clear()
+        keep(kept, "s", "three", "third")
+        return key == "two"
+
+    assert job.latest("s", serves) == "two"
+    assert (job.get("s", "one", None), job.get("s", "two", None)) == ("first", "second")
+    job.keep()
+    assert kept.contents == (("s", "three"), ("s", "one"), ("s", "two")) and kept.nbytes == 30
