@@ -35,7 +35,7 @@ class _Loan:
         try:
             while sum(memory.size for memory in tuple(self.idle)) > self.most_idle:
                 self.idle.popleft()
-        except IndexError:  # another thread was quicker
+        except (IndexError, RuntimeError):  # another thread was quicker, or left memory meanwhile and saw to it itself
             pass
 
 

@@ -1,5 +1,7 @@
 """Memory that arrays leave serves others, and never two at once."""
 
+import sys
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -82,6 +84,23 @@ def test_a_store_that_is_emptied_gives_everything_back():
     job = None
     kept.clear()
     assert not reused._Loan.idle
+
+
+def test_memory_that_is_left_while_memory_is_counted_is_no_mistake(monkeypatch):
+    """A collection of garbage, or another thread, may end an array's life at any step of another's end."""
+    complaints, others = [], []
+
+    class Idle(deque):
+        def __iter__(self):
+            for memory in super().__iter__():
+                others.clear()
+                yield memory
+
+    monkeypatch.setattr(reused._Loan, "idle", Idle())
+    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
+    first, *others[:] = [reused.empty(reused.LEAST, np.uint8) for _ in range(4)]
+    first = None
+    assert first is None and len(reused._Loan.idle) == 4 and not complaints
 
 
 def test_threads_never_share():
