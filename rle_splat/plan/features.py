@@ -63,7 +63,7 @@ def pilots(base: Quality) -> dict[str, Quality]:
     return {
         name: replace(
             base, name="pilot", depth_rule=rule, sheet_density=density, warp_filter="cubic",
-            termination=PILOT_TERMINATION, rays=NO_RAYS,
+            termination=PILOT_TERMINATION, axis_fade=0.0, rays=NO_RAYS,
         )
         for name, (rule, density) in PILOTS.items()
     }  # fmt: skip

@@ -10,9 +10,9 @@ import pytest
 
 from rle_splat.plan.candidates import candidates, check_plannable, check_tolerance, depth_rules, family_of, name_of
 from rle_splat.plan.choose import SAFETY, Speed, choose, corrected, termination_for
-from rle_splat.plan.features import Features
+from rle_splat.plan.features import Features, pilots
 from rle_splat.plan.model import CALIBRATION, ErrorBudget, Model
-from rle_splat.scene import Quality, RleSplatError
+from rle_splat.scene import NO_RAYS, Quality, RleSplatError
 
 CALIBRATED = tuple(json.loads(CALIBRATION.read_text())["classifications"])
 
@@ -56,6 +56,8 @@ def test_the_grid_differs_in_its_own_knobs_and_every_plan_has_its_name(classific
     assert len({name_of(plan) for plan in grid}) == len(grid) > 300
     assert {plan.classification for plan in grid} == {classification} and {plan.threads for plan in grid} == {1}
     assert {plan.depth_rule for plan in grid} == set(depth_rules(classification))
+    for plan in (*grid, *pilots(quality).values()):  # of one axis and sheets alone, by which they are compared
+        assert plan.axis_fade == 0.0 and plan.rays == NO_RAYS
     assert [family_of(rule) for rule in ("slice", "simpson", "midpoint-6")] == [
         ("slice", 1), ("simpson", 2), ("midpoint", 6),
     ]  # fmt: skip
