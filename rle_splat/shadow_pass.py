@@ -10,7 +10,7 @@ from .effects.analyse import analyse, called_for
 from .kept import Kept
 from .kept_shadows import shadow_count
 from .render import render_steps
-from .scene import Quality, RleSplatError, Scene
+from .scene import NO_RAYS, Quality, RleSplatError, Scene
 from .steps import Progress
 
 FAINTEST = 1e-6  # light of a pixel, red, green and blue together, of which no share is told
@@ -20,16 +20,20 @@ def shadow_pass_steps(scene: Scene, quality: Quality, kept: Kept | None = None):
     """Generator of Progress: (the scene's Rendering, (H, W) float32 share of each pixel's light that is taken away).
 
     The share is one less the picture's light over that of the same picture without shadows and ambient occlusion, red,
-    green and blue together; 0 where there is none.  Everything but light is made once for both.  RleSplatError for a
-    scene without shadows.
+    green and blue together; 0 where there is none.  Everything but light is made once for both, and both are of sheets
+    alone: which pixels are steep enough for single rays depends on the light.  RleSplatError for a scene without
+    shadows.
     """
     if not shadow_count(called_for(scene, analyse(scene, quality))):
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")
     kept = Kept() if kept is None else kept
     unshaded = replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=_without(scene.effects))
-    rendering = yield from _half(render_steps(scene, quality, kept), 0.0)
-    plain = yield from _half(render_steps(unshaded, quality, kept), 0.5)
-    light, whole = (made.rgba[..., :3].sum(axis=2) for made in (rendering, plain))
+    rendering = shaded = yield from _part(render_steps(scene, quality, kept), 0.0, 0.5)
+    quality = replace(quality, rays=NO_RAYS)
+    if rendering.report["rays"]["pixels"]:
+        shaded = yield from _part(render_steps(scene, quality, kept), 0.5, 0.6)
+    plain = yield from _part(render_steps(unshaded, quality, kept), 0.6, 1.0)
+    light, whole = (made.rgba[..., :3].sum(axis=2) for made in (shaded, plain))
     share = np.divide(light, whole, out=np.ones_like(whole), where=whole > FAINTEST)
     return rendering, np.clip(1.0 - share, 0.0, 1.0)
 
@@ -38,13 +42,13 @@ def _without(effects: dict) -> dict:
     return {name: on for name, on in effects.items() if name not in ("shadows", "ambient occlusion")}
 
 
-def _half(steps, start: float):
+def _part(steps, begin: float, end: float):
     while True:
         try:
             step = next(steps)
         except StopIteration as finished:
             return finished.value
-        yield Progress(start + 0.5 * step.fraction, step.message)
+        yield Progress(begin + (end - begin) * step.fraction, step.message)
 
 
 def as_picture(share: np.ndarray, rgba: np.ndarray) -> np.ndarray:

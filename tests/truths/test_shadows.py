@@ -14,8 +14,9 @@ from rle_splat.effects.shadows import NEAR_SKY
 from rle_splat.kept import Kept
 from rle_splat.medium import classify_and_shade
 from rle_splat.render import render
-from rle_splat.scene import Clip, Light, Quality, RleSplatError, Scene
-from rle_splat.steps import Clock
+from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
+from rle_splat.shadow_pass import shadow_pass_steps
+from rle_splat.steps import Clock, drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -421,3 +422,12 @@ def test_only_what_shadows_depend_on_sweeps_again(stage, classification):
 def test_the_truths_refuse_shadows_in_a_sentence():
     with pytest.raises(RleSplatError, match="turn off shadows"):
         shading_of(lit_blob(), "T2")
+
+
+def test_the_shadow_pass_compares_sheets_with_sheets():
+    """The steep pixels of a picture are others without its shadows: what rays see better is not taken for light."""
+    scene, quality = lit_blob(), Quality(rays=0.15, warp_filter="bilinear", sheet_density=0.5)
+    rendering, share = drain(shadow_pass_steps(scene, quality))
+    plain, expected = drain(shadow_pass_steps(scene, replace(quality, rays=NO_RAYS)))
+    assert rendering.report["rays"]["pixels"] > 20 and (rendering.rgba != plain.rgba).any()
+    np.testing.assert_array_equal(share, expected)
