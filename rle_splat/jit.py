@@ -86,6 +86,9 @@ try:
     from .kernel_compiler import InnerCompiler, KernelCompiler
 
     NUMBA_PROBLEM = ""
+    # What was set above, where somebody else had loaded numba before: else the first kernel that is compiled would have
+    # all settings read anew, and the folder for kernels forgotten.
+    numba.config.reload_config()
     if not os.environ.get("NUMBA_CACHE_DIR"):
         numba.config.CACHE_DIR = str(_kernel_folder())
 except Exception as problem:  # a broken install fails in many ways (ImportError, OSError, AttributeError, SystemError)

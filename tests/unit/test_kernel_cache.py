@@ -1,13 +1,20 @@
-"""The cache of compiled kernels, when several processes compile for it at once."""
+"""The cache of compiled kernels: several processes that compile at once, and whoever had loaded numba before."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from rle_splat.jit import compiled
+from rle_splat.jit import CACHE_VARIABLE, compiled
 
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
 from rle_splat.kernel_cache import _SealedFiles
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_two_processes_at_once_do_not_take_each_others_machine_code(tmp_path, monkeypatch):
@@ -34,3 +41,22 @@ def test_every_version_is_found_again(tmp_path):
     again = _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp")
     assert [again.load((key,)) for key in ("float32", "float64", "int8")] == ["float32", "float64", None]
     assert len(list(tmp_path.glob("*.nbc"))) == 2  # what is compiled once more takes the place of what was there
+
+
+BESIDE_ANOTHER = """
+import numba
+from rle_splat import jit
+folder = numba.config.CACHE_DIR
+from rle_splat.view.footprints import tap_count
+print(tap_count(1.5), numba.config.CACHE_DIR == folder, jit.nothing_compiled_yet())
+"""
+
+
+def test_kernels_are_kept_where_another_add_on_had_loaded_numba_before(tmp_path):
+    """And its settings were read without ours."""
+    environ = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    done = subprocess.run(
+        [sys.executable, "-c", BESIDE_ANOTHER], cwd=ROOT, capture_output=True, text=True, check=False,
+        env={**environ, CACHE_VARIABLE: str(tmp_path)},
+    )  # fmt: skip
+    assert done.stdout.split() == ["3", "True", "False"], done.stderr
