@@ -44,7 +44,7 @@ RADIUS, HALF_THICKNESS = 0.7, 0.0195
 AXIS = 1
 VIEWS = ((0, 0), (35, 25), (-30, -20))  # one principal axis, y, so that one set of tables will do
 REPEATS = 2
-FRAMES_MS = 1000.0  # spent on the frames of a view, where a few are not enough
+FRAMES_MS = 1000.0  # spent on the pictures of a view, where a few are not enough
 MIB = 1 << 20
 MOST_BYTES = 8 << 30  # what reading, encoding and drawing 1024^3 voxels may take
 
@@ -64,15 +64,15 @@ def write_volume(path: Path, series: str, n: int) -> None:
             file.write(slab(series, n, z))
 
 
-def step(path: Path, series: str, n: int, size: int, threads: int) -> dict:
+def step(path: Path, series: str, n: int, size: int, threads: int, frames_ms: float) -> dict:
     """Read, classify, encode and draw one raw file; JSON-ready times, counts and the peak memory of this process."""
     quality = Quality(classification="pre", threads=threads)
-    _road(_small(), "scaled", SMALLEST, size, quality, 1)  # loads the kernels
+    _road(_small(), "scaled", SMALLEST, size, quality, 1, 0.0)  # loads the kernels
     spacing = (SMALLEST / n if series == "scaled" else 1.0,) * 3
     began = time.perf_counter()
     volume = read_volume(path, shape=(n, n, n), dtype="uint8", spacing=spacing)
     read_ms = 1e3 * (time.perf_counter() - began)
-    result = _road(volume, series, n, size, quality, REPEATS)
+    result = _road(volume, series, n, size, quality, REPEATS, frames_ms)
     peak = peak_memory()
     began = time.perf_counter()
     three = encode_scene(_scenes(volume, series, n, size)[0], quality)
@@ -100,8 +100,8 @@ def _scenes(volume, series, n, size) -> list[Scene]:
     return scenes
 
 
-def _road(volume, series, n, size, quality, repeats) -> dict:
-    """From voxels to frames: the quickest of ``repeats`` of each stage, and of more where frames are quick."""
+def _road(volume, series, n, size, quality, repeats, frames_ms) -> dict:
+    """From voxels to frames: the quickest of ``repeats`` of each stage, and of more where pictures are quick."""
     scenes = _scenes(volume, series, n, size)
     tf, index_to_world = scenes[0].transfer_function, scenes[0].index_to_world
     arguments = dict(backend=quality.backend, threads=quality.threads)
@@ -115,8 +115,8 @@ def _road(volume, series, n, size, quality, repeats) -> dict:
     frames = []
     for scene in scenes:
         scene = same_view(scene, stored)
-        _, first = best_frame(scene, quality, 1)
-        frames.append(best_frame(scene, quality, max(repeats, int(FRAMES_MS / first)))[1])
+        _, first = _quickest(partial(best_frame, scene, quality, 1), 1)  # all that a picture takes
+        frames.append(best_frame(scene, quality, max(repeats, int(frames_ms / first)))[1])
     return {
         "kept_voxels": kept, "runs": len(tables.runs), "table_bytes": tables.nbytes, "classify_ms": classify_ms,
         "encode_ms": encode_ms, "frame_ms": median(frames),
@@ -147,7 +147,7 @@ def peak_memory() -> int | None:
 def _in_own_process(path, series, n, options) -> dict:
     command = [
         sys.executable, "-m", "benchmarks", "scaling", "--step", str(path), series, str(n), "--size", str(options.size),
-        "--threads", str(options.threads),
+        "--threads", str(options.threads), "--frames-ms", str(options.frames_ms),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
@@ -183,6 +183,7 @@ def main(arguments) -> int:
     parser.add_argument("--scratch", type=Path, help="where the volumes go meanwhile; the system's place if left out")
     parser.add_argument("--size", type=int, default=512, help="pixels a side")
     parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--frames-ms", type=float, default=FRAMES_MS, help="spent on the pictures of a view")
     parser.add_argument("--image", type=Path, default=IMAGES / "scaling.png", help="the plot")
     parser.add_argument("--no-image", action="store_true")
     parser.add_argument("--json", type=Path)
@@ -190,7 +191,7 @@ def main(arguments) -> int:
     options = parser.parse_args(arguments)
     if options.step:
         path, series, n = options.step
-        print(json.dumps(step(Path(path), series, int(n), options.size, options.threads)))
+        print(json.dumps(step(Path(path), series, int(n), options.size, options.threads, options.frames_ms)))
         return 0
     where, rows, neighbours = circumstances(options.threads), [], Neighbours()
     print(describe(where))

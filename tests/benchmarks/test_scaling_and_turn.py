@@ -31,8 +31,8 @@ def test_boxed_volume_is_the_same_object_in_a_larger_box():
 def test_steps_write_table_and_report(tmp_path, capsys):
     report = tmp_path / "scaling.json"
     code = scaling.main([
-        "--sizes", "24", "--size", "16", "--threads", "1", "--scratch", str(tmp_path), "--no-image", "--json",
-        str(report),
+        "--sizes", "24", "--size", "16", "--threads", "1", "--frames-ms", "20", "--scratch", str(tmp_path),
+        "--no-image", "--json", str(report),
     ])  # fmt: skip
     assert code == 0
     rows = json.loads(report.read_text())["rows"]
