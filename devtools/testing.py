@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from .build import build
@@ -27,18 +29,30 @@ CORE_SECONDS = 1500
 BPY_SECONDS = 600
 EXTRAS_SECONDS = 600
 
+AT_ONCE = 2  # stages; more would keep each other's kernels from their threads
+LONGEST = ("truths", "unit")  # of the core's folders, begun first
+WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
+
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots"
 
 
+@dataclass
+class Ready:
+    """What several stages need: the zip, with the stage of its making, and the benchmarks' Python if it is to be."""
+
+    zip_stage: Stage
+    zip_path: Path | None = None
+    bench: Path | Failure | None = None
+
+
 def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: bool = False) -> Stage:
     """One pytest run in an environment; ``aside``: beside another, so that its output is shown when it has ended."""
-    report = REPORTS / f"{name.replace(' ', '-')}.xml"
+    report = REPORTS / f"{re.sub(r'[^a-zA-Z0-9.]+', '-', name)}.xml"
     report.parent.mkdir(parents=True, exist_ok=True)
     report.unlink(missing_ok=True)
     log = report.with_suffix(".txt") if aside else None
-    if not aside:
-        say(f"\n=== {name}")
+    say(f"\n=== {name}" + (" begins" if aside else ""))
     words = [python, "-m", "pytest", "-q", f"--junit-xml={report}", *arguments]
     return judged(name, words, seconds, environ, report, log)
 
@@ -48,33 +62,32 @@ def _leave_out(*marks: str) -> list[str]:
     return ["-m", " and ".join(f"not {mark}" for mark in marks)] if marks else []
 
 
-def _core(arguments, name: str = "core", aside: bool = False) -> Stage:
-    environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), **{FIGURES_VARIABLE: str(FIGURES)})
+def _core(arguments, name: str = "core", aside: bool = False, **variables: str) -> Stage:
+    environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), **variables)
     return _pytest(name, ensure(CORE), ["--ignore=tests/blender", *arguments], CORE_SECONDS, environ, aside)
 
 
-def _without_hard_cases(options) -> Stage:
-    """The core's tests but for the catalogue of hard cases."""
-    others = ["--ignore=tests/blender", "--ignore=tests/stability", *options]
-    return _pytest("core", ensure(CORE), others, CORE_SECONDS, clean_environ(RLE_SPLAT_CACHE=str(KERNELS)))
+def core_folders() -> list[str]:
+    """The folders of the core's tests but for the catalogue of hard cases, those that take longest first."""
+    others = (BLENDER_TESTS, STABILITY_TESTS)
+    folders = [folder for folder in BLENDER_TESTS.parent.iterdir() if any(folder.glob("test_*.py"))]
+    names = sorted(folder.name for folder in folders if folder not in others)
+    return sorted(names, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
 
 
-def _extras(environment: Future, options) -> Stage:
-    """The tests of what the benchmarks' environment alone has, beside others; ``environment``: its Python to be."""
-    try:
-        python = environment.result()
-    except Failure as problem:
-        return skipped(EXTRAS_STAGE, str(problem))
+def _extras(environment: Path | Failure, options) -> Stage:
+    """The tests of what the benchmarks' environment alone has; ``environment``: its Python, or why there is none."""
+    if isinstance(environment, Failure):
+        return skipped(EXTRAS_STAGE, str(environment))
     # Of the folders left out, the one wants bpy and the other hypothesis to be read at all.
     words = ["tests", "--ignore=tests/blender", "--ignore=tests/stability", "-m", EXTRAS, *options]
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), LIBGL_ALWAYS_SOFTWARE="1")
-    return _pytest(EXTRAS_STAGE, python, words, EXTRAS_SECONDS, environ, aside=True)
+    return _pytest(EXTRAS_STAGE, environment, words, EXTRAS_SECONDS, environ, aside=True)
 
 
-def _hard_cases(options, whole: bool) -> list[Stage]:
-    """The catalogue of hard cases, beside others; ``whole``: every case of it is to have been measured."""
-    stages = [_core([STABILITY_TESTS, *options], "hard cases", aside=True)]
-    return [*stages, _catalogue()] if whole else stages
+def _hard_cases(options, aside: bool = True) -> Stage:
+    """The catalogue of hard cases, with the figures it measures."""
+    return _core([STABILITY_TESTS, *options], "hard cases", aside, **{FIGURES_VARIABLE: str(FIGURES)})
 
 
 def _catalogue() -> Stage:
@@ -86,19 +99,36 @@ def _catalogue() -> Stage:
     return Stage("catalogue", passed=1)
 
 
-def _make_ready(quick: bool) -> None:
-    """Blender's environments, before the hard cases that hold their pictures beside the core's look for them."""
+def _zip() -> Ready:
+    """The extension's zip for this machine."""
+    started = time.monotonic()
+    try:
+        path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
+    except Failure as problem:
+        return Ready(broken("extension zip", str(problem)))
+    return Ready(Stage("extension zip", passed=1, seconds=time.monotonic() - started), path)
+
+
+def _make_ready(quick: bool) -> Ready:
+    """The zip, and every environment: one after the other, so that no two of them install what the system lacks."""
+    ready = _zip()
     for version in _versions(quick):
         if find_python(BPY[version].pythons[0]) is not None:
             with suppress(Failure):  # its own stage says what is wrong
                 ensure_bpy(version)
+    if not quick:
+        try:
+            ready.bench = ensure_bench()
+        except Failure as problem:
+            ready.bench = problem
+    return ready
 
 
 def _versions(quick: bool) -> list[str]:
     return ["5.0"] if quick else list(BPY)
 
 
-def _bpy(version: str, zip_path: Path, arguments) -> Stage:
+def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     name = f"bpy {version}"
     wanted = BPY[version].pythons[0]
     if find_python(wanted) is None:
@@ -113,7 +143,7 @@ def _bpy(version: str, zip_path: Path, arguments) -> Stage:
     environ = clean_environ(
         RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1"
     )
-    stage = _pytest(name, python, arguments, BPY_SECONDS, environ)
+    stage = _pytest(name, python, arguments, BPY_SECONDS, environ, aside)
     shutil.rmtree(user, ignore_errors=True)
     return stage
 
@@ -132,60 +162,76 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
     return core, blender, options
 
 
-def _blender_stages(zip_path: Path, paths, options, quick: bool, everything: bool) -> list[Stage]:
-    """The installed zip in each bpy and, with ``everything``, in a real Blender."""
+def _everything(options, quick: bool) -> list[Stage]:
+    """All stages, two at a time: most of each is work for one core."""
+    ensure(CORE)
+    FIGURES.unlink(missing_ok=True)
+    slow = [SLOW] if quick else []
+    with ThreadPoolExecutor(AT_ONCE) as workers:
+        making = workers.submit(_make_ready, quick)  # the first, so that who waits for it waits for work going on
+
+        def core(folder: str) -> Stage:
+            if folder in WANT_BLENDER:
+                making.result()
+            words = [BLENDER_TESTS.parent / folder, *_leave_out(*slow, EXTRAS), *options]
+            return _core(words, f"core, {folder}", aside=True)
+
+        def hard_cases() -> Stage:  # it holds its pictures beside those of Blender's Pythons
+            making.result()
+            return _hard_cases([*_leave_out(*slow), *options])
+
+        cores = [workers.submit(core, folder) for folder in core_folders()]
+        hard = workers.submit(hard_cases)
+        ready = making.result()
+        blenders = []
+        if ready.zip_path:
+            words = [BLENDER_TESTS, *options]
+            blenders = [workers.submit(_bpy, version, ready.zip_path, words, True) for version in _versions(quick)]
+        extras = None if quick else workers.submit(_extras, ready.bench, options)
+        real = workers.submit(_real_blender, ready.zip_path) if ready.zip_path and not quick else None
+        stages = [ready.zip_stage, *(stage.result() for stage in (*cores, hard))]
+        if not (quick or options):
+            stages.append(_catalogue())
+        stages += [stage.result() for stage in blenders]
+        stages += [extras.result()] if extras else []
+        stages += real.result() if real else []
+    return stages + (_not_quick(EXTRAS_STAGE, "real blender") if quick else [])
+
+
+def _not_quick(*more: str) -> list[Stage]:
+    """Every stage that --quick leaves out: the other versions of bpy, and ``more``."""
+    others = [f"bpy {version}" for version in BPY if version not in _versions(quick=True)]
+    return [skipped(name, "left out by --quick") for name in (*others, *more)]
+
+
+def _real_blender(zip_path: Path) -> list[Stage]:
+    return [real_blender_stage(zip_path), window_stage(zip_path)]
+
+
+def _some(core, blender, options, quick: bool) -> list[Stage]:
+    """The tests of these paths, one stage after the other, with their output as it comes."""
     stages = []
-    for version in BPY:
-        if version not in _versions(quick):
-            stages.append(skipped(f"bpy {version}", "left out by --quick"))
-        else:
-            stages.append(_bpy(version, zip_path, [*(paths or [BLENDER_TESTS]), *options]))
-    if everything and quick:
-        stages.append(skipped("real blender", "left out by --quick"))
-    elif everything:
-        stages += [real_blender_stage(zip_path), window_stage(zip_path)]
+    if core:
+        stages.append(_core([*core, *_leave_out(*([SLOW] if quick else [])), *options]))
+    if blender:
+        made = _zip()
+        stages.append(made.zip_stage)
+        if made.zip_path:
+            stages += [_bpy(version, made.zip_path, [*blender, *options], False) for version in _versions(quick)]
+        stages += _not_quick() if quick else []
     return stages
 
 
 def test(arguments, quick: bool = False) -> int:
-    """Run everything and print the summary; the exit code is 0 when nothing failed."""
+    """Run everything, or the paths among the arguments; print the summary; the exit code is 0 when nothing failed."""
     core, blender, options = _split(arguments)
-    everything = not (core or blender)
-    stages: list[Stage] = []
-    zip_path = None
-    if everything or blender:  # first, because the core's tests of the package want Blender's packaging tool
-        started = time.monotonic()
-        try:
-            zip_path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
-            stages.append(Stage("extension zip", passed=1, seconds=time.monotonic() - started))
-        except Failure as problem:
-            stages.append(broken("extension zip", str(problem)))
-    with ThreadPoolExecutor(1) as beside:
-        hard = extras = None
-        if everything or core:
-            FIGURES.unlink(missing_ok=True)
-            unwanted = [SLOW] if quick else []
-            if core:
-                stages.append(_core([*core, *_leave_out(*unwanted), *options]))
-            else:
-                ensure(CORE)  # before the other one is made, so that they do not both install what the system lacks
-                bench = None if quick else beside.submit(ensure_bench)
-                stages.append(_without_hard_cases([*_leave_out(*unwanted, EXTRAS), *options]))
-                _make_ready(quick)
-                # After the core, which has compiled most of their kernels, and beside Blender's.
-                hard = beside.submit(_hard_cases, [*_leave_out(*unwanted), *options], not (quick or options))
-                extras = beside.submit(_extras, bench, options) if bench else None
-        blenders = _blender_stages(zip_path, blender, options, quick, everything) if zip_path else []
-        stages += [*(hard.result() if hard else ()), *([extras.result()] if extras else ()), *blenders]
-        if everything and quick:
-            stages.append(skipped(EXTRAS_STAGE, "left out by --quick"))
-    return summary(stages)
+    return summary(_some(core, blender, options, quick) if core or blender else _everything(options, quick))
 
 
 def test_catalogue() -> int:
     """The catalogue of hard cases alone; when all of it holds, docs/stability.md is written from its figures."""
     FIGURES.unlink(missing_ok=True)
-    stages = [_core([STABILITY_TESTS])]
+    stages = [_hard_cases([], aside=False)]
     if not stages[0].failed:
         stages.append(_catalogue())
     failed = summary(stages)

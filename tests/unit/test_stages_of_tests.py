@@ -1,31 +1,83 @@
-"""The stages of dev.py test: what runs where, and what is said of what cannot run."""
+"""The stages of dev.py test: what runs where, what waits for what, and what is said of what cannot run."""
 
-from concurrent.futures import Future
+from pathlib import Path
+from threading import Event
+
+import pytest
 
 from devtools import testing
 from devtools.places import Failure
+from devtools.stages import Stage
+
+TESTS = Path(__file__).resolve().parents[1]
 
 
 def test_extras_are_skipped_in_one_line_where_their_environment_cannot_be_made(capsys):
-    environment = Future()
-    environment.set_exception(Failure("pip could not."))
-    stage = testing._extras(environment, [])
+    stage = testing._extras(Failure("pip could not."), [])
     assert (stage.verdict, stage.skipped, stage.remarks) == ("SKIPPED", 1, ["pip could not."])
     assert capsys.readouterr().out.count("\n") == 2  # an empty line before it
 
 
-def test_each_test_of_the_core_runs_in_one_of_two_stages(monkeypatch):
+@pytest.fixture
+def stages(monkeypatch, tmp_path):
+    """``stages(quick)`` -> (what each run of pytest was given: name -> (python, words), the table's stages); nothing is
+    run.  Blender's environments are made ready only when another stage has begun meanwhile."""
+
+    def everything(quick):
+        runs, begun, made = {}, Event(), Event()
+
+        def run(name, python, words, seconds, environ, aside=False):
+            assert name not in runs and aside
+            runs[name] = (python, [str(word) for word in words])
+            if not name.startswith("core, ") or name.removeprefix("core, ") in testing.WANT_BLENDER:
+                assert made.is_set(), f"{name} does not wait for what it needs"
+            else:
+                begun.set()
+            return Stage(name, passed=1)
+
+        def make_ready(quick):
+            assert begun.wait(60), "nothing else runs meanwhile"
+            made.set()
+            return testing.Ready(Stage("extension zip", passed=1), Path("the.zip"), Path("bench"))
+
+        monkeypatch.setattr(testing, "_pytest", run)
+        monkeypatch.setattr(testing, "_make_ready", make_ready)
+        monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
+        monkeypatch.setattr(testing, "ensure_bpy", lambda version: version)
+        monkeypatch.setattr(testing, "find_python", lambda version: version)
+        monkeypatch.setattr(testing, "_catalogue", lambda: Stage("catalogue", passed=1))
+        monkeypatch.setattr(testing, "_real_blender", lambda path: [Stage("real blender", passed=1)])
+        monkeypatch.setattr(testing, "BUILD", tmp_path)  # the tests that run now use the other one
+        monkeypatch.setattr(testing, "FIGURES", tmp_path / "figures.json")
+        return runs, testing._everything(["-x"], quick)
+
+    return everything
+
+
+def test_each_test_runs_in_one_stage(stages):
     """What the core leaves out, the extras take, in the environment that has what they want."""
-    runs = {}
+    runs, table = stages(False)
+    folders = {file.relative_to(TESTS).parts[0] for file in TESTS.rglob("test_*.py")}
+    core = {name.removeprefix("core, "): words for name, (_, words) in runs.items() if name.startswith("core, ")}
+    assert set(core) == folders - {"blender", "stability"}
+    for folder, words in core.items():
+        assert str(TESTS / folder) in words and words[words.index("-m") + 1] == "not extras"
+    python, words = runs[testing.EXTRAS_STAGE]
+    assert python == Path("bench") and words[0] == "tests" and words[words.index("-m") + 1] == "extras"
+    assert "-m" not in runs["hard cases"][1] and str(TESTS / "stability") in runs["hard cases"][1]
+    versions = [f"bpy {version}" for version in testing.BPY]
+    assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
+    assert len(runs) == len(core) + len(versions) + 2
+    assert {stage.name for stage in table} == {*runs, "extension zip", "real blender"}
 
-    def run(name, python, words, seconds, environ, aside=False):
-        runs[name] = (python, words[words.index("-m") + 1])
 
-    monkeypatch.setattr(testing, "_pytest", run)
-    monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
-    environment = Future()
-    environment.set_result("bench")
-    testing._without_hard_cases([*testing._leave_out(testing.EXTRAS), "-x"])
-    testing._extras(environment, ["-x"])
-    assert runs == {"core": ("core", "not extras"), testing.EXTRAS_STAGE: ("bench", "extras")}
+def test_quick_says_what_it_leaves_out(stages):
+    runs, table = stages(True)
+    assert [name for name in runs if name.startswith("bpy")] == ["bpy 5.0"] and testing.EXTRAS_STAGE not in runs
+    left_out = {stage.name for stage in table if stage.verdict == "SKIPPED"}
+    assert left_out == {testing.EXTRAS_STAGE, "real blender", "bpy 4.5", "bpy 5.2"}
+    assert all("not slow" in words[words.index("-m") + 1] for name, (_, words) in runs.items() if "bpy" not in name)
+
+
+def test_marks_are_left_out_in_pytests_own_words():
     assert testing._leave_out() == [] and testing._leave_out("slow", "extras") == ["-m", "not slow and not extras"]
