@@ -1,7 +1,8 @@
 """The scratch memory of the sheet-buffer loop, kept between pictures: nothing is allocated inside the loops.
 
 It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all
-pictures share it; a kernel clears what it relies on.  Nobody else writes to it: another thread's kernel may be using it.
+pictures share it; a kernel clears what it relies on.  Nobody else writes to it: another thread's kernel may be using
+it.
 """
 
 from __future__ import annotations
