@@ -34,9 +34,9 @@ MESH_SAMPLES = 16  # of a pixel; the effects' own number
 # Depths of a pixel's samples of meshes, of its layers, and what finding those takes; what is left of it afterwards.
 MESH_PIXEL, MESH_LAYERS = 4 * MESH_SAMPLES + 12 + 9, 12
 PICTURE_PIXEL = 20  # colour and depth of a finished pixel
-# What tracing steep pixels takes of each: which they are, where if all of them are, and the picture once more without
-# its border; and of the rays that are followed together.
-STEEP_PIXEL, RAYS_AT_ONCE = 1 + 8 + 20, 4096 * 320
+# What tracing steep pixels takes of each: how steep and which they are, where if all of them are, and the picture once
+# more without its border; and of the rays that are followed together.
+STEEP_PIXEL, RAYS_AT_ONCE = 4 + 1 + 8 + 20, 4096 * 320
 WRITTEN = 48  # what putting it into a file takes meanwhile
 # Bytes of a voxel of the scan next to fine ones that a refined classification shows: which it is, its normal, light and
 # highlight, and what finding these takes.

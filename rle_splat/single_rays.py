@@ -16,7 +16,7 @@ from .splat.scalar_rays import rays_through
 from .view.base_plane import base_plane
 from .view.eye import IndexView
 from .view.principal_axis import candidate_pyramids, dominant_axis
-from .warp.steep import AROUND, steep_pixels
+from .warp.steep import AROUND, TILE, most_in_tile, steep_pixels
 
 AT_ONCE = 4096  # rays between two looks at the user's Esc
 NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays
@@ -55,12 +55,13 @@ def traces_steep_pixels(scene: Scene, quality: Quality) -> bool:
 
 
 def with_neighbours(scene: Scene) -> Scene:
-    """The scene with a crop so much larger that all pixels of its own have their neighbours."""
+    """The scene with a crop so much larger that it holds whole tiles (see ``warp.steep``), and all their pixels have
+    their neighbours."""
     if scene.crop is None:
         return scene
-    left, top, right, bottom = scene.crop
-    right, bottom = min(right + AROUND, scene.width), min(bottom + AROUND, scene.height)
-    return replace(scene, crop=(max(left - AROUND, 0), max(top - AROUND, 0), right, bottom))
+    first = (max(side // TILE * TILE - AROUND, 0) for side in scene.crop[:2])
+    ends = zip(scene.crop[2:], (scene.width, scene.height), strict=True)
+    return replace(scene, crop=(*first, *(min(-(-side // TILE) * TILE + AROUND, most) for side, most in ends)))
 
 
 def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, slabs: int):
@@ -109,7 +110,8 @@ def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: 
     """
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
-    steep = steep_pixels(rgba, quality.rays, quality.backend, quality.threads)[inner]
+    most = most_in_tile(scene.width, scene.height)
+    steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.backend, quality.threads)[inner]
     rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
     where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
     for first in range(0, len(where), AT_ONCE):

@@ -63,7 +63,7 @@ KNOB_TEXTS = {
     "axis_fade": "degrees about the switch of the principal axis in which both are drawn and mixed, against popping",
     "termination": "transmittance below which a pixel counts as opaque",
     "rays": "how far apart a pixel and its neighbours must be, 1 between black and white, for a ray of its own, which "
-    "is dearer and exact; zero for none; post alone",
+    "is dearer and exact, of 512 x 512 pixels for a quarter at most; zero for none; post alone",
     "model": "what overlapping footprints add up; post has extinction alone",
     "record": "bytes of a classified voxel in the run-length tables; fewer save memory and lose accuracy",
     "backend": "what runs the loops",
@@ -115,7 +115,9 @@ class Quality:
     mixed, so that nothing pops as the camera turns; they cost as many pictures.  0 to 15.
     ``rays``, above zero: pixels among whose 3 x 3 neighbours a channel of the premultiplied scene-linear picture takes
     values at least so far apart are had by single rays, without sheets and warp ("post" alone, and where nothing is in
-    the scene that such rays do not know: ``single_rays.can_trace``).
+    the scene that such rays do not know: ``single_rays.can_trace``).  Of each 16 x 16 pixels of the frame they are the
+    64 steepest at most, so that noise, which is steep all over, does not take a ray for every pixel; in frames of fewer
+    than 512 x 512 pixels as many more as make 65536 in all (``warp.steep``).
     ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
     paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
     """

@@ -84,7 +84,7 @@ def test_single_rays_are_what_a_quality_that_has_them_adds():
     stages, kernels = worked(scene_of(), "post", **knobs, rays=0.1)
     assert Quality().rays == 0.0 < Quality.preset("fine").rays
     assert stages - STAGES["post"] == {"bricks"} and stages >= STAGES["post"]
-    assert kernels - KERNELS["post"] == {"splat.scalar_rays.trace_rays", "warp.steep._mark_steep"}
+    assert kernels - KERNELS["post"] == {"splat.scalar_rays.trace_rays", "warp.steep._spread"}
     assert worked(scene_of(), "post", **knobs, rays=1.1)[0] == STAGES["post"]  # where nothing is as steep
 
 

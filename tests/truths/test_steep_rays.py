@@ -14,7 +14,8 @@ from rle_splat.classify.transfer_function import GradientOpacity, Shade, Transfe
 from rle_splat.kept import Kept
 from rle_splat.render import render
 from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Quality, RleSplatError
-from rle_splat.warp.steep import steep_pixels
+from rle_splat.warp import steep as steepness
+from rle_splat.warp.steep import ALWAYS, TILE, most_in_tile, steep_pixels
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 SIZE, STEEP = (72, 64), 0.3
@@ -47,7 +48,7 @@ def without(quality):
 def test_steep_pixels_are_the_truth_and_others_as_they_were(stage, name, slabs, perspective):
     scene, quality = scene_of(stage, perspective), replace(Quality.preset(name), rays=STEEP)
     before, after = render(scene, without(quality)), render(scene, quality)
-    steep = steep_pixels(before.rgba, STEEP).astype(bool)
+    steep = steep_pixels(before.rgba, STEEP)
     assert 0.01 < steep.mean() < 0.9
     assert (after.rgba[~steep] == before.rgba[~steep]).all() and (after.depth[~steep] == before.depth[~steep]).all()
     true = truth(scene, "T2", tolerance=1e-8)[0].reshape(before.rgba.shape)
@@ -84,7 +85,7 @@ def test_the_same_with_any_number_of_threads_and_without_numba(stage, lit, persp
     assert (found.rgba == one.rgba).all() and (found.depth == one.depth).all()
     twin = render(scene, replace(POST, backend="numpy"))
     assert twin.report["rays"] == found.report["rays"] and found.report["rays"]["pixels"] > 50
-    steep = steep_pixels(render(scene, without(POST)).rgba, STEEP).astype(bool)
+    steep = steep_pixels(render(scene, without(POST)).rgba, STEEP)
     assert np.abs(twin.rgba - found.rgba)[steep].max() < 4e-6
     assert ((twin.depth == NO_DEPTH) == (found.depth == NO_DEPTH))[steep].all()
     assert np.abs(twin.depth - found.depth)[steep & (found.depth != NO_DEPTH)].max() < 1e-4
@@ -95,7 +96,7 @@ def test_depths_of_rays_are_where_half_is_absorbed(stage, perspective):
     scene = scene_of(stage, perspective)
     everywhere = render(scene, replace(POST, rays=1e-9))
     depth = truth(scene, "T2", tolerance=1e-8)[1].reshape(everywhere.depth.shape)
-    traced = steep_pixels(render(scene, without(POST)).rgba, 1e-9).astype(bool)
+    traced = steep_pixels(render(scene, without(POST)).rgba, 1e-9)
     both = traced & (depth != NO_DEPTH) & (everywhere.depth != NO_DEPTH)
     # Where hardly anything is absorbed about the half, a hair's breadth of light decides which surface it is.
     assert both.sum() > 500 and np.quantile(np.abs(everywhere.depth - depth)[both], 0.95) < 0.05
@@ -136,13 +137,65 @@ def test_rays_are_of_post_alone():
             Quality(**wrong)
 
 
+@PROJECTIONS
+def test_of_noise_no_more_than_a_part_is_traced_and_a_crop_has_the_same_pixels(stage, perspective, monkeypatch):
+    monkeypatch.setattr(steepness, "ENOUGH", 100)
+    noise, quality = np.random.default_rng(5).random((24, 24, 24)).astype(np.float32), replace(POST, rays=0.05)
+    scene = stage.on_turntable(noise, perspective=perspective, size=SIZE, fit=1.0, transfer_function=BONE)
+    whole, plain, kept = render(scene, quality), render(scene, without(quality)), Kept()
+    traced = (whole.rgba != plain.rgba).any(axis=-1)
+    assert 0.8 < steep_pixels(plain.rgba, quality.rays).mean()
+    assert whole.report["rays"]["pixels"] == 5 * 4 * ALWAYS  # tiles, those that the frame cuts among them
+    assert 0.9 * whole.report["rays"]["pixels"] < traced.sum() <= whole.report["rays"]["pixels"]
+    for left, top, right, bottom in ((0, 0, 9, 64), (23, 17, 60, 44), (31, 32, 32, 33), (48, 48, 72, 64)):
+        part = render(replace(scene, crop=(left, top, right, bottom)), quality, kept=kept)
+        assert (part.rgba == whole.rgba[top:bottom, left:right]).all()
+        assert (part.depth == whole.depth[top:bottom, left:right]).all()
+
+
+def steep_everywhere(rgba, threshold):
+    """(H, W) bool: where neighbours differ, however many there are."""
+    steep = np.zeros(rgba.shape[:2], bool)
+    for row, column in np.ndindex(steep.shape):
+        around = rgba[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].reshape(-1, 4)
+        steep[row, column] = (around.max(axis=0) - around.min(axis=0) >= np.float32(threshold)).any()
+    return steep
+
+
 def test_steep_pixels_are_those_of_which_neighbours_differ():
     random = np.random.default_rng(3)
     for shape in ((1, 1), (1, 7), (9, 2), (33, 70)):
         rgba = random.random((*shape, 4)).astype(np.float32) ** 3
-        expected = np.zeros(shape, np.uint8)
-        for row, column in np.ndindex(shape):
-            around = rgba[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].reshape(-1, 4)
-            expected[row, column] = (around.max(axis=0) - around.min(axis=0) >= np.float32(0.6)).any()
+        expected = steep_everywhere(rgba, 0.97)
+        assert not expected.size > 100 or 0.1 < expected.mean() < 0.4
         for backend in ("numba", "numpy"):
-            assert (steep_pixels(rgba, 0.6, backend) == expected).all()
+            assert (steep_pixels(rgba, 0.97, backend=backend) == expected).all()
+
+
+def test_small_pictures_may_have_all_their_pixels_traced_and_large_ones_a_quarter():
+    assert most_in_tile(1, 1) >= most_in_tile(256, 256) == TILE**2 and most_in_tile(512, 256) == TILE**2 // 2
+    assert most_in_tile(512, 512) == most_in_tile(3840, 2160) == TILE**2 // 4
+
+
+@pytest.mark.parametrize("first_pixel", ((0, 0), (5, 30)))
+def test_of_a_tile_the_steepest_pixels_count_and_of_equal_ones_the_first(first_pixel):
+    """Single lit pixels in the dark: each makes nine steep, as far apart as it is bright."""
+    random = np.random.default_rng(7)
+    rgba = random.choice(np.array((0.0, 0.1, 0.5, 0.75, 1.0), np.float32), (50, 41, 1), p=(0.9, 0.04, 0.02, 0.02, 0.02))
+    rgba = np.repeat(rgba, 4, axis=2)
+    around = np.pad(rgba[..., 0], 1, mode="edge")
+    beside = [around[row : row + 50, column : column + 41] for row, column in np.ndindex(3, 3)]
+    apart = np.max(beside, axis=0) - np.min(beside, axis=0)
+    expected = np.zeros(apart.shape, bool)
+    tiles = [(np.arange(size) + first) // TILE for size, first in zip(apart.shape[::-1], first_pixel, strict=True)]
+    crowded = 0
+    for row in np.unique(tiles[1]):
+        for column in np.unique(tiles[0]):
+            mine = [(y, x) for y in np.flatnonzero(tiles[1] == row) for x in np.flatnonzero(tiles[0] == column)]
+            mine = [place for place in mine if apart[place] >= np.float32(0.05)]
+            crowded += len(mine) > ALWAYS
+            for place in sorted(mine, key=lambda place: -apart[place])[:ALWAYS]:
+                expected[place] = True
+    assert crowded > 4
+    for backend in ("numba", "numpy"):
+        assert (steep_pixels(rgba, 0.05, ALWAYS, first_pixel, backend) == expected).all()
