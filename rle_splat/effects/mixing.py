@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..encode.store import StoredVolume
-from ..scene import MODES, Quality, RleSplatError, Scene
+from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
 from .kind import Kind
 
 BY_PRE = "Labels and channels are classified voxel by voxel, so the classification is pre."
@@ -21,7 +21,7 @@ def classified_by_pre(quality: Quality) -> Quality:
     try:
         return quality.classified("pre")
     except RleSplatError:  # a depth rule that only post has, chosen by hand
-        return replace(quality, classification="pre", depth_rule=None)
+        return replace(quality, classification="pre", depth_rule=None, rays=NO_RAYS)
 
 
 def _hindered(scene: Scene) -> str:

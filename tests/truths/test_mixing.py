@@ -141,8 +141,8 @@ def test_every_classification_is_pre_and_says_so(stage, classification):
     assert pictures[0].rgba.tobytes() == pictures[1].rgba.tobytes()
     assert pictures[0].report["plan"]["classification"] == "pre" and pictures[0].report["error"]["truth"] == "T1"
     assert any("the classification is pre" in remark for remark in pictures[0].report["remarks"])
-    by_hand = render(scene, Quality(depth_rule="preintegrated-2", name="custom"))
-    assert by_hand.report["plan"]["depth_rule"] == "simpson"
+    by_hand = render(scene, Quality(depth_rule="preintegrated-2", rays=0.4, name="custom"))
+    assert by_hand.report["plan"]["depth_rule"] == "simpson" and by_hand.report["rays"]["pixels"] == 0
     off = render(replace(scene, effects={"labels": False}), Quality(classification=classification))
     never = render(replace(scene, labels=None), Quality(classification=classification))
     assert off.rgba.tobytes() == never.rgba.tobytes() and off.report["plan"]["classification"] == classification
