@@ -1,7 +1,7 @@
 """Voxels averaged before they are splatted, where many share a pixel: the minification "pool".
 
-The voxels are classified and shaded as ever; what is encoded are nodes of 2^level voxels a side.  Neither the picture
-nor its time depends on how much finer the volume is than the picture.
+The voxels are classified and shaded as ever; what is encoded are nodes of 2^level voxels a side.  Neither the tables
+nor a frame's time depends on how much finer the volume is than the picture.
 """
 
 from __future__ import annotations
@@ -58,6 +58,12 @@ def pooled_scene(scene: Scene, planes: list[BasePlane]) -> Scene:
     return replace(scene, volume=PooledVolume(scene.volume, level)) if level else scene
 
 
+def _bytes_of(made) -> int:
+    """Of nodes and their colours, as ``pooled_steps`` makes them."""
+    nodes, colors = made
+    return nodes.voxels.nbytes + nodes.looks.nbytes + colors.nbytes
+
+
 def pooled_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int = 1, picture: int = 0):
     """Generator of Progress: the Medium of a scene of a PooledVolume; as ``medium.medium_steps``."""
     pooled: PooledVolume = scene.volume
@@ -80,9 +86,7 @@ def pooled_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
 
     def encode_steps(axis: int):
         shaded_before = clock.stages["shade"]
-        nodes = yield from timed(
-            job.steps("nodes", key, node_steps, lambda made: made[0].looks.nbytes + made[1].nbytes), clock, "encode"
-        )
+        nodes = yield from timed(job.steps("nodes", key, node_steps, _bytes_of), clock, "encode")
         clock.stages["encode"] -= clock.stages["shade"] - shaded_before
         steps = job.steps("node records", (key, quality.record, axis), lambda: tables(axis, *nodes))
         return (yield from timed(steps, clock, "encode"))

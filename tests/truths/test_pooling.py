@@ -111,6 +111,8 @@ def test_work_follows_the_picture_and_is_kept(stage):
     assert first.report["plan"]["base_planes"][0]["sheets"] * 3 < plain.report["plan"]["base_planes"][0]["sheets"]
     assert first.report["memory_bytes"]["total"] * 8 < plain.report["memory_bytes"]["total"]
     assert first.report["volume"] == plain.report["volume"]
+    ((nodes, colors), size), = (held for (stage, _), held in kept._results.items() if stage == "nodes")
+    assert size == sum(a.nbytes for a in (*vars(nodes.voxels).values(), nodes.looks, colors) if hasattr(a, "nbytes"))
     made = dict(kept.made)
     turned = replace(scene, camera=stage.on_turntable(FIELDS["smooth"](60), 37.0, size=(16, 16), fit=1.0).camera)
     second = render(turned, quality, kept=kept)
