@@ -125,43 +125,23 @@ def place_records(n_y, first_plane, row_start, column, across, data_starts, word
     ``words`` (n, w): the records of some planes as words; ``voxel_words`` (m, w): all records in the order of the
     tables.  The others: see ``classify.placing``.
     """
-    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, voxel_words)
-    share_out(_place_records, data_starts.shape[0], arguments)
-
-
-@kernel(inner=True)
-def _place_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
-    first = row_start[first_plane * n_y]
-    cursors = np.empty(data_starts.shape[1], np.int64)
-    targets = np.empty(PLACED, np.uint64)
-    for plane in range(begin, end):
-        for key in range(cursors.size):
-            cursors[key] = data_starts[plane, key]
-        first_row = (first_plane + plane) * n_y
-        row = first_row
-        at = row_start[first_row]
-        while at < row_start[first_row + n_y]:
-            count = min(row_start[first_row + n_y] - at, PLACED)
-            row = find_targets(across, first_row, row, row_start, column, at, count, cursors, targets)
-            made = words[at - first : at - first + count]
-            for i in range(count):
-                for w in range(words.shape[1]):
-                    voxel_words[targets[i], w] = made[i, w]
-            at += count
+    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, voxel_words, None)
+    share_out(_move_records, data_starts.shape[0], arguments)
 
 
 @kernel
 def fetch_records(n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
     """``place_records`` the other way round: from the scanlines back into the voxels' own order."""
-    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, voxel_words)
-    share_out(_fetch_records, data_starts.shape[0], arguments)
+    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, None, voxel_words)
+    share_out(_move_records, data_starts.shape[0], arguments)
 
 
 @kernel(inner=True)
-def _fetch_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
+def _move_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, target, source):
+    """From ``words`` to ``target``, or, where there is a ``source``, from that to ``words``."""
     first = row_start[first_plane * n_y]
     cursors = np.empty(data_starts.shape[1], np.int64)
-    targets = np.empty(PLACED, np.uint64)
+    places = np.empty(PLACED, np.uint64)
     for plane in range(begin, end):
         for key in range(cursors.size):
             cursors[key] = data_starts[plane, key]
@@ -170,9 +150,12 @@ def _fetch_records(begin, end, n_y, first_plane, row_start, column, across, data
         at = row_start[first_row]
         while at < row_start[first_row + n_y]:
             count = min(row_start[first_row + n_y] - at, PLACED)
-            row = find_targets(across, first_row, row, row_start, column, at, count, cursors, targets)
-            made = words[at - first : at - first + count]
+            row = find_targets(across, first_row, row, row_start, column, at, count, cursors, places)
+            some = words[at - first : at - first + count]
             for i in range(count):
                 for w in range(words.shape[1]):
-                    made[i, w] = voxel_words[targets[i], w]
+                    if source is None:
+                        target[places[i], w] = some[i, w]
+                    else:
+                        some[i, w] = source[places[i], w]
             at += count
