@@ -8,7 +8,9 @@ from benchmarks.data_sets import PAPER, STAND_IN, stand_in
 
 
 def kept(volume, function) -> float:
-    return float((function.alpha_at(volume.physical(volume.voxels)) > 0.0).mean())
+    """The share of the voxels that the function shows; each value is looked up once."""
+    counts = np.bincount(volume.voxels.ravel())
+    return float(counts[function.alpha_at(volume.physical(np.arange(len(counts)))) > 0.0].sum() / counts.sum())
 
 
 @pytest.mark.parametrize("data", PAPER, ids=lambda data: data.name)

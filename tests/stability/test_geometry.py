@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,11 +12,13 @@ import pytest
 from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.jit import compiled
+from rle_splat.kept import Kept
 from rle_splat.render import render
 from rle_splat.scene import NO_DEPTH, Camera, Quality
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
+from rle_splat.view.turntable import turntable
 from tests.stability.scenes import BACKENDS
 from tests.truths.conftest import Stage
 from tests.truths.test_popping import by_axis
@@ -40,8 +43,8 @@ def plan(request):
     return PLANS[request.param]
 
 
-def picture(scene, quality=STANDARD, **knobs):
-    return render(scene, replace(quality, **knobs)).rgba.astype(np.float64)
+def picture(scene, quality=STANDARD, kept=None, **knobs):
+    return render(scene, replace(quality, **knobs), kept=kept).rgba.astype(np.float64)
 
 
 def placed(linear, at=(0.0, 0.0, 0.0)):
@@ -148,11 +151,9 @@ def test_C2_a_small_turn_makes_a_small_difference(record, width, plan, azimuth, 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 def test_C3_a_full_turn_in_steps_of_a_degree(record, width, plan, perspective):
-    field = np.pad(BLOBS, 1)
-    frames = [
-        picture(STAGE.on_turntable(field, float(a), 12.0, perspective, size=(32, 32)), plan, depth_rule="simpson")
-        for a in range(360)
-    ]
+    first, kept = STAGE.on_turntable(np.pad(BLOBS, 1), 0.0, 12.0, perspective, size=(32, 32)), Kept()
+    views = (turntable(first.volume, float(a), 12.0, 1.25, perspective, 40.0, 32, 32) for a in range(360))
+    frames = [picture(replace(first, camera=camera, volume_matrix=matrix), plan, kept) for camera, matrix in views]
     steps = np.array([np.abs(frames[a] - frames[a - 1]).max() for a in range(360)])
     switches = np.array((45, 46, 135, 136, 225, 226, 315, 316))  # a frame at 45 degrees belongs to either
     beside = np.maximum.reduce([np.roll(steps, n) for n in (-3, -2, 2, 3)])
@@ -363,17 +364,23 @@ def bits(array):
     return np.ascontiguousarray(array, np.float32).view(np.uint32)
 
 
+@cache
+def thin_picture(size, perspective, truth_name):
+    """A scene of (width, height) pixels, one or two wide or high, and its truth (N, 4)."""
+    fit = min(size[1] / 16.0, 1.0)  # no pixel wider than a voxel
+    scene = STAGE.on_turntable(np.pad(0.4 * FIELDS["smooth"](14), 1), 35.0, 25.0, perspective, size=size, fit=fit)
+    return scene, truth(scene, truth_name, tolerance=1e-7)[0]
+
+
 @pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("size", ((1, 1), (1, 37), (37, 1), (2, 2), (1, 300)), ids=str)
 def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size, backend):
     """Against the truth; and every crop of one pixel is that pixel of the whole."""
     for perspective in (False, True):
-        fit = min(size[1] / 16.0, 1.0)  # no pixel wider than a voxel
-        scene = STAGE.on_turntable(np.pad(0.4 * FIELDS["smooth"](14), 1), 35.0, 25.0, perspective, size=size, fit=fit)
+        scene, true = thin_picture(size, perspective, TRUE[plan.classification])
         quality = replace(plan, depth_rule="midpoint-4", sheet_density=3.0, backend=backend)
         whole = render(scene, quality)
         assert whole.rgba.shape == (size[1], size[0], 4)
-        true, _ = truth(scene, TRUE[plan.classification], tolerance=1e-7)
         assert true[..., 3].max() > 0.1
         error = np.abs(whole.rgba.reshape(-1, 4) - true).max() / LEVEL
         record("C17", "levels off the truth in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0, width)

@@ -41,7 +41,7 @@ def by_axis(scene, axis, quality):
 @pytest.mark.parametrize("azimuth", ANGLES)
 def test_either_axis_gives_the_same_picture_at_standard(stage, azimuth):
     """At most one level of difference anywhere within two degrees of the switch, on smooth data."""
-    scene = stage.on_turntable(np.pad(FIELDS["smooth"](40), 1), azimuth, 20.0, size=(96, 96))
+    scene = smooth_scene(stage, azimuth)
     pictures = [by_axis(scene, axis, Quality.preset("standard", classification="pre")) for axis in (0, 1)]
     assert pictures[0][..., 3].max() > 0.9
     assert np.abs(pictures[0] - pictures[1]).max() <= LEVEL
@@ -59,10 +59,11 @@ def test_transmittance_does_not_depend_on_the_axis(stage, azimuth):
 
 
 BAND = 2.0  # degrees, the quality's own
+SMOOTH = np.pad(FIELDS["smooth"](40), 1)
 
 
 def smooth_scene(stage, azimuth, elevation=20.0, **more):
-    return stage.on_turntable(np.pad(FIELDS["smooth"](40), 1), azimuth, elevation, size=(96, 96), **more)
+    return stage.on_turntable(SMOOTH, azimuth, elevation, size=(96, 96), **more)
 
 
 @pytest.mark.parametrize("classification", ["pre", "post"])
