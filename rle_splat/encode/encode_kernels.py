@@ -138,7 +138,8 @@ def fetch_records(n_y, first_plane, row_start, column, across, data_starts, word
 
 @kernel(inner=True)
 def _move_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, target, source):
-    """From ``words`` to ``target``, or, where there is a ``source``, from that to ``words``."""
+    """From ``words`` to ``target``, or from ``source`` to ``words``; the other is None.  (Of two branches on one of them
+    numba would compile both.)"""
     first = row_start[first_plane * n_y]
     cursors = np.empty(data_starts.shape[1], np.int64)
     places = np.empty(PLACED, np.uint64)
@@ -154,8 +155,8 @@ def _move_records(begin, end, n_y, first_plane, row_start, column, across, data_
             some = words[at - first : at - first + count]
             for i in range(count):
                 for w in range(words.shape[1]):
-                    if source is None:
+                    if target is not None:
                         target[places[i], w] = some[i, w]
-                    else:
+                    if source is not None:
                         some[i, w] = source[places[i], w]
             at += count
