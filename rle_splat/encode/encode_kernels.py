@@ -138,8 +138,8 @@ def fetch_records(n_y, first_plane, row_start, column, across, data_starts, word
 
 @kernel(inner=True)
 def _move_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, target, source):
-    """From ``words`` to ``target``, or from ``source`` to ``words``; the other is None.  (Of two branches on one of them
-    numba would compile both.)"""
+    """From ``words`` to ``target``, or from ``source`` to ``words``; the other is None.  (Of two branches on one of
+    them numba would compile both.)"""
     first = row_start[first_plane * n_y]
     cursors = np.empty(data_starts.shape[1], np.int64)
     places = np.empty(PLACED, np.uint64)
