@@ -15,11 +15,13 @@ from contextlib import contextmanager
 import numpy
 from numba import _dynfunc
 from numba.core import cgutils, ir, types
+from numba.core.base import BaseContext
 from numba.core.compiler import Compiler, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import FunctionPass, LoweringPass, register_pass
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.transforms import canonicalize_cfg
 from numba.core.typed_passes import NativeLowering, NopythonRewrites, NopythonTypeInference
+from numba.core.typing.context import BaseContext as TypingContext
 from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
@@ -28,6 +30,8 @@ from .kernel_lowering import PlainLower
 
 # Closures and expressions of whole arrays, which kernels do not have.
 IDLE_PASSES = (InlineClosureLikes, NopythonRewrites)
+# Python's pieces are of a power of two: for 288 KB of variables one of 512 KB, whose rest is enough for some 400 calls.
+ROOM = 36 * 2**10
 
 
 @contextmanager
@@ -47,6 +51,18 @@ def _collector_paused():
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()
+
+
+def _with_room(function):
+    """The function, with room for the variables of all that it calls.
+
+    Python keeps variables in pieces of 16 KB of memory. Where one is full, each further call asks the system for
+    another and each return gives it back, and a compiler that comes to work at such a brink does so for most of its
+    calls (counted: 130 000 times in a first picture; where the brinks are depends on who calls). A function that needs
+    more than a piece gets a larger one, whose rest is for what it calls.
+    """
+    function.__code__ = function.__code__.replace(co_stacksize=ROOM)
+    return function
 
 
 @contextmanager
@@ -72,6 +88,46 @@ def _analysed_when_asked():
         yield
     finally:
         PostProcessor.run = at_once
+
+
+_SIZES: dict = {}  # of registries, by what a context looks through each with, when it last did
+
+
+@contextmanager
+def _refreshed_where_grown():
+    """numba looks through all its registries whenever a function or an intrinsic is begun; in here, through those
+    alone that have grown since it last did."""
+    if BaseContext.refresh.__module__ == __name__:  # a kernel that is compiled for another one
+        yield
+        return
+    ordinary = [(of, of.refresh) for of in (BaseContext, TypingContext)]
+
+    def where_grown(refresh):
+        def run(context):
+            sizes = {
+                loader: sum(len(getattr(registry, kind)) for kind in loader.registry_items)
+                for registry, loader in context._registries.items()
+            }
+            known = bool(sizes) and sizes.keys() <= _SIZES.keys()
+            grown = [r for r, loader in context._registries.items() if sizes[loader] != _SIZES.get(loader)]
+            _SIZES.update(sizes)  # as they are now, since looking through them may add to them
+            if not known:
+                refresh(context)
+                return
+            for registry in grown:
+                context.install_registry(registry)
+            if isinstance(context, BaseContext):
+                context.typing_context.refresh()
+
+        return run
+
+    for of, refresh in ordinary:
+        of.refresh = where_grown(refresh)
+    try:
+        yield
+    finally:
+        for of, refresh in ordinary:
+            of.refresh = refresh
 
 
 class _Options(Flags):
@@ -244,9 +300,10 @@ class _PlainLowering(NativeLowering):
 class KernelCompiler(Compiler):
     """numba's own passes but for the idle ones, with those above among them."""
 
+    @_with_room
     def compile_extra(self, func):
         self.state.flags = _Options(self.state.flags)
-        with _collector_paused(), _analysed_when_asked():
+        with _collector_paused(), _analysed_when_asked(), _refreshed_where_grown():
             return super().compile_extra(func)
 
     def define_pipelines(self):

@@ -7,16 +7,24 @@ import gc
 import math
 from collections import Counter
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from rle_splat.jit import compiled, inner_loop, kernel
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
+
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
 from numba.core import analysis, event
+from numba.core.compiler import Compiler, Flags
+from numba.core.cpu import CPUContext
 from numba.core.postproc import PostProcessor
 from numba.core.typing.context import BaseContext
 from numba.extending import overload
@@ -200,3 +208,65 @@ def test_where_variables_end_is_looked_for_once(monkeypatch):
 
     assert halves(np.array([4.0, 1.0])).tolist() == [2.0, 2.0]
     assert len(looked) == 1 and PostProcessor.run is ordinary
+
+
+def test_registries_are_not_looked_through_for_kernels_within_kernels(monkeypatch):
+    looked = []
+    load = CPUContext.load_additional_registries
+    monkeypatch.setattr(CPUContext, "load_additional_registries", lambda context: (looked.append(context), load(context)))
+
+    @kernel
+    def alone(x):
+        return min(x, 2.0)
+
+    @inner_loop
+    def least(x):
+        return min(x, 3.0)
+
+    @inner_loop
+    def most(x):
+        return max(least(x), 1.0)
+
+    @kernel
+    def between(x):
+        return int(most(x)) + least(x)
+
+    assert alone(1.0) == 1.0  # whatever was imported since
+    looked.clear()
+    assert alone(np.float32(1.0)) == 1.0
+    once = len(looked)
+    looked.clear()
+    assert between(2.5) == 4.5
+    assert len(looked) == once and BaseContext.refresh.__module__ == BaseContext.__module__
+
+
+def _costliest_call(depth: int, of: int = 100) -> float:
+    """Page faults for each of ``of`` calls, at that depth of all up to ``depth`` below here where they are most."""
+    faults = []
+
+    def nothing():
+        return None
+
+    def further(left):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(of):
+            nothing()
+        faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+        if left:
+            further(left - 1)
+
+    further(depth)
+    return max(faults) / of
+
+
+@pytest.mark.skipif(resource is None, reason="this system does not count page faults")
+def test_no_call_within_the_compiler_asks_the_system_for_memory(monkeypatch):
+    if _costliest_call(300) < 1.0:
+        pytest.skip("this Python keeps the memory of calls")
+    monkeypatch.setattr(Compiler, "compile_extra", lambda *about: _costliest_call(300))
+
+    class Bare(kernel_compiler.KernelCompiler):
+        def __init__(self):
+            self.state = SimpleNamespace(flags=Flags())
+
+    assert Bare().compile_extra(None) < 0.5
