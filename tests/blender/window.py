@@ -116,12 +116,13 @@ def check_animation():
 def check_render_image():
     """The picture made little by little is the one made at once."""
     settings = bpy.context.scene.rle_splat
+    jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
     with in_the_view():
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
         at_once = pixels_of(settings.image).copy()
         settings.image.pixels.foreach_set(np.zeros(SIZE * SIZE * 4, np.float32))
         assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
-    yield from until(lambda: pixels_of(settings.image).any())
+    yield from until(lambda: not jobs._running)
     np.testing.assert_array_equal(pixels_of(settings.image), at_once)
 
 
