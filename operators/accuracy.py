@@ -9,7 +9,7 @@ from ..bridge.settings import quality_of
 from ..rle_splat.cost_of_accuracy import error_map_steps, sensible_plans, sweep_steps
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
-from .render_image import has_volume_and_camera
+from .through_camera import has_volume_and_camera
 
 PROBES, REPEATS = 400, 3
 

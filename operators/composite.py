@@ -7,7 +7,7 @@ from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
-from .render_image import has_volume_and_camera
+from .through_camera import has_volume_and_camera
 
 
 class RLE_SPLAT_OT_composite(bpy.types.Operator):

@@ -6,7 +6,7 @@ from ..bridge import effects, render_scene, volumes
 from ..rle_splat.effects.analyse import analyse
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
-from .render_image import has_volume_and_camera
+from .through_camera import has_volume_and_camera
 
 
 class RLE_SPLAT_OT_list_effects(bpy.types.Operator):

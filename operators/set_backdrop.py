@@ -7,7 +7,7 @@ from ..bridge import backdrop, following, pictures, render_scene, volumes
 from ..bridge.canvas import Canvas
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import tolerance_of
-from .render_image import has_volume_and_camera, report_picture
+from .through_camera import has_volume_and_camera, report_picture
 
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):

@@ -6,7 +6,7 @@ from ..bridge import pictures, render_scene
 from ..bridge.settings import tolerance_of
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.shadow_pass import shadow_pass_steps
-from .render_image import ThroughCamera
+from .through_camera import ThroughCamera
 
 
 class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):

@@ -39,6 +39,7 @@ class QualityPanel:
             row = column.row()
             # Greyed out, but not out of reach: choosing another value of these chooses pre.
             row.active = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"
+            row.active &= name != "rays" or settings.classification == "post"  # which alone has them
             row.prop(settings, name)
         layout.prop(settings, "scene_scale")
         layout.prop(settings, "meshes_occlude")
