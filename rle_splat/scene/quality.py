@@ -60,7 +60,8 @@ KNOB_TEXTS = {
     "minification": "where several voxels share a sheet pixel, against shimmer: widen footprints, or pool voxels, "
     "quicker too; post does neither and shows what is there",
     "warp_filter": "filter from the intermediate image to the picture",
-    "axis_fade": "degrees about the switch of the principal axis in which both are drawn and mixed, against popping",
+    "axis_fade": "degrees about the switch of the principal axis in which both are drawn and mixed, against popping; "
+    "orthographic views alone",
     "termination": "transmittance below which a pixel counts as opaque",
     "rays": "how far apart a pixel and its neighbours must be, 1 between black and white, for a ray of its own, which "
     "is dearer and exact, of 512 x 512 pixels for a quarter at most; zero for none; post alone",
