@@ -27,6 +27,7 @@ from rle_splat.plan.model import Model, splat_terms, warp_terms
 from rle_splat.render import render, truth_of
 from rle_splat.scene import Quality, Scene
 
+from .frames import best_frame
 from .planning_scenes import calibration_scenes
 
 # The finer grid of refined has an error of its own that no plan takes away: no tolerance is promised of it.
@@ -50,7 +51,10 @@ JUDGED = (
     ("midpoint-2", 1.5, "keys"), ("midpoint-2", 2.0, "cubic"), ("midpoint-4", 2.0, "cubic"),
     ("midpoint-4", 3.0, "cubic"), ("midpoint-6", 3.0, "cubic"), ("midpoint-8", 4.0, "cubic"),
 )  # fmt: skip
+# Plans whose times alone count: what a sheet costs where it is large and nearly empty.
+LARGE = (("slice", 8.0, "keys"), ("midpoint-4", 8.0, "keys"), ("midpoint-8", 10.0, "keys"))
 PROBES, DOUBTFUL = 1000, 500
+REPEATS = 2  # frames of each plan, of which the quicker one counts
 
 
 def rules_of(classification: str) -> tuple[str, ...]:
@@ -63,12 +67,12 @@ def observe(scene: Scene, base: Quality) -> dict:
     its largest error in levels, and the milliseconds of splat and warp."""
     kept = Kept()
 
-    def draw(rule, density, warp_filter, termination=NO_TERMINATION):
+    def draw(rule, density, warp_filter, repeats=1):
         plan = replace(
             base, name="calibration", depth_rule=rule, sheet_density=density, warp_filter=warp_filter,
-            termination=termination,
+            termination=NO_TERMINATION,
         )  # fmt: skip
-        return render(scene, plan, kept=kept)
+        return best_frame(scene, plan, repeats, kept)[0]
 
     for plan in pilots(base).values():  # once before, so that tables are made and memory is at hand
         render(scene, plan, kept=kept)
@@ -85,8 +89,8 @@ def observe(scene: Scene, base: Quality) -> dict:
         if density <= DENSEST[name]
     ]  # fmt: skip
     plans = []
-    for plan in dict.fromkeys((*wanted, *JUDGED)):
-        rendering = draw(*plan)
+    for plan in dict.fromkeys((*wanted, *JUDGED, *LARGE)):
+        rendering = draw(*plan, REPEATS)
         stages = rendering.report["stages_ms"]
         error = float(probe_errors(rendering.rgba[rows, columns], true).max())
         plans.append((*plan, error, stages["splat"], stages["warp"]))
