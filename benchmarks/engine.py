@@ -114,8 +114,8 @@ class _Beside:
 def _preparation(scene, quality) -> dict:
     """Milliseconds of what comes before a frame, compiled and warm: classify, shade, encode one axis (their mean).
 
-    As the road does it, in a picture of which nothing is kept: with ``pre``, light falls on voxels while their records
-    are written, so that shading them is in part the encoding's.
+    As the road does it, in a picture of which nothing is kept.  Encoding is the tables and the scalars; putting light
+    where they want it is shading, as it must be with ``pre``, where light falls on voxels while records are written.
     """
     best = {}
     for _ in range(2):

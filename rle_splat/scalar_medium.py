@@ -260,5 +260,5 @@ def _axis_steps(volume, lit: _Lit, axis: int, infinite, centre: float, quality: 
         return ScalarVolume(tables, placed, centre)
     lights = lit.light.codes
     steps = job.steps("lights", (lit.light_key, order), lambda: in_scanlines(tables, voxels, lights, **machine))
-    codes = yield from timed(steps, clock, "encode")
+    codes = yield from timed(steps, clock, "shade")  # as with ``pre``, which writes lit records in scanlines
     return ScalarVolume(tables, placed, centre, codes, lit.light.unit, lit.thinned)
