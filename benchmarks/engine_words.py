@@ -12,8 +12,8 @@ COLUMNS = (
 )  # fmt: skip
 TRUTHS = ("t1", "t2")
 NOTES = """
-frame = splat + warp. VTK: vtkFixedPointVolumeRayCastMapper, one sample a voxel, rays only. It shades what has no
-gradient by ambient light alone, so shaded, it is compared in time and not in error. VolPack:
+frame = splat + warp + rays. VTK: vtkFixedPointVolumeRayCastMapper, one sample a voxel, or four, rays only. It shades
+what has no gradient by ambient light alone, so shaded, it is compared in time and not in error. VolPack:
 vpRenderClassifiedVolume, on one thread whatever ours have, 8 bits; encode is vpClassifyVolume, three axes. By itself
 with the thresholds that its manual suggests: no voxel of opacity 0.05 or less, no more for a pixel of 0.95. "VolPack,
 all" has all voxels, and pixels are closed where paper-like closes them. It has parallel rays only."""

@@ -43,11 +43,14 @@ def _volpack(thresholds, scene, shaded, threads):
 _VOLPACK = dict(
     classification="pre", problem=VOLPACK_PROBLEM, remedy=f"apt install {PACKAGE}", perspective=False,
 )  # fmt: skip
+_VTK = dict(classification="post", problem=VTK_PROBLEM, remedy="pip install vtk", same_colors=False)
+DENSE, SAMPLES = "VTK, x4", 4  # as many samples of a voxel's depth as strict has sheets
 ALL = "VolPack, all"
 PEERS = {
     peer.name: peer
     for peer in (
-        Peer("VTK", "post", VtkCaster, VTK_PROBLEM, "pip install vtk", same_colors=False),
+        Peer("VTK", make=VtkCaster, **_VTK),
+        Peer(DENSE, make=partial(VtkCaster, samples=SAMPLES), **_VTK),
         Peer("VolPack", make=partial(_volpack, SUGGESTED), **_VOLPACK),
         Peer(ALL, make=partial(_volpack, ALL_VOXELS), **_VOLPACK),
     )

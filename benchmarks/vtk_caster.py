@@ -1,7 +1,7 @@
 """VTK's CPU ray caster on the same camera, transfer function and size: the package vtk is the benchmarks' alone.
 
-vtkFixedPointVolumeRayCastMapper, one sample a voxel, linear interpolation, opacity per voxel spacing, no automatic
-coarsening, on the threads asked for.  It interpolates the scalar and classifies it then, so its truth is T2.
+vtkFixedPointVolumeRayCastMapper, one sample a voxel or several, linear interpolation, opacity per voxel spacing, no
+automatic coarsening, on the threads asked for.  It interpolates the scalar and classifies it then, so its truth is T2.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ TABLE_POINTS = 4096  # of the transfer function as VTK is told it
 class VtkCaster:
     """One volume and transfer function in VTK, drawn from as many scenes as wanted.
 
-    ``scene``: any of them, for volume, transfer function and whether it is shaded.  ``size``: pixels a side.
+    ``scene``: any of them, for volume, transfer function and whether it is shaded.  ``samples``: for each step of the
+    smallest voxel spacing along a ray.
     """
 
-    def __init__(self, scene: Scene, shaded: bool, threads: int):
+    def __init__(self, scene: Scene, shaded: bool, threads: int, samples: int = 1):
         volume, tf = scene.volume, scene.transfer_function
         spacing = volume.spacing
         image = vtk.vtkImageData()
@@ -42,8 +43,8 @@ class VtkCaster:
         self._mapper.AutoAdjustSampleDistancesOff()
         self._mapper.LockSampleDistanceToInputSpacingOff()
         self._mapper.SetImageSampleDistance(1.0)
-        self._mapper.SetSampleDistance(float(spacing.min()))
-        self._mapper.SetInteractiveSampleDistance(float(spacing.min()))
+        self._mapper.SetSampleDistance(float(spacing.min()) / samples)
+        self._mapper.SetInteractiveSampleDistance(float(spacing.min()) / samples)
         look = vtk.vtkVolumeProperty()
         opacity, color = _functions(volume, tf)
         look.SetScalarOpacity(opacity)

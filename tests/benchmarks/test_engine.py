@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import engine, engine_words
 from benchmarks.frames import view_scene
-from benchmarks.peers import ALL, NOT_HERE, NOT_THERE, PEERS
+from benchmarks.peers import ALL, DENSE, NOT_HERE, NOT_THERE, PEERS
 from benchmarks.scenes import shells
 from benchmarks.volpack_caster import ALL_VOXELS, VOLPACK_PROBLEM, VolpackCaster
 from benchmarks.vtk_caster import VTK_PROBLEM, VtkCaster
@@ -149,6 +149,19 @@ def test_vtk_sees_the_same_frame(small, perspective):
         for down in (-1, 0, 1) for right in (-1, 0, 1)
     }  # fmt: skip
     assert min(errors, key=errors.get) == (0, 0)
+
+
+@pytest.mark.extras
+@pytest.mark.skipif(bool(VTK_PROBLEM), reason="the package vtk is not in this environment")
+def test_vtk_with_more_samples_has_the_same_opacity(one_shell):
+    """Each sample's is corrected for its distance to the next."""
+    scene, pictures = view_scene(*one_shell, (35, 25), 48, shaded=False), []
+    for name in ("VTK", DENSE):
+        caster = PEERS[name].make(scene, False, 1)
+        pictures.append(caster.draw(scene)[0])
+        caster.close()
+    apart = difference(*pictures)
+    assert 0.0 < apart.rmse < 2.0 and abs(apart.bias) < 0.5 and pictures[0][..., 3].max() > 0.3
 
 
 LOPSIDED = TransferFunction(
