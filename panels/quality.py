@@ -38,8 +38,8 @@ class QualityPanel:
         for name in (*(KNOBS if settings.quality == "custom" else ()), "record"):
             row = column.row()
             # Greyed out, but not out of reach: choosing another value of these chooses pre.
-            row.active = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"
-            row.active &= name != "rays" or settings.classification == "post"  # which alone has them
+            of_this = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"
+            row.active = of_this and (name != "rays" or settings.classification == "post")  # which alone has them
             row.prop(settings, name)
         layout.prop(settings, "scene_scale")
         layout.prop(settings, "meshes_occlude")

@@ -94,6 +94,22 @@ def test_what_is_not_reachable_is_said_with_its_floor():
     assert any("not reachable for this scene; the floor is" in remark for remark in rendering.report["remarks"])
 
 
+def test_giving_up_is_not_called_a_floor(monkeypatch):
+    """Finer plans that were not tried any more might keep the tolerance."""
+    from rle_splat.plan import choose as planner
+
+    honest = planner.Model.errors
+
+    def hopeful(model, features, plan, correction=1.0):
+        return honest(model, features, plan, 0.1 * correction)
+
+    monkeypatch.setattr(planner.Model, "errors", hopeful)
+    monkeypatch.setattr("rle_splat.tolerance.MOST_ESCALATIONS", 0)
+    report = render_within(scene_of("narrow", True), 4.0, Quality(classification="pre"), probes=300).report
+    assert not report["error"]["kept"] and len(report["error"]["rounds"]) == 1
+    assert any("was not reached in 1 ever finer pictures" in remark for remark in report["remarks"])
+
+
 def test_a_plan_that_fails_is_replaced_by_a_finer_one(monkeypatch):
     """A model that believes in too much is put right by the probes."""
     from rle_splat.plan import choose as planner
