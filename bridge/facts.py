@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rle_splat.memory_estimate import estimate_from_histogram, picture_bytes
+from ..rle_splat.memory_estimate import estimate_from_histogram, likely_sides, picture_bytes
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
@@ -103,8 +103,7 @@ class _LikelyPlane:
     @classmethod
     def of(cls, shape_xyz, quality, width: int, height: int):
         nx, ny, nz = shape_xyz
-        density = quality.sheet_density
-        sides = (int(density * width), int(density * height)) if density else (nx, ny)
+        sides = likely_sides(shape_xyz, quality, width, height)
         boxed = quality.classification == "post"
         sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], boxed)
         scale = np.array([[max(sides[0], 1) / nx, max(sides[1], 1) / ny]])
@@ -128,7 +127,8 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
         limited = meshes or finer > 1
         scratch = scratch_bytes(plane, shape, quality, limited)
         picture = picture_bytes(
-            (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch)
+            (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch,
+            traced=quality.rays > 0.0 and not meshes)  # single rays know of no meshes
         return estimate_from_histogram(
             counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
             shaded=transfer_function.shade is not None, picture=picture)

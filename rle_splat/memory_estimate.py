@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,12 +140,14 @@ class MemoryEstimate:
 _PARTS = ("visible", "normals", "runs", "records", "work", "picture")
 
 
-def estimate(volume, tf, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None):
-    """The MemoryEstimate of tables of classified voxels of ``volume`` under ``tf``, quickly: counted for 8- and 16-bit
-    volumes, else, and for the number of runs, from a few planes.  Of a picture's own pixels it says nothing.
+def estimate(
+    volume, tf, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None, picture: int = 0
+) -> MemoryEstimate:
+    """What tables of ``volume`` under ``tf`` take, of classified voxels where no ``quality`` is given, quickly: counted
+    for 8- and 16-bit volumes, else, and for the number of runs, from a few planes.
 
     ``axes``: how many principal axes are held, mostly one.  ``shaded``: whether something shines; left out, as the
-    transfer function has it.
+    transfer function has it.  ``picture``: see ``picture_bytes``.
     """
     quality = quality or Quality(classification="pre")
     planes = volume.voxels[:: max(len(volume.voxels) // SAMPLED_PLANES, 1)]
@@ -160,8 +163,9 @@ def estimate(volume, tf, quality: Quality | None = None, *, axes: int = 1, shade
         values = volume.physical(stored_values(volume.voxels.dtype))
         count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
     shaded = tf.shade is not None if shaded is None else shaded
+    held = volume.voxels.nbytes
     return _reckon_scan(
-        volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, quality, axes, shaded, 0, volume.voxels.nbytes
+        volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, quality, axes, shaded, picture, held
     )
 
 
@@ -274,6 +278,19 @@ def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, 
 
 def _work_bytes(count: int, record: int) -> int:
     return min(count, VOXELS_AT_ONCE) * (16 + (record if record != 16 else 0))
+
+
+class SheetSides(NamedTuple):
+    """Sheet pixels along each side."""
+
+    width: int
+    height: int
+
+
+def likely_sides(shape_xyz, quality: Quality, width: int, height: int) -> SheetSides:
+    """Of the sheets of a volume that fills a frame of so many pixels, seen along z."""
+    density = quality.sheet_density
+    return SheetSides(*((int(density * side) for side in (width, height)) if density else shape_xyz[:2]))
 
 
 def picture_bytes(

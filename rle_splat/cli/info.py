@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..memory import available_bytes, bytes_text
-from ..memory_estimate import estimate
-from ..scene import RECORDS
+from ..memory_estimate import estimate, likely_sides, picture_bytes
+from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
+    DEFAULT_SIZE,
     add_report_options,
     add_transfer_function_options,
     add_volume_argument,
@@ -63,7 +65,9 @@ def describe(volume, choice) -> dict:
     """The report of a volume and of the (transfer function, reason) that would render it."""
     function, reason = choice
     counted = histogram(volume, bins=REPORT_BINS)
-    memory = estimate(volume, function)
+    quality = Quality()  # as render has them where it is told nothing else
+    picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
+    memory, classified = estimate(volume, function, quality, picture=picture), estimate(volume, function)
     low, high = volume.value_range
     return {
         "name": volume.name,
@@ -88,12 +92,13 @@ def describe(volume, choice) -> dict:
             "classified": memory.visible + memory.normals,
             "tables_of_one_axis": memory.runs + memory.records,
             "work": memory.work,
+            "picture": memory.picture,
             "total": memory.volume + memory.needed,
             "available": available_bytes(),
         },
         "records": {
-            record: {"render": size.needed, "encode": size.three_axes().needed}
-            for record, size in ((record, memory.with_record(record)) for record in RECORDS)
+            record: {"render": replace(size, picture=picture).needed, "encode": size.three_axes().needed}
+            for record, size in ((record, classified.with_record(record)) for record in RECORDS)
         },
     }
 
@@ -133,7 +138,8 @@ def text_lines(report: dict) -> list[str]:
         ("percentiles", ", ".join(f"{p} %: {number_text(v)}" for p, v in report["percentiles"].items())),
         ("default", f"transfer function {function['name']}: {function['reason']}"),
         ("visible", f"about {function['visible_fraction']:.1%} of the voxels with it"),
-        ("memory", f"about {bytes_text(memory['total'])} to render, {bytes_text(memory['voxels'])} of it the voxels"),
+        ("memory", f"about {bytes_text(memory['total'])} to render {_times(DEFAULT_SIZE)} pixels"),
+        ("", f"{bytes_text(memory['voxels'])} of it are the voxels"),
         ("", f"{_records_text(report['records'])}; {bytes_text(memory['available'])} are free"),
     ]
     lines = [str(report["input"])]

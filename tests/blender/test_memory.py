@@ -33,18 +33,21 @@ def told(monkeypatch):
 
 
 @pytest.mark.parametrize("side", (32, 400))
-@pytest.mark.parametrize("classification", ("pre", "post"))
-def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification, side):
-    """Of post a picture says how many voxels it keeps, which are more than the visible ones."""
+@pytest.mark.parametrize("classification, name", (("pre", "standard"), ("post", "standard"), ("post", "strict")))
+def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification, name, side):
+    """Of post a picture says how many voxels it keeps, which are more than the visible ones; of strict it has some of
+    its pixels by single rays, which small pictures take most for."""
     scenes.use_cycles((side, side))
-    bpy.context.scene.rle_splat.classification = classification
+    bpy.context.scene.camera.location.z = 105.0  # it fills the frame, as the panel reckons
+    settings = bpy.context.scene.rle_splat
+    settings.classification, settings.quality = classification, name
     bridge("volumes").forget_all()  # no voxels in memory: the panel must not read them
     needed, share = told(monkeypatch)
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     rendering = core("steps").drain(bridge("render_scene").steps(plain, quality))
-    assert quality.classification == classification
+    assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
     kept = rendering.report["volume"]["visible_fraction"]
     assert share == pytest.approx(kept, abs=0.001) if classification == "pre" else share < kept < 2.0 * share
     assert needed == pytest.approx(rendering.report["memory_estimate_bytes"]["needed"], rel=0.3)

@@ -138,6 +138,18 @@ def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
     assert 0.9 * peak <= needed <= 2.0 * peak  # writing a file, which is in it too, is not done here
 
 
+@pytest.mark.parametrize("n, size", ((16, 64), (32, 256)))
+def test_the_estimate_covers_what_single_rays_take(n, size):
+    """Of a small picture they take most: so many are followed at a time."""
+    if not compiled():
+        pytest.skip("the numpy twin takes more than kernels do")
+    scene, quality = scene_of(noise(n), size), replace(Quality.preset("fine"), rays=0.01)
+    render(scene, quality)  # whatever is made once
+    rendering, peak = traced(lambda: render(scene, quality))
+    assert rendering.report["rays"]["share"] > 0.5
+    assert 0.9 * peak <= rendering.report["memory_estimate_bytes"]["needed"] <= 2.0 * peak
+
+
 MEASURED = """
 import sys
 from dataclasses import replace
