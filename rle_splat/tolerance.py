@@ -372,8 +372,8 @@ def _remarks(scene: Scene, tolerance: float, quality: Quality, error: dict) -> l
         if tried > MOST_ESCALATIONS:
             found = f"was not reached in {tried} ever finer pictures; their least error is"
         remarks.append(
-            f"A largest error of {tolerance:g} level{'' if tolerance == 1 else 's'} {found} {error['floor']:.2g}, {how} "
-            f"against {error['truth']}."
+            f"A largest error of {tolerance:g} level{'' if tolerance == 1 else 's'} {found} {error['floor']:.2g}, "
+            f"{how} against {error['truth']}."
         )
     elif tolerance < STRICTEST:
         remarks.append(f"A tolerance below {STRICTEST:g} levels is finer than a picture of 32-bit numbers can show.")

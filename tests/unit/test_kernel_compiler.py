@@ -213,7 +213,12 @@ def test_where_variables_end_is_looked_for_once(monkeypatch):
 def test_registries_are_not_looked_through_for_kernels_within_kernels(monkeypatch):
     looked = []
     load = CPUContext.load_additional_registries
-    monkeypatch.setattr(CPUContext, "load_additional_registries", lambda context: (looked.append(context), load(context)))
+
+    def noted(context):
+        looked.append(context)
+        load(context)
+
+    monkeypatch.setattr(CPUContext, "load_additional_registries", noted)
 
     @kernel
     def alone(x):
