@@ -24,11 +24,12 @@ from rle_splat.named_systems.judge import TOLERANCE, probe_truth
 from rle_splat.named_systems.medium import scene_medium
 from rle_splat.render import render
 from rle_splat.scene import Quality
+from rle_splat.steps import FRAME
 
 from .accuracy import fill
 from .data_sets import PAPER
 from .engine_words import NOTES, header, line, markdown, ratios
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
+from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, view_scene
 from .peers import PEERS, Peer
 from .scenes import REAL, scenes
 
@@ -53,7 +54,7 @@ def measure(
     """One JSON-ready row per quality, then one per Peer of ``peers`` that draws such a picture here."""
     kept = Kept()
     beside = [_Beside(peer, shaded) for peer in peers if not peer.absence(perspective)]
-    times = {name: [] for name in qualities}
+    reports = {name: [] for name in qualities}
     pictures = {name: [] for name in qualities}
     kept_fractions, truths = {}, {"t1": [], "t2": []}
     for number, view in enumerate(views):
@@ -65,7 +66,7 @@ def measure(
             quality = quality_of(name, threads)
             render(scene, quality, kept=kept)  # tables are made, and whatever compiles lazily
             rendering, _ = best_frame(scene, quality, repeats, kept)
-            times[name].append(rendering.report["stages_ms"])
+            reports[name].append(rendering.report)
             kept_fractions[name] = rendering.report["volume"]["visible_fraction"]
             pictures[name].append(rendering.rgba[rows, columns])
         for other in beside:
@@ -79,7 +80,7 @@ def measure(
     }
     absent = {peer.name: peer.absence(perspective) for peer in peers if peer.absence(perspective)}
     ours = [
-        _row(name, times[name], pictures[name], truths, beside, absent, {
+        _row(name, reports[name], pictures[name], truths, beside, absent, {
             "classification": quality_of(name, threads).classification, "kept_fraction": kept_fractions[name],
             **common, **prepared[quality_of(name, threads).classification],
         })
@@ -105,7 +106,8 @@ class _Beside:
         judged = self.peer.same_colors or not self._shaded
         return {
             "quality": self.peer.name, "peer": True, "classification": self.peer.classification, "kept_fraction": None,
-            **common, "against": {}, "frame_ms": median(self.frame_ms), "splat_ms": None, "warp_ms": None,
+            **common, "against": {}, "frame_ms": median(self.frame_ms),
+            **dict.fromkeys(f"{stage}_ms" for stage in FRAME),
             "shade_ms": None, "encode_ms": getattr(self.caster, "classify_ms", None),
             **{name: _error(self._pictures, true) if judged else None for name, true in truths.items()},
         }
@@ -126,12 +128,12 @@ def _preparation(scene, quality) -> dict:
     return best
 
 
-def _row(name, stages, pictures, truths, beside, absent, common) -> dict:
-    frames = [view["splat"] + view["warp"] for view in stages]
+def _row(name, reports, pictures, truths, beside, absent, common) -> dict:
+    frames = [frame_ms(report) for report in reports]
+    stages = {f"{stage}_ms": median(r["stages_ms"][stage] for r in reports) for stage in FRAME}
     return {
         "quality": name, "peer": False, **common,
-        "frame_ms": median(frames), "splat_ms": median(view["splat"] for view in stages),
-        "warp_ms": median(view["warp"] for view in stages),
+        "frame_ms": median(frames), **stages,
         "against": {
             other.peer.name: median(ours / theirs for ours, theirs in zip(frames, other.frame_ms)) for other in beside
         } | absent,

@@ -8,7 +8,8 @@ from .frames import describe
 from .peers import PEERS
 
 COLUMNS = (
-    ("frame", "frame_ms"), ("splat", "splat_ms"), ("warp", "warp_ms"), ("encode", "encode_ms"), ("shade", "shade_ms"),
+    ("frame", "frame_ms"), ("splat", "splat_ms"), ("warp", "warp_ms"), ("rays", "rays_ms"), ("encode", "encode_ms"),
+    ("shade", "shade_ms"),
 )  # fmt: skip
 TRUTHS = ("t1", "t2")
 NOTES = """

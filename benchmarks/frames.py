@@ -13,6 +13,7 @@ import numpy as np
 from rle_splat.jit import thread_count
 from rle_splat.render import render
 from rle_splat.scene import Quality, Scene
+from rle_splat.steps import FRAME
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -33,7 +34,7 @@ def same_view(scene: Scene, volume) -> Scene:
 
 
 def best_frame(scene: Scene, quality: Quality, repeats: int, kept=None):
-    """The rendering whose splat and warp together were quickest of ``repeats``, and those milliseconds.
+    """The rendering whose ``frame_ms`` were fewest of ``repeats``, and those milliseconds.
 
     The quickest, because whatever else a machine does can only add.
     """
@@ -47,8 +48,8 @@ def best_frame(scene: Scene, quality: Quality, repeats: int, kept=None):
 
 
 def frame_ms(report: dict) -> float:
-    """Milliseconds of what every frame costs: splat, warp and single rays."""
-    return sum(report["stages_ms"][stage] for stage in ("splat", "warp", "rays"))
+    """Milliseconds of what every frame costs."""
+    return sum(report["stages_ms"][stage] for stage in FRAME)
 
 
 class Neighbours:

@@ -33,14 +33,13 @@ from .render import render_steps, truth_of
 from .retrace import ray_cost_steps, retrace_steps
 from .scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
 from .single_rays import can_trace
-from .steps import Progress, portion
+from .steps import FRAME, Progress, portion
 
 REPEATS = 5  # frames that the median is of
 CROP_SIDE = 96  # pixels
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels; the plans that would be chosen for these are measured too
 LONGEST = 1000.0  # milliseconds a frame that such a plan may be expected to take, to be worth measuring
 PILOTS_SHARE = 0.05
-FRAME = ("splat", "warp", "rays")  # stages that every frame of a plan takes; rays where it has pixels by single ones
 SINGLE_RAYS = "Following single rays"
 FRAMES_SHARE = 0.6  # of the whole work, as progress shows it; the rest is the truths
 # What a plan's error is of, for people.

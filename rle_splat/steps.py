@@ -12,6 +12,7 @@ STAGES = (
     "clip objects",
     "kernels", "splat", "warp", "rays",
 )  # fmt: skip
+FRAME = ("splat", "warp", "rays")  # what every frame takes; rays where it has pixels by single ones
 
 
 @dataclass(frozen=True)
