@@ -11,7 +11,8 @@ from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.measure import measure
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.kept import Kept
-from rle_splat.plan.model import CALIBRATION
+from rle_splat.plan.doubt import RayCost
+from rle_splat.plan.model import CALIBRATION, Model
 from rle_splat.render import render, truth_of
 from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.tolerance import render_within
@@ -94,33 +95,28 @@ def test_what_is_not_reachable_is_said_with_its_floor():
     assert any("not reachable for this scene; the floor is" in remark for remark in rendering.report["remarks"])
 
 
-def test_giving_up_is_not_called_a_floor(monkeypatch):
-    """Finer plans that were not tried any more might keep the tolerance."""
-    from rle_splat.plan import choose as planner
+@pytest.fixture
+def hopeful(monkeypatch):
+    """The planner's model believes that plans err a tenth of what they do."""
+    honest = Model.errors
 
-    honest = planner.Model.errors
-
-    def hopeful(model, features, plan, correction=1.0):
+    def errors(model, features, plan, correction=1.0):
         return honest(model, features, plan, 0.1 * correction)
 
-    monkeypatch.setattr(planner.Model, "errors", hopeful)
+    monkeypatch.setattr(Model, "errors", errors)
+
+
+def test_giving_up_is_not_called_a_floor(hopeful, monkeypatch):
+    """Finer plans that were not tried any more might keep the tolerance."""
     monkeypatch.setattr("rle_splat.tolerance.MOST_ESCALATIONS", 0)
     report = render_within(scene_of("narrow", True), 4.0, Quality(classification="pre"), probes=300).report
     assert not report["error"]["kept"] and len(report["error"]["rounds"]) == 1
     assert any("was not reached in 1 ever finer pictures" in remark for remark in report["remarks"])
 
 
-def test_a_plan_that_fails_is_replaced_by_a_finer_one(monkeypatch):
+def test_a_plan_that_fails_is_replaced_by_a_finer_one(hopeful):
     """A model that believes in too much is put right by the probes."""
-    from rle_splat.plan import choose as planner
-
     scene, quality = scene_of("narrow", True), Quality(classification="pre")
-    honest = planner.Model.errors
-
-    def hopeful(model, features, plan, correction=1.0):
-        return honest(model, features, plan, 0.1 * correction)
-
-    monkeypatch.setattr(planner.Model, "errors", hopeful)
     error = render_within(scene, 4.0, quality, probes=300).report["error"]
     rounds = error["rounds"]
     assert len(rounds) > 1 and rounds[0]["measured"] > 4.0 and rounds[0]["plan"] != rounds[-1]["plan"]
@@ -129,14 +125,10 @@ def test_a_plan_that_fails_is_replaced_by_a_finer_one(monkeypatch):
 
 def test_rays_that_err_too_much_are_cut_finer_and_sheets_that_do_are_replaced_by_more_rays(monkeypatch):
     """A model that believes in too much, of sheets and of rays, is put right by the probes without another frame."""
-    from rle_splat.plan import choose as planner
-    from rle_splat.plan.doubt import RayCost
-
     scene, quality = scene_of("narrow", True), Quality(classification="post")
-    constants, of_rays = planner.Model.constants, RayCost.error
-    hopeful = monkeypatch.setattr
-    hopeful(planner.Model, "constants", lambda model, plan: [0.2 * k for k in constants(model, plan)])
-    hopeful(RayCost, "error", lambda cost, slabs: 1e-3 * of_rays(cost, slabs))
+    constants, of_rays = Model.constants, RayCost.error
+    monkeypatch.setattr(Model, "constants", lambda model, plan: [0.2 * k for k in constants(model, plan)])
+    monkeypatch.setattr(RayCost, "error", lambda cost, slabs: 1e-3 * of_rays(cost, slabs))
     error = render_within(scene, 0.5, quality, probes=300).report["error"]
     rounds = error["rounds"]
     assert len(rounds) > 1 and rounds[0]["measured"] > 0.5 >= rounds[-1]["measured"] and error["kept"]

@@ -102,13 +102,12 @@ def test_meshes_are_refused(scene):
 def test_plans_for_tolerances_say_what_was_predicted(scene):
     """What the tolerance would choose is measured like any plan; a stricter wish has a smaller prediction."""
     base = Quality(classification="pre", backend="numpy")
-    report = drain(sweep_steps(scene, [base], base, probes=300, repeats=1, tolerances=(8.0, 1.0))).report
+    report = drain(sweep_steps(scene, [base], base, probes=300, repeats=1, tolerances=(6.0, 1.0))).report
     wished = {entry["name"]: entry for entry in report["plans"] if entry["predicted"]}
-    assert set(wished) == {"for 8 levels", "for 1 level"}
-    loose, tight = wished["for 8 levels"], wished["for 1 level"]
-    assert tight["predicted"]["largest"] < loose["predicted"]["largest"] <= 8.0
-    # Here a plan is not chosen again when it errs more than was predicted, as one in five does in calibration.
-    assert tight["error"]["largest"] < loose["error"]["largest"] <= 1.5 * 8.0
+    assert set(wished) == {"for 6 levels", "for 1 level"}
+    loose, tight = wished["for 6 levels"], wished["for 1 level"]
+    assert tight["predicted"]["largest"] < loose["predicted"]["largest"] <= 6.0
+    assert tight["error"]["largest"] < loose["error"]["largest"] <= 6.0
     assert tight["error"]["largest"] <= 1.0 and tight["predicted"]["keeps"]
     none = drain(sweep_steps(scene, [base], replace(base, model="opacity"), probes=40, repeats=1, tolerances=(2.0,)))
     assert not any(entry["predicted"] for entry in none.report["plans"])
