@@ -49,6 +49,14 @@ def cache_folder() -> Path:
     return Path(tempfile.gettempdir()) / f"rle_splat-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
 
 
+def _last_changed(folder: Path) -> float:
+    """Seconds since 1970; 0 where another process has removed the folder meanwhile."""
+    try:
+        return folder.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
 def _kernel_folder() -> Path:
     """The folder for kernels compiled from exactly these sources.
 
@@ -65,7 +73,7 @@ def _kernel_folder() -> Path:
             sources.update(b"".join(contents))
     folder = cache_folder() / f"{KERNEL_PREFIX}{sources.hexdigest()}"
     if not folder.exists():
-        earlier = sorted(folder.parent.glob(f"{KERNEL_PREFIX}*"), key=lambda f: f.stat().st_mtime, reverse=True)
+        earlier = sorted(folder.parent.glob(f"{KERNEL_PREFIX}*"), key=_last_changed, reverse=True)
         for stale in earlier[KEPT_VERSIONS - 1 :]:
             shutil.rmtree(stale, ignore_errors=True)
     return folder

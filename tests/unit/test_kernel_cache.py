@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from rle_splat import jit
 from rle_splat.jit import CACHE_VARIABLE, compiled
 
 if not compiled():
@@ -41,6 +42,26 @@ def test_every_version_is_found_again(tmp_path):
     again = _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp")
     assert [again.load((key,)) for key in ("float32", "float64", "int8")] == ["float32", "float64", None]
     assert len(list(tmp_path.glob("*.nbc"))) == 2  # what is compiled once more takes the place of what was there
+
+
+def test_folders_that_another_process_removes_meanwhile_are_no_fault(tmp_path, monkeypatch):
+    """Two that start at once after an update both remove the oldest kernels."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    folders = [tmp_path / f"{jit.KERNEL_PREFIX}{n}" for n in range(jit.KEPT_VERSIONS + 2)]
+    for age, folder in enumerate(folders):
+        folder.mkdir()
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    stat = Path.stat
+
+    def vanishing(path, **how):
+        if path == folders[1]:
+            raise FileNotFoundError(path)
+        return stat(path, **how)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "stat", vanishing)
+        assert jit._kernel_folder().parent == tmp_path
+    assert [folder for folder in folders if folder.exists()] == [folders[0], *folders[2 : jit.KEPT_VERSIONS]]
 
 
 BESIDE_ANOTHER = """
