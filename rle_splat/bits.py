@@ -39,6 +39,27 @@ if numba is not None:
 
         return types.uint64(row, types.intp), generate
 
+    def _copier_of(size):
+        @intrinsic
+        def copy(typing, source, at, target, to):
+            """So many bytes from number ``at`` of ``source`` on to number ``to`` of ``target`` on, both (n,) uint8."""
+
+            def generate(context, builder, signature, arguments):
+                source, at, target, to = arguments
+                kind = ir.VectorType(ir.IntType(8), size).as_pointer()
+                here, there = (
+                    builder.bitcast(builder.gep(context.make_array(of)(context, builder, array).data, [place]), kind)
+                    for of, array, place in ((signature.args[0], source, at), (signature.args[2], target, to))
+                )
+                builder.store(builder.load(here, align=1), there, align=1)
+                return context.get_dummy_value()
+
+            return types.void(source, types.intp, target, types.intp), generate
+
+        return copy
+
+    copy_16, copy_4, copy_1 = (_copier_of(size) for size in (16, 4, 1))
+
 else:  # never called: callers take the numpy twin
 
     def lowest_bit(word): ...
@@ -46,3 +67,7 @@ else:  # never called: callers take the numpy twin
     def count_bits(word): ...
 
     def eight_bytes(row, at): ...
+
+    def copy_bytes(source, at, target, to): ...
+
+    copy_16 = copy_4 = copy_1 = copy_bytes

@@ -51,15 +51,14 @@ IN_ROWS = "rows"  # the voxels' own order
 
 @dataclass(frozen=True, eq=False)
 class RelevantVoxels:
-    """The ``voxels`` that matter to a range of values, ``reach``; ``bits``: of ``classify.relevant``, one for each."""
+    """The ``voxels`` that matter to a range of values, ``reach``."""
 
     reach: Reach
     voxels: VisibleVoxels
-    bits: np.ndarray
 
     @property
     def nbytes(self) -> int:
-        return self.voxels.nbytes + self.bits.nbytes
+        return self.voxels.nbytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +138,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
 
     def trace(rays, slabs):
         shape, ends = volume.shape_xyz, (infinite, centre)
-        bricks = job.get("bricks", key, lambda: bricks_of(relevant.bits, shape))
+        bricks = job.get("bricks", key, lambda: bricks_of(voxels.bits, shape))
         scalars = job.get(
             "scalars", (key, *ends, IN_ROWS), lambda: scalars_of(voxels, volume.voxels.dtype, *ends)
         )
@@ -149,7 +148,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         with np.errstate(over="ignore"):
             shown = np.clip(reach.ends.astype(np.float64) - centre, -LARGEST, LARGEST)
         records = read_only(scalars), *lights
-        rows = RowVoxels(relevant.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
+        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
         return scalar_trace(rows, centre, table, rays, slabs, quality)
 
     voxels = relevant.voxels
@@ -200,7 +199,7 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     yield Progress(0.08, f"Keeping {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
     with clock.stage("classify"):
         relevant = job.get(
-            "relevant", key, lambda: RelevantVoxels(reach, kept_voxels(volume, bits, counted, blocks, **machine), bits)
+            "relevant", key, lambda: RelevantVoxels(reach, kept_voxels(volume, bits, counted, blocks, **machine))
         )
     return relevant, needs
 

@@ -168,7 +168,7 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto",
     else:
         seen = _unpacked(bits)[:, :nx] > 0
         column[:], stored[:] = np.nonzero(seen)[1], rows[seen]
-    return VisibleVoxels(volume.shape_xyz, row_start, row_pieces, column, stored, blocks.nan_voxels)
+    return VisibleVoxels(volume.shape_xyz, row_start, row_pieces, column, stored, blocks.nan_voxels, bits)
 
 
 # --- kernels and twins ----------------------------------------------------------------------------------------

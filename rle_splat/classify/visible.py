@@ -30,6 +30,7 @@ class VisibleVoxels:
     ``column``: (m,) uint16 (int32 when nx > 65536), x of each voxel, ascending within a row.
     ``stored``: (m,) stored value of each voxel; 8- and 16-bit ones as unsigned bit patterns.
     ``nan_voxels``: how many voxels were NaN and therefore transparent.
+    ``bits``: (nz * ny, words) uint64, a bit for each voxel of a row, where whoever found them has such; else None.
     """
 
     shape_xyz: tuple[int, int, int]
@@ -38,17 +39,20 @@ class VisibleVoxels:
     column: np.ndarray
     stored: np.ndarray
     nan_voxels: int
+    bits: np.ndarray | None = None
 
     def __post_init__(self):
-        for array in (self.row_start, self.row_pieces, self.column, self.stored):
-            array.setflags(write=False)
+        for array in (self.row_start, self.row_pieces, self.column, self.stored, self.bits):
+            if array is not None:
+                array.setflags(write=False)
 
     def __len__(self) -> int:
         return int(self.row_start[-1])
 
     @property
     def nbytes(self) -> int:
-        return self.row_start.nbytes + self.row_pieces.nbytes + self.column.nbytes + self.stored.nbytes
+        lists = self.row_start.nbytes + self.row_pieces.nbytes + self.column.nbytes + self.stored.nbytes
+        return lists + (0 if self.bits is None else self.bits.nbytes)
 
 
 @dataclass(frozen=True, eq=False)

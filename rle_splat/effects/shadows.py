@@ -129,8 +129,7 @@ def _swept(sweeps: list[Sweep], matter: Matter) -> np.ndarray:
         starts, extinction = tables.scanline_data_pointers, matter.extinction_across
         for sweep in across:
             sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, matter), found, **machine)
-        as_bytes = (each.view(np.uint8).reshape(-1, 2) for each in (codes, found))
-        drain(fetch_slabs(tables, voxels, *as_bytes, **machine))
+        drain(fetch_slabs(tables, voxels, codes[:, None], found[:, None], **machine))
     for sweep in sweeps:
         if sweep.axis != 0:
             starts = rows if sweep.axis == 2 else np.ascontiguousarray(rows.T)

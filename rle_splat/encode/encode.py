@@ -140,15 +140,17 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, back
 
 
 def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; copies records back from ``source``, in the order of ``tables``, to
-    ``words``, in the voxels' own order; both (m, w)."""
+    """Generator: yields the fraction done; copies records back from ``source``, in the order of ``tables``, of
+    principal x, to ``words``, in the voxels' own order; both (m, w)."""
+    if tables.axis != 0:
+        raise ValueError("records are fetched from scanlines along y only")
     for fraction, first_plane, last_plane in _slabs(voxels):
         yield fraction
         places = _places(tables, voxels, first_plane, last_plane)
         first, last = places.span
         if compiled(backend):
             with parallel_call(threads):
-                passes.fetch_records(*places.arguments, words[first:last], read_only(source))
+                passes.fetch_across(*_moved(places, words[first:last], read_only(_bytes(source))), *_across(voxels))
         else:
             words[first:last] = source[places.targets_numpy()]
 
@@ -196,9 +198,32 @@ def _place(places: Places, words, voxel_words, backend, threads):
     """Copy the records of some planes, as words in the voxels' own order, to the scanlines of the tables."""
     if compiled(backend):
         with parallel_call(threads):
-            passes.place_records(*places.arguments, read_only(words), voxel_words)
+            moved = _moved(places, read_only(words), _bytes(voxel_words))
+            if places.across:
+                passes.place_across(*moved, *_across(places.voxels))
+            else:
+                passes.place_rows(*moved)
     else:
         voxel_words[places.targets_numpy()] = words
+
+
+def _moved(places: Places, words, voxel_bytes) -> tuple:
+    """What kernels take that move records, (n, w) ``words``; ``voxel_bytes``: of all of them, in scanlines."""
+    size = words.itemsize * words.shape[1]
+    if size > passes.MOST_BYTES:
+        raise ValueError(f"records of {size} bytes, and {passes.MOST_BYTES} at most are moved")
+    n_y, first_plane, row_start, _, _, data_starts = places.arguments
+    return n_y, first_plane, row_start, data_starts, size, _bytes(words), voxel_bytes
+
+
+def _across(voxels: VisibleVoxels) -> tuple:
+    """What they take besides where scanlines lie across the rows."""
+    return voxels.bits, voxels.column
+
+
+def _bytes(words) -> np.ndarray:
+    """Of whatever records, flat: one kernel moves them all."""
+    return words.reshape(-1).view(np.uint8)
 
 
 def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
@@ -216,7 +241,7 @@ def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
     scanline_data_pointers, n_voxels = pointers_from_counts((ends - starts)[rows])
     runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
     with parallel_call(threads):
-        passes.fill_row_runs(rows, voxels.row_start, voxels.column, nx, scanline_pointers, runs)
+        passes.fill_row_runs(rows, voxels.bits, voxels.row_start, voxels.column, nx, scanline_pointers, runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
@@ -226,12 +251,12 @@ def _tables_across(voxels: VisibleVoxels, threads):
     nx, ny, nz = voxels.shape_xyz
     run_counts, voxel_counts = np.zeros((2, nz, nx), dtype=np.int64)
     with parallel_call(threads):
-        passes.count_across(voxels.row_start, voxels.column, ny, run_counts, voxel_counts)
+        passes.count_across(voxels.bits, voxels.row_start, voxels.column, ny, run_counts, voxel_counts)
         scanline_pointers, n_runs = scanline_pointers_from_counts(np.ascontiguousarray(run_counts.T))
         scanline_data_pointers, n_voxels = pointers_from_counts(np.ascontiguousarray(voxel_counts.T))
         runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
-        cursors = np.array(scanline_pointers.T, dtype=np.int64, order="C")
-        passes.fill_across_runs(voxels.row_start, voxels.column, ny, cursors, runs)
+        starts = np.ascontiguousarray(scanline_pointers.T)
+        passes.fill_across_runs(voxels.bits, voxels.row_start, voxels.column, ny, starts, runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers
 

@@ -1,18 +1,19 @@
 """The passes of the encoder, parallel over scanlines or planes (algorithm.md 1.1; twins in encode.py).
 
-Throughout: ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,) are the visible voxels'; ``runs`` as in
-``tables.RunLengthVolume``.
+Throughout: ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,) are the visible voxels'; ``bits`` see ``line_bits``;
+``runs`` as in ``tables.RunLengthVolume``.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..classify.placing import find_targets
-from ..jit import kernel
+from ..bits import copy_1, copy_4, copy_16, count_bits, lowest_bit
+from ..jit import inner_loop, kernel
 from ..parallel import share_out
+from .line_bits import LAST_BIT, NO_BITS, ONE_BIT, WORD, read_row, read_strip, turn_words, word_count, write_runs
 
-PLACED = 256  # records whose places are found together
+MOST_BYTES = 16  # of a record
 
 
 @kernel
@@ -32,131 +33,236 @@ def _color_records(begin, end, density, colors, records):
 
 
 @kernel
-def fill_row_runs(rows, row_start, column, width, scanline_pointers, runs):
+def fill_row_runs(rows, bits, row_start, column, width, scanline_pointers, runs):
     """Writes the runs of each scanline that is a row; ``rows`` (n_slices, n_scanlines) int64: which row."""
-    share_out(_fill_row_runs, rows.size, (rows, row_start, column, width, scanline_pointers, runs))
+    share_out(_fill_row_runs, rows.size, (rows, bits, row_start, column, width, scanline_pointers, runs))
 
 
 @kernel(inner=True)
-def _fill_row_runs(begin, end_line, rows, row_start, column, width, scanline_pointers, runs):
+def _fill_row_runs(begin, end_line, rows, bits, row_start, column, width, scanline_pointers, runs):
     n_scanlines = rows.shape[1]
+    words = np.empty(word_count(width), np.uint64)
     for line in range(begin, end_line):
         k, j = line // n_scanlines, line % n_scanlines
         if scanline_pointers[k, j] < 0:
             continue
-        row = rows[k, j]
-        run = np.int64(scanline_pointers[k, j]) - 1
-        start = np.int64(0)  # first voxel of the current non-transparent run
-        end = np.int64(0)
-        for i in range(row_start[row], row_start[row + 1]):
-            x = np.int64(column[i])
-            if x != end or run < scanline_pointers[k, j]:
-                if run >= scanline_pointers[k, j]:
-                    runs[run] = end - start
-                runs[run + 1] = x - end
-                run += 2
-                start = x
-            end = x + 1
-        runs[run] = end - start
+        read_row(bits, row_start, column, rows[k, j], words)
+        run, end, before = np.int64(scanline_pointers[k, j]), np.int64(0), NO_BITS
+        for n in range(words.size):
+            run, end = write_runs(words[n], before, n * WORD, end, runs, run)
+            before = words[n] >> LAST_BIT
         if end < width:
-            runs[run + 1] = width - end
+            runs[run] = width - end
 
 
 @kernel
-def count_across(row_start, column, n_rows, run_counts, voxel_counts):
+def count_across(bits, row_start, column, n_rows, run_counts, voxel_counts):
     """Runs and voxels of each scanline along y; both counts (nz, nx), zero on entry, ``n_rows`` = ny."""
-    share_out(_count_across, run_counts.shape[0], (row_start, column, n_rows, run_counts, voxel_counts))
+    share_out(_count_across, run_counts.shape[0], (bits, row_start, column, n_rows, run_counts, voxel_counts))
 
 
 @kernel(inner=True)
-def _count_across(begin, end_plane, row_start, column, n_rows, run_counts, voxel_counts):
+def _count_across(begin, end_plane, bits, row_start, column, n_rows, run_counts, voxel_counts):
+    n_columns = run_counts.shape[1]
+    words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
+    before = np.empty(n_columns, np.uint64)
     for z in range(begin, end_plane):
-        runs_of, voxels_of = run_counts[z], voxel_counts[z]
-        end = np.full(runs_of.size, -1, dtype=np.int64)  # per x, one past the last voxel seen; -1 before the first
-        for y in range(n_rows):
-            for i in range(row_start[z * n_rows + y], row_start[z * n_rows + y + 1]):
-                x = np.uint64(column[i])
-                runs_of[x] += 2 * (end[x] != y)  # no branch to mispredict
-                voxels_of[x] += 1
-                end[x] = y + 1
-        for x in range(runs_of.size):
-            if 0 < end[x] < n_rows:
-                runs_of[x] += 1
+        before[:] = NO_BITS
+        for y in range(0, n_rows, WORD):
+            read_strip(bits, row_start, column, z * n_rows + y, min(WORD, n_rows - y), words)
+            for x in range(0, n_columns, WORD):
+                _count_block(
+                    words, x // WORD, block, before[x : x + WORD], run_counts[z, x : x + WORD],
+                    voxel_counts[z, x : x + WORD],
+                )
+        for x in range(n_columns):  # what is transparent behind the last voxel is a run, too
+            last = (before[x] >> ((n_rows - 1) % WORD)) & ONE_BIT
+            run_counts[z, x] += (voxel_counts[z, x] > 0) & (last == NO_BITS)
+
+
+@inner_loop
+def _count_block(words, n, block, before, runs_of, voxels_of):
+    """A word more of some scanlines; ``before``: their words so far, the last of each."""
+    some = turn_words(words, n, block)
+    for i in range(before.size):
+        seen = block[i] if some else NO_BITS
+        voxels_of[i] += count_bits(seen)
+        runs_of[i] += 2 * count_bits(seen & ~((seen << ONE_BIT) | (before[i] >> LAST_BIT)))
+        before[i] = seen
 
 
 @kernel
-def fill_across_runs(row_start, column, n_rows, run_cursors, runs):
+def fill_across_runs(bits, row_start, column, n_rows, run_starts, runs):
     """Writes the runs of the nx scanlines along y that each plane z crosses.
 
-    ``run_cursors`` (nz, nx) int64 hold where each scanline starts (-1 when transparent) and are moved along while it
-    is written.
+    ``run_starts`` (nz, nx): where each scanline starts, -1 when transparent.
     """
-    share_out(_fill_across_runs, run_cursors.shape[0], (row_start, column, n_rows, run_cursors, runs))
+    share_out(_fill_across_runs, run_starts.shape[0], (bits, row_start, column, n_rows, run_starts, runs))
 
 
 @kernel(inner=True)
-def _fill_across_runs(begin, end_plane, row_start, column, n_rows, run_cursors, runs):
-    n_columns = run_cursors.shape[1]
+def _fill_across_runs(begin, end_plane, bits, row_start, column, n_rows, run_starts, runs):
+    n_columns = run_starts.shape[1]
+    words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
+    before = np.empty(n_columns, np.uint64)
+    cursors, ends = np.empty(n_columns, np.int64), np.empty(n_columns, np.int64)
     for z in range(begin, end_plane):
-        end = np.full(n_columns, -1, dtype=np.int64)  # per x, one past the last voxel written; -1 before the first
-        for y in range(n_rows):
-            for i in range(row_start[z * n_rows + y], row_start[z * n_rows + y + 1]):
-                x = np.uint64(column[i])
-                if end[x] == y:
-                    runs[run_cursors[z, x]] += 1
-                else:
-                    if end[x] < 0:
-                        runs[run_cursors[z, x]] = y
-                        run_cursors[z, x] += 1
-                    else:
-                        runs[run_cursors[z, x] + 1] = y - end[x]
-                        run_cursors[z, x] += 2
-                    runs[run_cursors[z, x]] = 1
-                end[x] = y + 1
+        before[:] = NO_BITS
+        ends[:] = 0
         for x in range(n_columns):
-            if 0 < end[x] < n_rows:
-                runs[run_cursors[z, x] + 1] = n_rows - end[x]
+            cursors[x] = run_starts[z, x]
+        for y in range(0, n_rows, WORD):
+            read_strip(bits, row_start, column, z * n_rows + y, min(WORD, n_rows - y), words)
+            for x in range(0, n_columns, WORD):
+                _fill_block(
+                    words, x // WORD, block, before[x : x + WORD], y, cursors[x : x + WORD], ends[x : x + WORD], runs
+                )
+        for x in range(n_columns):
+            if run_starts[z, x] >= 0 and ends[x] < n_rows:
+                runs[cursors[x]] = n_rows - ends[x]
+
+
+@inner_loop
+def _fill_block(words, n, block, before, y, cursors, ends, runs):
+    """A word more of some scanlines, whose first bit is voxel ``y``; ``before``, ``cursors`` and ``ends``: their last
+    words, where their next runs go and where their last ones ended."""
+    if not turn_words(words, n, block):
+        block[:] = NO_BITS
+    for i in range(before.size):
+        cursors[i], ends[i] = write_runs(block[i], before[i] >> LAST_BIT, y, ends[i], runs, cursors[i])
+        before[i] = block[i]
 
 
 @kernel
-def place_records(n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
-    """Copies voxel records, in the voxels' own order, to their scanlines.
+def place_rows(n_y, first_plane, row_start, data_starts, size, records, target):
+    """Copies voxel records of ``size`` bytes from the voxels' own order to scanlines that are rows.
 
-    ``words`` (n, w): the records of some planes as words; ``voxel_words`` (m, w): all records in the order of the
-    tables.  The others: see ``classify.placing``.
+    ``records``: those of some planes, and ``target``: all, in the order of the tables, both flat uint8.  The others:
+    see ``classify.placing``.
     """
-    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, voxel_words, None)
-    share_out(_move_records, data_starts.shape[0], arguments)
-
-
-@kernel
-def fetch_records(n_y, first_plane, row_start, column, across, data_starts, words, voxel_words):
-    """``place_records`` the other way round: from the scanlines back into the voxels' own order."""
-    arguments = (n_y, first_plane, row_start, column, across, data_starts, words, None, voxel_words)
-    share_out(_move_records, data_starts.shape[0], arguments)
+    share_out(_place_rows, data_starts.size, (n_y, first_plane, row_start, data_starts, size, records, target))
 
 
 @kernel(inner=True)
-def _move_records(begin, end, n_y, first_plane, row_start, column, across, data_starts, words, target, source):
-    """From ``words`` to ``target``, or from ``source`` to ``words``; the other is None.  (Of two branches on one of
-    them numba would compile both.)"""
+def _place_rows(begin, end, n_y, first_plane, row_start, data_starts, size, records, target):
+    first_row = first_plane * n_y
+    for n in range(begin, end):
+        at, behind = row_start[first_row + n], row_start[first_row + n + 1]
+        here, there = (at - row_start[first_row]) * size, data_starts[n // n_y, n % n_y] * size
+        _copy(records, here, target, there, (behind - at) * size)
+
+
+@kernel
+def place_across(n_y, first_plane, row_start, data_starts, size, records, target, bits, column):
+    """``place_rows`` for scanlines along y.  ``size``: MOST_BYTES at most; ``bits``: see ``line_bits``."""
+    arguments = (n_y, first_plane, row_start, data_starts, size, records, target, None, bits, column)
+    share_out(_move_across, data_starts.shape[0], arguments)
+
+
+@kernel
+def fetch_across(n_y, first_plane, row_start, data_starts, size, records, source, bits, column):
+    """``place_across`` the other way round: from the scanlines back into the voxels' own order."""
+    arguments = (n_y, first_plane, row_start, data_starts, size, records, None, source, bits, column)
+    share_out(_move_across, data_starts.shape[0], arguments)
+
+
+@kernel(inner=True)
+def _move_across(
+    begin, end, n_y, first_plane, row_start, data_starts, size, records, target, source, bits, column
+):
+    """From ``records`` to ``target``, or from ``source`` to ``records``; the other is None.  (Of two branches on one of
+    them numba would compile both.)
+
+    Blocks of 64 x 64 voxels are turned in a scratch that stays in the cache, so that what is next to each other in
+    either order is moved together.
+    """
     first = row_start[first_plane * n_y]
-    cursors = np.empty(data_starts.shape[1], np.int64)
-    places = np.empty(PLACED, np.uint64)
+    n_columns = data_starts.shape[1]
+    words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
+    cursors, at = np.empty(n_columns, np.int64), np.empty(WORD, np.int64)
+    # Scanlines of a block, with room behind each for what is copied too much.
+    pitch = WORD * size + MOST_BYTES
+    turned = np.empty(WORD * pitch, np.uint8)
     for plane in range(begin, end):
-        for key in range(cursors.size):
-            cursors[key] = data_starts[plane, key]
-        first_row = (first_plane + plane) * n_y
-        row = first_row
-        at = row_start[first_row]
-        while at < row_start[first_row + n_y]:
-            count = min(row_start[first_row + n_y] - at, PLACED)
-            row = find_targets(across, first_row, row, row_start, column, at, count, cursors, places)
-            some = words[at - first : at - first + count]
-            for i in range(count):
-                for w in range(words.shape[1]):
-                    if target is not None:
-                        target[places[i], w] = some[i, w]
-                    if source is not None:
-                        some[i, w] = source[places[i], w]
-            at += count
+        for x in range(n_columns):
+            cursors[x] = data_starts[plane, x]
+        for y in range(0, n_y, WORD):
+            rows, row = min(WORD, n_y - y), (first_plane + plane) * n_y + y
+            read_strip(bits, row_start, column, row, rows, words)
+            for j in range(rows):
+                at[j] = row_start[row + j]
+            for x in range(0, n_columns, WORD):
+                n = x // WORD
+                if not turn_words(words, n, block):
+                    continue
+                if target is not None:
+                    _turn_records(words, n, rows, at, first, column, size, pitch, records, turned)
+                    _move_runs(block, cursors[x : x + WORD], size, pitch, turned, target, None)
+                if source is not None:
+                    _move_runs(block, cursors[x : x + WORD], size, pitch, turned, None, source)
+                    _turn_back(words, n, rows, at, first, column, size, pitch, records, turned)
+
+
+@inner_loop
+def _turn_records(words, n, rows, at, first, column, size, pitch, records, turned):
+    """Records of the voxels in word ``n`` of ``rows`` rows to scanlines along y, ``pitch`` bytes apart in ``turned``.
+
+    ``at``: (64,) the rows' next voxels, moved along; ``first``: the one that ``records`` begin with.  What is copied
+    beside a record is written over by the next row's, or lies behind the scanline.
+    """
+    whole = first + (records.size - MOST_BYTES) // size + 1  # before these, so many bytes can be read
+    for j in range(rows):
+        begin = at[j]
+        at[j] = end = begin + count_bits(words[j, n])
+        for i in range(begin, min(end, whole)):
+            copy_16(records, (i - first) * size, turned, (np.int64(column[i]) - n * WORD) * pitch + j * size)
+        for i in range(max(begin, whole), end):
+            for byte in range(size):
+                to = (np.int64(column[i]) - n * WORD) * pitch + j * size + byte
+                copy_1(records, (i - first) * size + byte, turned, to)
+
+
+@inner_loop
+def _turn_back(words, n, rows, at, first, column, size, pitch, records, turned):
+    """``_turn_records`` the other way round."""
+    for j in range(rows):
+        begin = at[j]
+        at[j] = end = begin + count_bits(words[j, n])
+        for i in range(begin, end):
+            _copy(turned, (np.int64(column[i]) - n * WORD) * pitch + j * size, records, (i - first) * size, size)
+
+
+@inner_loop
+def _move_runs(block, cursors, size, pitch, turned, target, source):
+    """The runs of a block, a word of ``block`` for each scanline, from ``turned`` to ``target`` or from ``source`` to
+    ``turned``; the other is None.  ``cursors``: where each scanline's next record is there, moved along."""
+    for i in range(cursors.size):
+        kept, there = block[i], cursors[i] * size
+        while kept != NO_BITS:
+            begin = lowest_bit(kept)
+            rest = ~(kept >> np.uint64(begin))  # the run's end is the first bit that is not set
+            count = min(lowest_bit(rest) if rest != NO_BITS else WORD, WORD - begin)
+            here = i * pitch + begin * size
+            if target is not None:
+                _copy(turned, here, target, there, count * size)
+            if source is not None:
+                _copy(source, there, turned, here, count * size)
+            there += count * size
+            kept = kept & (kept + (ONE_BIT << np.uint64(begin))) if begin + count < WORD else NO_BITS
+        cursors[i] += count_bits(block[i])
+
+
+@inner_loop
+def _copy(source, at, target, to, count):
+    """``count`` bytes, the last of them perhaps twice: no other is read or written."""
+    if count >= 16:
+        for i in range(0, count - 16, 16):
+            copy_16(source, at + i, target, to + i)
+        copy_16(source, at + count - 16, target, to + count - 16)
+    elif count >= 4:
+        for i in range(0, count - 4, 4):
+            copy_4(source, at + i, target, to + i)
+        copy_4(source, at + count - 4, target, to + count - 4)
+    else:
+        for i in range(count):
+            copy_1(source, at + i, target, to + i)

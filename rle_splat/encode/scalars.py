@@ -7,12 +7,12 @@ and the light that falls on it where anything shines.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from ..jit import read_only
 from .encode import place_slabs, run_tables
 from .tables import RunTables
 
@@ -119,8 +119,7 @@ def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: st
     order, in the order of ``tables``, which are of ``scalar_tables``."""
     if is_shared(tables.axis):
         return words
-    # As bytes, whatever they are: one kernel for all.
-    rows = np.ascontiguousarray(words).view(np.uint8).reshape(len(words), -1) if len(words) else words.reshape(0, 1)
+    rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))
     target = np.empty_like(rows)
-    yield from place_slabs(tables, voxels, read_only(rows), target, backend=backend, threads=threads)
-    return target.reshape(-1).view(words.dtype).reshape(words.shape)
+    yield from place_slabs(tables, voxels, rows, target, backend=backend, threads=threads)
+    return target.reshape(words.shape)

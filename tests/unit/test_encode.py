@@ -1,15 +1,18 @@
 """The four tables against a slow encoder written from the paper's words; what they hold in hard cases is in
 tests/stability/test_encoding.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rle_splat.axes import AXES
 from rle_splat.classify.classification import ClassifiedVolume
 from rle_splat.classify.visible import row_offsets
-from rle_splat.encode.encode import encode
+from rle_splat.encode.encode import encode, fetch_slabs, place_slabs, run_tables
 from rle_splat.encode.validate import validate
 from rle_splat.scene import RleSplatError
+from rle_splat.steps import drain
 
 BACKENDS = ("numba", "numpy")
 ALL_TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data", "scanline_data_pointers")
@@ -85,6 +88,11 @@ def masks():
     yield "cube of two", rng.random((2, 2, 2)) < 0.5
     yield "primes", rng.random((19, 23, 29)) < 0.3
     yield "runs", np.repeat(rng.random((7, 6, 5)) < 0.4, 5, axis=2)
+    # Scanlines of whole words of 64 voxels, of one more and one less; runs that end where a word does or go on.
+    yield "words", np.repeat(rng.random((2, 64, 16)) < 0.5, 8, axis=2)
+    yield "words and one", np.repeat(rng.random((2, 5, 129)) < 0.5, 13, axis=1)
+    yield "words but one", np.repeat(rng.random((2, 127, 21)) < 0.7, 3, axis=2)
+    yield "full words", np.ones((2, 64, 128), bool)
 
 
 CASES = dict(masks())
@@ -108,12 +116,67 @@ def test_tables_are_the_papers_to_the_bit(name, axis, model):
         validate(encoded)
 
 
-def test_threads_change_nothing():
-    classified = classified_from(CASES["primes"])
+@pytest.mark.parametrize("name", ("primes", "words", "words and one"))
+def test_threads_change_nothing(name):
+    classified = classified_from(CASES[name])
     for axis in (0, 1, 2):
         one, two = (encode(classified, classified.color, axis, threads=n) for n in (1, 2))
         for table in ALL_TABLES:
             np.testing.assert_array_equal(getattr(one, table), getattr(two, table))
+
+
+def with_bits(voxels, mask):
+    """The same voxels, and a bit for each."""
+    nz, ny, nx = mask.shape
+    padded = np.zeros((nz * ny, -(-nx // 64) * 64), bool)
+    padded[:, :nx] = mask.reshape(nz * ny, nx)
+    bits = np.packbits(padded, axis=1, bitorder="little").view("<u8").astype(np.uint64)
+    return replace(voxels, bits=bits)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bits_and_columns_make_the_same_tables(name):
+    voxels = classified_from(CASES[name]).voxels
+    for axis in (0, 1, 2):
+        of_columns, of_bits = (run_tables(one, axis) for one in (voxels, with_bits(voxels, CASES[name])))
+        for table in ("scanline_pointers", "data_pointers", "runs", "scanline_data_pointers"):
+            np.testing.assert_array_equal(getattr(of_columns, table), getattr(of_bits, table), table)
+
+
+@pytest.mark.parametrize("size", (1, 2, 3, 4, 6, 8, 12, 14, 16))
+@pytest.mark.parametrize("name", ("empty", "one voxel", "random", "primes", "words", "words and one", "full words"))
+def test_records_of_any_size_go_to_their_scanlines_and_come_back(name, size):
+    """Against the voxels' own order sorted by scanline; with more beside them that must stay as it is."""
+    mask = CASES[name]
+    voxels = classified_from(mask).voxels
+    z, y, x = np.nonzero(mask)
+    records = np.random.default_rng(size).integers(1, 256, (len(x), size), np.uint8)
+    for axis, order in enumerate((np.lexsort((y, z, x)), np.lexsort((x, z, y)), np.arange(len(x)))):
+        for bits in (False, True):
+            found = with_bits(voxels, mask) if bits else voxels
+            tables = run_tables(found, axis)
+            for backend in BACKENDS:
+                room = np.zeros((len(x) + 64, size), np.uint8)
+                target = room[32 : 32 + len(x)]
+                drain(place_slabs(tables, found, records, target, backend=backend))
+                np.testing.assert_array_equal(target, records[order])
+                assert not room[:32].any() and not room[32 + len(x) :].any()
+                if axis != 0:
+                    continue
+                room = np.zeros_like(room)
+                back = room[32 : 32 + len(x)]
+                drain(fetch_slabs(tables, found, back, target, backend=backend))
+                np.testing.assert_array_equal(back, records)
+                assert not room[:32].any() and not room[32 + len(x) :].any()
+
+
+def test_records_that_kernels_cannot_move_are_refused():
+    voxels = classified_from(CASES["random"]).voxels
+    records = np.zeros((len(voxels), 17), np.uint8)
+    with pytest.raises(ValueError, match="17 bytes"):
+        drain(place_slabs(run_tables(voxels, 0), voxels, records, records.copy()))
+    with pytest.raises(ValueError, match="along y"):
+        drain(fetch_slabs(run_tables(voxels, 1), voxels, records, records.copy()))
 
 
 def test_shaded_colors_are_what_is_stored():
