@@ -143,7 +143,7 @@ def test_the_estimate_covers_what_single_rays_take(n, size):
     """Of a small picture they take most: so many are followed at a time."""
     if not compiled():
         pytest.skip("the numpy twin takes more than kernels do")
-    scene, quality = scene_of(noise(n), size), replace(Quality.preset("fine"), rays=0.01)
+    scene, quality = scene_of(noise(n), size), Quality.preset("fine", rays=0.01, threads=2)
     render(scene, quality)  # whatever is made once
     rendering, peak = traced(lambda: render(scene, quality))
     assert rendering.report["rays"]["share"] > 0.5
