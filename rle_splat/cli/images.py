@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import RleSplatError
+from .png import ROWS, save_png
 
 # The sRGB transfer curve (IEC 61966-2-1): linear below the threshold, then an offset power.
 LINEAR_LIMIT, LINEAR_SLOPE = 0.0031308, 12.92
@@ -36,6 +37,11 @@ def straight_alpha(rgba) -> np.ndarray:
 
 def to_bytes(rgba, background=None) -> np.ndarray:
     """uint8 picture, sRGB-encoded: (H, W, 3) over ``background``, or (H, W, 4) straight with linear alpha."""
+    # A few rows at once, since what is made of them then stays in the processor's cache (measured: half the time).
+    return np.concatenate([_to_bytes(rgba[top : top + ROWS], background) for top in range(0, len(rgba), ROWS)])
+
+
+def _to_bytes(rgba, background):
     if background is not None:
         encoded = encode_srgb(over_background(rgba, background))
     else:
@@ -45,12 +51,8 @@ def to_bytes(rgba, background=None) -> np.ndarray:
 
 
 def write_png(path, rgba, depth, background=None) -> None:
-    """8 bits a channel, sRGB-encoded, with the sRGB chunk that says so."""
-    from PIL import Image, PngImagePlugin
-
-    chunks = PngImagePlugin.PngInfo()
-    chunks.add(b"sRGB", b"\x00")  # rendering intent 0: perceptual
-    Image.fromarray(to_bytes(rgba, background)).save(path, format="PNG", pnginfo=chunks)
+    """8 bits a channel, sRGB-encoded, with the chunk that says so."""
+    save_png(path, to_bytes(rgba, background))
 
 
 def write_exr(path, rgba, depth, background=None) -> None:
@@ -74,7 +76,7 @@ def write_npy(path, rgba, depth, background=None) -> None:
 
 # One table: suffix -> (writer, the module it needs beyond numpy, that module's package).
 WRITERS = {
-    ".png": (write_png, "PIL", "Pillow"),
+    ".png": (write_png, None, None),
     ".exr": (write_exr, "OpenEXR", "OpenEXR"),
     ".npy": (write_npy, None, None),
 }
