@@ -45,19 +45,19 @@ def begin_band(
 
 
 @inner_loop
-def write_rows(state, rows, image_width, pixels):
-    """The finished rows of a band, block by block, to ``pixels``, flat, four channels a pixel."""
+def write_rows(state, top_row, rows, image_width, pixels):
+    """The finished rows of a band, block by block, to ``pixels`` (H, W, 4) from row ``top_row`` on."""
     blocks = -(-image_width // BLOCK)
     for r in range(rows):
         for b in range(blocks):
-            row, to = 4 * BLOCK * (r * blocks + b), 4 * (r * image_width + b * BLOCK)
+            row, to = 4 * BLOCK * (r * blocks + b), 4 * ((top_row + r) * image_width + b * BLOCK)
             count = min(BLOCK, image_width - b * BLOCK)
             if count == BLOCK:
                 interleaved(state, row, pixels, to)
                 continue
             for i in range(count):
                 for channel in range(4):
-                    pixels[to + 4 * i + channel] = state[row + BLOCK * channel + i]
+                    pixels[top_row + r, b * BLOCK + i, channel] = state[row + BLOCK * channel + i]
 
 
 @inner_loop(forceinline=True)

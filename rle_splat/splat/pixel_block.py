@@ -234,7 +234,8 @@ if numba is not None:
 
     @intrinsic
     def interleaved(typing, state, row, pixels, to):
-        """The block ``state[row:]`` to four channels a pixel in ``pixels`` from float number ``to`` on."""
+        """The block ``state[row:]`` to four channels a pixel in ``pixels``, without gaps, from float number
+        ``to`` on."""
 
         def generate(context, builder, signature, arguments):
             state, row, pixels, to = arguments

@@ -330,7 +330,7 @@ def _splat_band(
             for r in range(rows):
                 for word in range(band_alive.size):
                     band_alive[word] |= alive[r, word]
-    write_rows(state, rows, image_width, out[top_row : top_row + rows].reshape(-1))
+    write_rows(state, top_row, rows, image_width, out)
 
 
 @inner_loop
