@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.measure import PROBES, TOLERANCE
-from rle_splat.accuracy.probes import STEEP_SHARE, probe_errors, steep_pixels, stratified_pixels
+from rle_splat.accuracy.measure import TOLERANCE
+from rle_splat.accuracy.probes import PROBES, STEEP_SHARE, probe_errors, steep_pixels, stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.kept import Kept
 from rle_splat.render import render, truth_of

@@ -15,9 +15,9 @@ from statistics import median
 import numpy as np
 
 from .accuracy.lighting import shading_of
-from .accuracy.measure import PROBES, TOLERANCE
+from .accuracy.measure import TOLERANCE
 from .accuracy.metrics import ERRORS, LEVEL, SSIM_WINDOW, difference, ssim
-from .accuracy.probes import choose_probes, probe_errors
+from .accuracy.probes import PROBES, choose_probes, probe_errors
 from .accuracy.truths import check_shown, truth_steps
 from .effects.analyse import analyse, called_for
 from .encode.store import StoredVolume

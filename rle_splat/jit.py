@@ -15,8 +15,10 @@ import tempfile
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
+from .interpreter import collector_paused
 from .scene import RleSplatError
 
 CACHE_VARIABLE = "RLE_SPLAT_CACHE"
@@ -61,14 +63,16 @@ def _kernel_folder() -> Path:
     """The folder for kernels compiled from exactly these sources.
 
     numba recompiles a kernel when its own file changes, but not when a file it inlines or takes constants from
-    does, so the folder's name carries a hash of every file in a room that holds kernels.  The latest few are
-    kept, for several versions side by side.
+    does, so the folder's name carries a hash of every file in a room that holds kernels, and of numba's version.
+    The latest few are kept, for several versions side by side.
     """
-    rooms: dict[Path, list[bytes]] = {}
-    for source in sorted(Path(__file__).parent.rglob("*.py")):
-        rooms.setdefault(source.parent, []).append(source.read_bytes())
-    sources = hashlib.blake2b(digest_size=8)
-    for contents in rooms.values():
+    sources = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
+    for room, _, names in sorted(os.walk(Path(__file__).parent)):
+        contents = []
+        for name in sorted(names):
+            if name.endswith(".py"):
+                with open(os.path.join(room, name), "rb", buffering=0) as file:
+                    contents.append(file.read())
         if any(b"@kernel" in content for content in contents):
             sources.update(b"".join(contents))
     folder = cache_folder() / f"{KERNEL_PREFIX}{sources.hexdigest()}"
@@ -77,6 +81,11 @@ def _kernel_folder() -> Path:
         for stale in earlier[KEPT_VERSIONS - 1 :]:
             shutil.rmtree(stale, ignore_errors=True)
     return folder
+
+
+def nothing_compiled_yet() -> bool:
+    """Whether there is no kernel on disk at all: what is rendered now compiles all that it needs."""
+    return numba is not None and next(Path(numba.config.CACHE_DIR).rglob("*.nbi"), None) is None
 
 
 # Where OpenMP is the threading layer, its idle threads would spin on a core between kernels, and take it from the
@@ -88,17 +97,21 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("NUMBA_OPT", "1")
 
 try:
-    import numba
+    with collector_paused():
+        import numba
 
-    from .kernel_cache import cache_of
-    from .kernel_compiler import InnerCompiler, KernelCompiler
+        from .kernel_cache import NullCache, cache_of
 
+        # What was set above, where somebody else had loaded numba before: else the first kernel that is compiled would
+        # have all settings read anew, and the folder for kernels forgotten.
+        numba.config.reload_config()
+        if not os.environ.get("NUMBA_CACHE_DIR"):
+            numba.config.CACHE_DIR = str(_kernel_folder())
+        # Where kernels of this numba are in a folder of their own, the compiler has worked and is seldom needed: it is
+        # loaded with the first kernel that is compiled.  Else here, where what is wrong with it can be told.
+        if os.environ.get("NUMBA_CACHE_DIR") or nothing_compiled_yet():
+            import_module(".kernel_compiler", __package__)
     NUMBA_PROBLEM = ""
-    # What was set above, where somebody else had loaded numba before: else the first kernel that is compiled would have
-    # all settings read anew, and the folder for kernels forgotten.
-    numba.config.reload_config()
-    if not os.environ.get("NUMBA_CACHE_DIR"):
-        numba.config.CACHE_DIR = str(_kernel_folder())
 except Exception as problem:  # a broken install fails in many ways (ImportError, OSError, AttributeError, SystemError)
     numba = None
     NUMBA_PROBLEM = f"{type(problem).__name__}: {problem}"
@@ -118,6 +131,12 @@ if numba is not None:
                 noted.add(f"{function.__module__.rpartition('rle_splat.')[2]}.{function.__name__}")
             return super().__call__(*arguments)
 
+        def compile(self, signature):
+            """Or load from disk."""
+            if isinstance(self._cache, NullCache):
+                self._cache = cache_of(self.py_func)
+            return super().compile(signature)
+
 
 @contextmanager
 def noting_kernels(names: set):
@@ -135,6 +154,17 @@ def noting_kernels(names: set):
 
 # NaN tests must survive and sums must keep their order, so none of nnan, ninf, reassoc, afn.
 FASTMATH = {"contract", "arcp", "nsz"}
+
+
+
+def _compiler(name: str):
+    """A compiler of ``kernel_compiler``, which takes longer to load than all kernels of a picture together."""
+
+    def begun(*arguments):
+        return getattr(import_module(".kernel_compiler", __package__), name)(*arguments)
+
+    return begun
+
 
 # numba's workqueue layer aborts the whole process when two parallel kernels run at once, so a single token is
 # passed round.  (A queue needs no import of threading, which the Extensions platform refuses.)
@@ -164,11 +194,10 @@ def kernel(
             fastmath=False if exact else FASTMATH, no_cfunc_wrapper=True, _nrt=counted,
         )
         if inner:
-            return numba.njit(no_cpython_wrapper=True, pipeline_class=InnerCompiler, **options)(f)
+            return numba.njit(no_cpython_wrapper=True, pipeline_class=_compiler("InnerCompiler"), **options)(f)
         if not parallel:
-            options["pipeline_class"] = KernelCompiler
+            options["pipeline_class"] = _compiler("KernelCompiler")
         dispatcher = numba.njit(**options)(f)
-        dispatcher._cache = cache_of(f)
         dispatcher.__class__ = _NotedDispatcher
         return dispatcher
 
@@ -203,11 +232,6 @@ def compiled(backend: str = "auto") -> bool:
             f"numba cannot be loaded ({NUMBA_PROBLEM}); install numba 0.68 or choose the numpy backend."
         )
     return numba is not None
-
-
-def nothing_compiled_yet() -> bool:
-    """Whether there is no kernel on disk at all: what is rendered now compiles all that it needs."""
-    return numba is not None and next(Path(numba.config.CACHE_DIR).rglob("*.nbi"), None) is None
 
 
 def available_threads() -> int:

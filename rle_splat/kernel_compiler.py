@@ -8,7 +8,6 @@ collector looks through a million objects that stay.  Everything here leaves out
 from __future__ import annotations
 
 import builtins
-import gc
 import operator
 from contextlib import contextmanager
 
@@ -26,43 +25,11 @@ from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+from .interpreter import collector_paused, with_room
 from .kernel_lowering import PlainLower
 
 # Closures and expressions of whole arrays, which kernels do not have.
 IDLE_PASSES = (InlineClosureLikes, NopythonRewrites)
-# Python's pieces are of a power of two: for 288 KB of variables one of 512 KB, whose rest is enough for some 400 calls.
-ROOM = 36 * 2**10
-
-
-@contextmanager
-def _collector_paused():
-    """Python's collector off: what a compiler makes stays, and looking through it takes a tenth of its time.
-
-    So that it is not looked through as soon as the collector is on again, which would take another tenth, it is put
-    among what is old: frozen, and at once thawed.
-    """
-    paused = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if paused:
-            if gc.get_freeze_count() == 0:  # else it is somebody else's to thaw
-                gc.freeze()
-                gc.unfreeze()
-            gc.enable()
-
-
-def _with_room(function):
-    """The function, with room for the variables of all that it calls.
-
-    Python keeps variables in pieces of 16 KB of memory. Where one is full, each further call asks the system for
-    another and each return gives it back, and a compiler that comes to work at such a brink does so for most of its
-    calls (counted: 130 000 times in a first picture; where the brinks are depends on who calls). A function that needs
-    more than a piece gets a larger one, whose rest is for what it calls.
-    """
-    function.__code__ = function.__code__.replace(co_stacksize=ROOM)
-    return function
 
 
 @contextmanager
@@ -300,10 +267,10 @@ class _PlainLowering(NativeLowering):
 class KernelCompiler(Compiler):
     """numba's own passes but for the idle ones, with those above among them."""
 
-    @_with_room
+    @with_room
     def compile_extra(self, func):
         self.state.flags = _Options(self.state.flags)
-        with _collector_paused(), _analysed_when_asked(), _refreshed_where_grown():
+        with collector_paused(), _analysed_when_asked(), _refreshed_where_grown():
             return super().compile_extra(func)
 
     def define_pipelines(self):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .accuracy.measure import PROBES
+from .accuracy.probes import PROBES
 from .effects.analyse import analyse, called_for
 from .effects.mixing import is_mixed
 from .encode.store import StoredVolume

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import Scene
-from .probes import choose_probes, judge, probe_errors
+from .probes import PROBES, choose_probes, judge, probe_errors
 from .truths import truth
 
-PROBES = 1000
 TOLERANCE = 1e-7  # of the truth itself: far below a level, 1/255
 
 

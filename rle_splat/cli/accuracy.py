@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from time import perf_counter
 
-from ..accuracy.measure import PROBES
 from ..accuracy.metrics import ERRORS
+from ..accuracy.probes import PROBES
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, sweep_plot

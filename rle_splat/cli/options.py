@@ -211,7 +211,7 @@ def add_quality_options(parser) -> None:
 
 def add_tolerance_options(parser) -> None:
     """A wish in place of a quality."""
-    from ..accuracy.measure import PROBES
+    from ..accuracy.probes import PROBES
 
     group = parser.add_argument_group(
         "tolerance", "in place of a quality: the plan is chosen, measured, and made finer where it does not keep it"

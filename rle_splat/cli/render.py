@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ..interpreter import collector_paused
 from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -117,7 +118,8 @@ def _steps(args, prepared: Prepared):
 
         return (yield from shadow_pass_steps(prepared.scene, prepared.quality))
     if args.tolerance is None:
-        from ..render import render_steps
+        with collector_paused():
+            from ..render import render_steps
 
         return (yield from render_steps(prepared.scene, prepared.quality)), None
     from ..tolerance import tolerance_steps

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = {
     "rle_splat.scene": 0,
     "rle_splat.axes": 1,
+    "rle_splat.interpreter": 0,
     "rle_splat.kernel_lowering": 0,
     "rle_splat.kernel_compiler": 0.5,
     "rle_splat.kernel_cache": 0,
@@ -81,7 +82,7 @@ THIRD_PARTY = {
     "rle_splat.jit": {"numba", "numpy"},
     "rle_splat.kernel_lowering": {"numba", "llvmlite"},
     "rle_splat.kernel_compiler": {"numba", "numpy"},
-    "rle_splat.kernel_cache": {"numba"},
+    "rle_splat.kernel_cache": {"numba", "llvmlite"},
     "rle_splat.bits": {"numba", "llvmlite"},
     "rle_splat.lanes": {"numba", "llvmlite", "numpy"},
     "rle_splat.parallel": {"numba", "llvmlite"},
@@ -93,7 +94,7 @@ THIRD_PARTY = {
     "rle_splat.splat.half_depth": {"numba", "llvmlite", "numpy"},
     "rle_splat.warp.taps": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
-    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "numba", "matplotlib", "flip_evaluator"},
+    "rle_splat.cli": {"numpy", "OpenEXR", "numba", "matplotlib", "flip_evaluator"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.

@@ -70,7 +70,7 @@ def test_the_manifest_is_what_was_promised():
     assert list(facts["permissions"]) == ["files"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["version"] == facts["version"]
-    assert project["scripts"]["rle-splat"] == "rle_splat.cli.main:main"
+    assert project["scripts"]["rle-splat"] == "rle_splat.cli.main:run_process"
 
 
 def test_the_manifest_packs_nothing_but_what_is_shipped(staged, tmp_path):
