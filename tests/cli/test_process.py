@@ -62,6 +62,27 @@ def test_information_does_not_load_numba(raw, raw_options):
     assert subprocess.run(words, cwd=ROOT, capture_output=True, timeout=120).returncode == 0
 
 
+def test_only_the_command_that_is_asked_for_is_loaded():
+    """And none that is not: its options are not looked at."""
+    program = (
+        "import sys; from rle_splat.cli.main import COMMANDS, main; code = main(sys.argv[1:]); "
+        "print(*(name for name in COMMANDS if f'rle_splat.cli.{name}' in sys.modules)); sys.exit(code)"
+    )
+    for words, loaded in ((["--help"], ""), (["render", "--help"], "render"), (["info", "--help"], "info")):
+        done = subprocess.run([sys.executable, "-c", program, *words], cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0 and done.stdout.splitlines()[-1] == loaded
+
+
+def test_a_process_leaves_without_looking_through_its_memory(raw, raw_options):
+    program = (
+        "import gc, sys; from rle_splat.cli.main import run_process; before = gc.get_freeze_count(); "
+        "print(run_process(), before, gc.get_freeze_count() > 0)"
+    )
+    for words, code in ((["info", str(raw), *raw_options], 0), (["info"], 2)):
+        done = subprocess.run([sys.executable, "-c", program, *words], cwd=ROOT, capture_output=True, text=True)
+        assert done.stdout.splitlines()[-1] == f"{code} 0 True"
+
+
 def test_a_reader_that_goes_away_is_no_error(raw, raw_options):
     process = start("info", raw, *raw_options)
     process.stdout.close()

@@ -81,3 +81,78 @@ def test_kernels_are_kept_where_another_add_on_had_loaded_numba_before(tmp_path)
         env={**environ, CACHE_VARIABLE: str(tmp_path)},
     )  # fmt: skip
     assert done.stdout.split() == ["3", "True", "False"], done.stderr
+
+
+KERNELS = """
+import numpy as np
+from rle_splat.jit import kernel
+
+@kernel
+def doubled(values):
+    out = np.empty(values.size, np.float64)
+    for i in range(values.size):
+        out[i] = 2.0 * values[i]
+    return out
+
+@kernel
+def sum_of_doubled(values):
+    total = 0.0
+    for value in doubled(values):
+        total += value
+    return total
+"""
+CALL = """
+import sys
+import numpy as np
+from numba.core.runtime import rtsys
+import kept_kernels
+for name in sys.argv[1:]:
+    kernel = getattr(kept_kernels, name)
+    given = kernel(np.arange(4.0))
+    print(np.sum(given), sum(kernel.stats.cache_hits.values()), rtsys._init, "rle_splat.kernel_compiler" in sys.modules)
+"""
+
+
+def _called(folder, *names, program=CALL):
+    """What a process of its own says, whose kernels are kept in a folder."""
+    (folder / "kept_kernels.py").write_text(KERNELS, encoding="utf-8")
+    os.utime(folder / "kept_kernels.py", (0, 0))  # as old in every process
+    paths = os.pathsep.join(map(str, (ROOT, folder)))
+    done = subprocess.run(
+        [sys.executable, "-c", program, *names], cwd=folder, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": paths, CACHE_VARIABLE: str(folder / "kernels")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_a_kernel_on_disk_is_called_without_getting_ready_to_compile(tmp_path):
+    """It may take memory and give it away; and another kernel that is compiled later calls it."""
+    assert _called(tmp_path, "doubled") == ["12.0 0 True True"]
+    assert _called(tmp_path, "doubled") == ["12.0 1 False False"]
+    assert _called(tmp_path, "doubled", "sum_of_doubled") == ["12.0 1 False False", "12.0 0 True True"]
+    assert _called(tmp_path, "sum_of_doubled", "doubled") == ["12.0 1 False False", "12.0 1 False False"]
+    # The one that is called is loaded only to be linked in.
+    for kept in (tmp_path / "kernels").rglob("*sum_of_doubled*"):
+        kept.unlink()
+    assert _called(tmp_path, "sum_of_doubled") == ["12.0 0 True True"]
+
+
+WITHOUT_COMPILER = """
+import sys
+sys.modules["rle_splat.kernel_lowering"] = None
+from rle_splat.jit import NUMBA_PROBLEM, compiled
+print(compiled(), "kernel_lowering" in NUMBA_PROBLEM)
+"""
+
+
+def test_a_compiler_that_cannot_be_loaded_is_told_where_there_is_no_kernel_yet(tmp_path):
+    assert _called(tmp_path, program=WITHOUT_COMPILER) == ["False True"]
+    _called(tmp_path, "doubled")
+    assert _called(tmp_path, program=WITHOUT_COMPILER) == ["True False"]
+
+
+def test_kernels_of_another_numba_are_in_a_folder_of_their_own(monkeypatch):
+    here = jit._kernel_folder()
+    monkeypatch.setattr(jit.numba, "__version__", "0.0.1")
+    assert jit._kernel_folder() != here and jit._kernel_folder().parent == here.parent
