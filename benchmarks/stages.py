@@ -53,7 +53,7 @@ def main(arguments) -> int:
     options = parser.parse_args(arguments)
     print(
         f"Milliseconds, best of {REPEATS} runs per view, median of {len(VIEWS)} views; classify and encode: the "
-        f"slowest run.\n'frame' is {', '.join(FRAME)}; 'x' is that against the first quality of the volume in this run.\n"
+        f"slowest run.\n'frame' is {', '.join(FRAME)}; 'x' is that against the first quality of the volume here.\n"
     )
     print(f"{'volume':<11}{'p':>7}  {'projection':<12}{'quality':<10}", end="")
     print("".join(f"{name:>10}" for name in (*SHOWN, "x")))
