@@ -24,6 +24,7 @@ from .scene import RleSplatError
 CACHE_VARIABLE = "RLE_SPLAT_CACHE"
 KERNEL_PREFIX = "kernels-"
 KEPT_VERSIONS = 4
+CONSTANTS = "scene"  # the room without kernels of which kernels take constants, NO_DEPTH and the like
 
 
 def _is_writable(folder: Path) -> bool:
@@ -63,8 +64,8 @@ def _kernel_folder() -> Path:
     """The folder for kernels compiled from exactly these sources.
 
     numba recompiles a kernel when its own file changes, but not when a file it inlines or takes constants from
-    does, so the folder's name carries a hash of every file in a room that holds kernels, and of numba's version.
-    The latest few are kept, for several versions side by side.
+    does, so the folder's name carries a hash of every file in a room that holds kernels, and in the one whose
+    constants they take, and of numba's version.  The latest few are kept, for several versions side by side.
     """
     sources = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for room, _, names in sorted(os.walk(Path(__file__).parent)):
@@ -73,7 +74,7 @@ def _kernel_folder() -> Path:
             if name.endswith(".py"):
                 with open(os.path.join(room, name), "rb", buffering=0) as file:
                     contents.append(file.read())
-        if any(b"@kernel" in content for content in contents):
+        if os.path.basename(room) == CONSTANTS or any(b"@kernel" in content for content in contents):
             sources.update(b"".join(contents))
     folder = cache_folder() / f"{KERNEL_PREFIX}{sources.hexdigest()}"
     if not folder.exists():
@@ -85,7 +86,7 @@ def _kernel_folder() -> Path:
 
 def nothing_compiled_yet() -> bool:
     """Whether there is no kernel on disk at all: what is rendered now compiles all that it needs."""
-    return numba is not None and next(Path(numba.config.CACHE_DIR).rglob("*.nbi"), None) is None
+    return numba is not None and next(KERNELS.rglob("*.nbi"), None) is None
 
 
 # Where OpenMP is the threading layer, its idle threads would spin on a core between kernels, and take it from the
@@ -93,20 +94,20 @@ def nothing_compiled_yet() -> bool:
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # LLVM's first level of optimisation in place of its third: kernels whose loops are wide already gain nothing from the
 # others (measured: the same bits, frames within 3 %), and the first picture ever comes a second and a half sooner.
-# Read once, when numba is first loaded.
-os.environ.setdefault("NUMBA_OPT", "1")
+OPTIMISATION = 1
 
 try:
     with collector_paused():
         import numba
 
-        from .kernel_cache import NullCache, cache_of
+        from .kernel_cache import NullCache, cache_of, keep_in
 
-        # What was set above, where somebody else had loaded numba before: else the first kernel that is compiled would
-        # have all settings read anew, and the folder for kernels forgotten.
-        numba.config.reload_config()
-        if not os.environ.get("NUMBA_CACHE_DIR"):
-            numba.config.CACHE_DIR = str(_kernel_folder())
+        # Not by numba's variables: where one is new, numba reads all of them again when it next compiles, and forgets
+        # what another add-on has set in the program.
+        if not os.environ.get("NUMBA_OPT"):
+            numba.config.OPT = type(numba.config.OPT)(OPTIMISATION)
+        KERNELS = Path(os.environ.get("NUMBA_CACHE_DIR") or _kernel_folder())
+        keep_in(KERNELS)
         # Where kernels of this numba are in a folder of their own, the compiler has worked and is seldom needed: it is
         # loaded with the first kernel that is compiled.  Else here, where what is wrong with it can be told.
         if os.environ.get("NUMBA_CACHE_DIR") or nothing_compiled_yet():

@@ -8,6 +8,7 @@ raises whatever went wrong, every time, until the folder is deleted; machine cod
 from __future__ import annotations
 
 import hashlib
+import os
 from contextlib import contextmanager
 from functools import cache
 
@@ -97,10 +98,29 @@ class _KeptLibrary(JITCodeLibrary):
         return self._shared_module
 
 
-class _Kept(CompileResultCacheImpl):
-    """In numba's folder for caches only: never beside the sources, where nothing may be written."""
+class _Folder(UserProvidedCacheLocator):
+    """A folder for our kernels alone, wherever numba keeps what others have it keep."""
 
-    _locator_classes = [UserProvidedCacheLocator]
+    path = ""
+
+    def __init__(self, py_func, py_file):
+        super().__init__(py_func, py_file)
+        self._cache_path = os.path.join(self.path, self.get_suitable_cache_subpath(py_file))
+
+    @classmethod
+    def from_function(cls, py_func, py_file):
+        return super(UserProvidedCacheLocator, cls).from_function(py_func, py_file)  # whose own asks numba's setting
+
+
+def keep_in(folder) -> None:
+    """Have the kernels whose caches are made from now on kept in this folder."""
+    _Folder.path = str(folder)
+
+
+class _Kept(CompileResultCacheImpl):
+    """In that folder only: never beside the sources, where nothing may be written."""
+
+    _locator_classes = [_Folder]
 
     def reduce(self, result):
         """What numba keeps, and the names of all that the machine code defines."""

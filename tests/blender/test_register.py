@@ -93,4 +93,4 @@ def test_nothing_is_written_into_the_extension(addon, core):
     assert own not in cache.parents and ".user" in cache.parts
     jit = core("jit")
     if jit.numba is not None and not os.environ.get("NUMBA_CACHE_DIR"):
-        assert cache in Path(jit.numba.config.CACHE_DIR).parents
+        assert cache in jit.KERNELS.parents

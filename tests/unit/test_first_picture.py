@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.jit import compiled, nothing_compiled_yet, numba
+from rle_splat.jit import compiled, nothing_compiled_yet
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -91,7 +91,7 @@ def test_without_kernels_nothing_is_said_of_them(monkeypatch):
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 def test_whether_anything_was_compiled_is_seen_on_disk(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setattr("rle_splat.jit.KERNELS", tmp_path / "kernels")
     assert nothing_compiled_yet()
     (tmp_path / "kernels" / "splat").mkdir(parents=True)
     assert nothing_compiled_yet()

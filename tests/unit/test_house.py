@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from rle_splat.jit import CONSTANTS
+
 ROOT = Path(__file__).resolve().parents[2]
 
 # A room (a folder or a module) -> its floor.  A room imports itself and lower floors, nothing else.  scene is the
@@ -259,3 +261,16 @@ def test_blender_versions_are_told_apart_in_one_file_only(sources):
     """Every difference between Blender's versions stands in bridge/versions.py."""
     askers = {path.as_posix() for path, source in sources.items() if "bpy.app.version" in source}
     assert askers <= {"bridge/versions.py"}
+
+
+def test_kernels_take_constants_from_rooms_that_their_folder_is_named_after_alone(sources):
+    """Else a kernel on disk would have a constant as it was."""
+    rooms = {path.parent for path, source in sources.items() if "@kernel" in source or path.parent.name == CONSTANTS}
+    looked = 0
+    for path, source in sources.items():
+        if any(mark in source for mark in ("@kernel", "@inner_loop", "@intrinsic")):
+            for module in imports_of(path, source)[0]:
+                place = Path(*module.split("."))
+                assert (place if (ROOT / place).is_dir() else place.parent) in rooms, f"{path} imports {module}"
+                looked += 1
+    assert looked > 100

@@ -65,22 +65,38 @@ def test_folders_that_another_process_removes_meanwhile_are_no_fault(tmp_path, m
 
 
 BESIDE_ANOTHER = """
+import os, sys
 import numba
+numba.config.CACHE_DIR = theirs = os.path.join(sys.argv[1], "theirs")
 from rle_splat import jit
-folder = numba.config.CACHE_DIR
 from rle_splat.view.footprints import tap_count
-print(tap_count(1.5), numba.config.CACHE_DIR == folder, jit.nothing_compiled_yet())
+import another
+print(jit.nothing_compiled_yet(), tap_count(1.5), another.next_to(6), numba.config.CACHE_DIR == theirs)
+os.environ["NUMBA_FULL_TRACEBACKS"] = "1"  # so that numba reads all settings again
+from rle_splat.view.footprints import first_tap
+print(first_tap(1, 3.5, 1.0), jit.nothing_compiled_yet(), numba.config.CACHE_DIR == theirs)
+"""
+ANOTHER = """
+import numba
+
+@numba.njit(cache=True)
+def next_to(number):
+    return number + 1
 """
 
 
-def test_kernels_are_kept_where_another_add_on_had_loaded_numba_before(tmp_path):
-    """And its settings were read without ours."""
+def test_another_add_on_and_ours_keep_what_they_compile_each_in_its_own_folder(tmp_path):
+    """Where the other has loaded numba and told it a folder before, and whatever it tells numba afterwards."""
+    (tmp_path / "another.py").write_text(ANOTHER, encoding="utf-8")
     environ = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environ |= {CACHE_VARIABLE: str(tmp_path / "ours"), "PYTHONPATH": os.pathsep.join((str(ROOT), str(tmp_path)))}
     done = subprocess.run(
-        [sys.executable, "-c", BESIDE_ANOTHER], cwd=ROOT, capture_output=True, text=True, check=False,
-        env={**environ, CACHE_VARIABLE: str(tmp_path)},
+        [sys.executable, "-c", BESIDE_ANOTHER, tmp_path], cwd=ROOT, capture_output=True, text=True, check=False,
+        env=environ,
     )  # fmt: skip
-    assert done.stdout.split() == ["3", "True", "False"], done.stderr
+    assert done.stdout.splitlines() == ["True 3 7 True", "3 False False"], done.stderr
+    kept = [{file.name.partition("-")[0] for file in (tmp_path / own).rglob("*.nbi")} for own in ("theirs", "ours")]
+    assert kept == [{"another.next_to"}, {"footprints.tap_count", "footprints.first_tap"}]
 
 
 KERNELS = """
