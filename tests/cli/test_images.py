@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
 from rle_splat.cli.images import encode_srgb, over_background, straight_alpha, to_bytes, writer_for
-from rle_splat.cli.png import png_bytes, save_png
 from rle_splat.scene import NO_DEPTH, RleSplatError
 
 
@@ -71,36 +68,6 @@ def test_png_straight_alpha_is_read_back(tmp_path, picture):
     expected = encode_srgb(rgba[seen][:, :3] / alpha[seen][:, None]) * 255
     assert np.abs(back[seen][:, :3] - expected).max() <= 0.5 + 1e-3
     assert (back[~seen] == 0).all()
-
-
-def _kinds_of_pixels(height, width, channels):
-    """Noise, what is smooth along either axis or both, and one colour."""
-    y, x = np.indices((height, width))
-    ramps = [3 * x, 5 * y, x + 2 * y, (x * y) // 7, 0 * x + 77]
-    made = [np.random.default_rng(5).integers(0, 256, (height, width, channels))]
-    return [*made, *(ramp[..., None] + np.arange(channels) * 50 for ramp in ramps)]
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (31, 40), (33, 7), (100, 65)])
-@pytest.mark.parametrize("channels", [3, 4])
-def test_png_is_read_back_to_the_bit(tmp_path, shape, channels):
-    Image = pytest.importorskip("PIL.Image")
-    for pixels in _kinds_of_pixels(*shape, channels):
-        pixels = pixels.astype(np.uint8)
-        save_png(tmp_path / "p.png", pixels)
-        assert np.array_equal(np.asarray(Image.open(tmp_path / "p.png")), pixels)
-
-
-def test_png_filters_take_away_what_neighbours_tell():
-    noise, *smooth = (pixels.astype(np.uint8) for pixels in _kinds_of_pixels(100, 120, 4))
-    assert len(png_bytes(noise)) < 1.02 * noise.nbytes
-    assert all(len(png_bytes(pixels)) < 0.2 * pixels.nbytes for pixels in smooth)
-
-
-def test_png_needs_no_other_library(tmp_path, picture, monkeypatch):
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    writer_for(tmp_path / "p.png")(tmp_path / "p.png", *picture)
-    assert (tmp_path / "p.png").stat().st_size > 0
 
 
 def test_exr_is_read_back(tmp_path, picture):

@@ -96,7 +96,7 @@ THIRD_PARTY = {
     "rle_splat.splat.half_depth": {"numba", "llvmlite", "numpy"},
     "rle_splat.warp.taps": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
-    "rle_splat.cli": {"numpy", "OpenEXR", "numba", "matplotlib", "flip_evaluator"},
+    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "numba", "matplotlib", "flip_evaluator"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.
