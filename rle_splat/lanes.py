@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from .jit import numba
 
+GROUP = 4  # voxels that are one vector of four channels each
+
 if numba is not None:
     from llvmlite import ir
     from numba.core import types
@@ -75,6 +77,31 @@ if numba is not None:
         return types.void(source, types.intp, types.float32, target, types.intp), generate
 
     @intrinsic
+    def put_group(typing, source, at, weight, target, to):
+        """The GROUP voxels target[to:] = weight * source[at:], as if added to nothing; no bounds checks."""
+
+        def generate(context, builder, signature, arguments):
+            source, at, weight, target, to = arguments
+            source_type, target_type = signature.args[0], signature.args[3]
+            value = load(builder, place(context, builder, source_type, source, at), 4 * GROUP)
+            product = builder.fmul(spread(builder, weight, 4 * GROUP), value)
+            store(builder, product, place(context, builder, target_type, target, to))
+            return context.get_dummy_value()
+
+        return types.void(source, types.intp, types.float32, target, types.intp), generate
+
+    @intrinsic
+    def clear_group(typing, target, to):
+        """The GROUP voxels target[to:] = 0; no bounds checks."""
+
+        def generate(context, builder, signature, arguments):
+            nothing = ir.Constant(ir.VectorType(ir.FloatType(), 4 * GROUP), [0.0] * (4 * GROUP))
+            store(builder, nothing, place(context, builder, signature.args[0], *arguments))
+            return context.get_dummy_value()
+
+        return types.void(target, types.intp), generate
+
+    @intrinsic
     def add_coded(typing, codes, at, scales, weight, target, to):
         """target[to:to+4] += weight * record number ``at`` of ``codes``, coded as ``encode.records`` says.
 
@@ -108,5 +135,9 @@ if numba is not None:
 else:  # never called: callers take the numpy twin
 
     def add4(source, at, weight, target, to): ...
+
+    def put_group(source, at, weight, target, to): ...
+
+    def clear_group(target, to): ...
 
     def add_coded(codes, at, scales, weight, target, to): ...

@@ -122,6 +122,51 @@ if numba is not None:
         arguments = (line, cells, fractions, types.intp, sheet, types.intp)
         return types.void(*arguments), generate
 
+    @intrinsic
+    def is_voxel_by_voxel(typing, cells, first):
+        """Whether each sample of a block lies a whole voxel behind the one before, as at one sheet pixel a voxel."""
+
+        def generate(context, builder, signature, arguments):
+            cells, first = arguments
+            pointer = place(context, builder, signature.args[0], cells, first)
+            found = Vector.load(builder, pointer, BLOCK, INTEGER).value
+            steps = ir.Constant(found.type, [4 * i for i in range(BLOCK)])
+            expected = builder.add(Vector.spread(builder, builder.load(pointer), BLOCK).value, steps)
+            other = builder.bitcast(builder.icmp_signed("!=", found, expected), ir.IntType(BLOCK))
+            return builder.icmp_unsigned("==", other, ir.Constant(other.type, 0))
+
+        return types.boolean(cells, types.intp), generate
+
+    @intrinsic
+    def resample_voxel_by_voxel(typing, line, cells, fractions, first, sheet, at):
+        """``resample_tent`` where ``is_voxel_by_voxel``: the same numbers, four pixels at once."""
+
+        def generate(context, builder, signature, arguments):
+            line, cells, fractions, first, sheet, at = arguments
+            line_type, cells_type, fractions_type, _, sheet_type, _ = signature.args
+            cell = builder.sext(builder.load(place(context, builder, cells_type, cells, first)), at.type)
+            fraction = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
+            mixed = []
+            for group in range(0, BLOCK, 4):
+                left, right = (
+                    Vector.load(
+                        builder,
+                        place(context, builder, line_type, line, builder.add(cell, ir.Constant(at.type, 4 * voxel))),
+                        BLOCK,
+                    )
+                    for voxel in (group, group + 1)
+                )
+                lanes = [group + lane // 4 for lane in range(BLOCK)]
+                mixed.append(left + (right - left) * fraction.shuffle(fraction.value, lanes))
+            for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), transpose4(mixed), strict=True):
+                # Pixel 4 * group + i is now number 4 * i + group.
+                lanes = lanes.shuffle(lanes.value, [4 * (i % 4) + i // 4 for i in range(BLOCK)])
+                lanes.store(place(context, builder, sheet_type, sheet, builder.add(at, ir.Constant(at.type, plane))))
+            return context.get_dummy_value()
+
+        arguments = (line, cells, fractions, types.intp, sheet, types.intp)
+        return types.void(*arguments), generate
+
     def slab(samples, length, one):
         """What a homogeneous slab absorbs and lets pass, and what its colour is weighted by: extinction."""
         power, p = _transmitted((samples * length * LOG2E).least(MOST))
@@ -257,6 +302,10 @@ else:  # never called: callers take the numpy twin
     def place_tent(cells, fractions, to, start, scale, top): ...
 
     def resample_tent(line, cells, fractions, first, sheet, at): ...
+
+    def is_voxel_by_voxel(cells, first): ...
+
+    def resample_voxel_by_voxel(line, cells, fractions, first, sheet, at): ...
 
     def composite_extinction(sheet, at, below, down, depth, deep, thickness, least, state, row, before): ...
 

@@ -16,13 +16,23 @@ import numpy as np
 
 from ..bits import lowest_bit
 from ..jit import inner_loop, kernel
+from ..lanes import GROUP, clear_group
 from ..parallel import share_out, taken
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .band import NO_BITS, begin_band, live_voxels, slice_ahead, write_rows
 from .fetch_ahead import fetch_ahead
 from .limited_blocks import NO_MORE, NONE, NONE_ENDED, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
-from .pixel_block import BLOCK, CLEAR, composite_added, composite_extinction, place_tent, resample_tent
+from .pixel_block import (
+    BLOCK,
+    CLEAR,
+    composite_added,
+    composite_extinction,
+    is_voxel_by_voxel,
+    place_tent,
+    resample_tent,
+    resample_voxel_by_voxel,
+)
 from .scratch import BAND, SPREAD
 from .sheet_row import (
     composite_opacity,
@@ -127,13 +137,17 @@ def _splat_sheet(
                                 stretch_u, radius_u, b * BLOCK, shift_u, scale_u, margin, low, top,
                             )
                     if wide is None:
-                        resample_tent(line, cells, weights, BLOCK * b, sheet, at)
+                        if is_voxel_by_voxel(cells, BLOCK * b):
+                            resample_voxel_by_voxel(line, cells, weights, BLOCK * b, sheet, at)
+                        else:
+                            resample_tent(line, cells, weights, BLOCK * b, sheet, at)
                     else:
                         resample_wide(
                             line, cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, samples,
                             sheet, at,
                         )
-            line[4 * reach[0] : 4 * reach[1]] = np.float32(0.0)
+            for i in range(reach[0], reach[1], GROUP):  # a slice's clearing would be a call, with all registers saved
+                clear_group(line, 4 * i)
     return found, False
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..jit import inner_loop
-from ..lanes import add4, add_coded
+from ..lanes import GROUP, add4, add_coded, clear_group, put_group
 from .pixel_block import BLOCK
 
 WORD = 64  # blocks of a scanline that share one word of marks
@@ -30,6 +30,17 @@ def mark_blocks(marks, row, first, last):
         first = end + 1
 
 
+@inner_loop
+def _mark_reached(marks, slot, first, last, scale, shift, radius):
+    """Set the marks of the blocks of pixels that footprints around voxels [first, last) reach; see ``add_runs``."""
+    left = shift - radius * scale + (1.0 - SLACK) + BEFORE * BLOCK
+    right = shift + (radius - 1.0) * scale + SLACK + BEFORE * BLOCK
+    mark_blocks(
+        marks, slot, (int(first * scale + left) >> BLOCK_BITS) - BEFORE,
+        (int(last * scale + right) >> BLOCK_BITS) - BEFORE,
+    )
+
+
 @inner_loop(forceinline=True)
 def add_runs(
     line, reach, margin, marks, slot, scale, shift, radius, weight, runs, run, voxels, decoding, voxel, width, live,
@@ -37,18 +48,24 @@ def add_runs(
 ):
     """Add ``weight`` times the voxels of one scanline that lie in live spans to ``line``.
 
-    ``line``: flat float32, four channels a voxel, index 0 is voxel ``-margin``.  ``reach``: (2,) first voxel of the
-    line touched and the one behind the last, widened.  ``marks[slot]``: (words,) uint64, a bit for each block of
-    sheet pixels u = ``scale`` * voxel + ``shift`` that a footprint of ``radius`` voxels around a touched one can reach.
+    ``line``: flat float32, four channels a voxel, index 0 is voxel ``-margin``; behind the last voxel there is room for
+    GROUP more.  ``reach``: (2,) first voxel of the line touched and the one behind the last, widened; where the last is
+    0, the line is all zero.  ``marks[slot]``: (words,) uint64, a bit for each block of sheet pixels u = ``scale`` *
+    voxel + ``shift`` that a footprint of ``radius`` voxels around a touched one can reach.
     ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``: flat
     records, float32 or, with a ``decoding``, codes; the first of this scanline is number ``voxel``.  ``live``: (n, 2)
-    half-open voxel intervals, ascending.
+    half-open voxel intervals, ascending, at least one.
     """
-    left = shift - radius * scale + (1.0 - SLACK) + BEFORE * BLOCK
-    right = shift + (radius - 1.0) * scale + SLACK + BEFORE * BLOCK
+    # Runs that are no further apart have hardly a whole block of pixels between them, and are marked together.
+    near = int(min(BLOCK / scale, width))
+    # The first on a line: nothing is added to, so that a run is put there in whole groups of voxels, however long it
+    # is, and what lies behind it is cleared again.  (Most runs are shorter than a group: a loop over their voxels is
+    # over before the processor has learned for how long it goes.)
+    put = decoding is None and reach[1] == 0
+    last_group = voxels.size // 4 - GROUP
+    span, low, high = 0, live[0, 0], live[0, 1]
+    begun, touched_last, count = -1, 0, 0
     x = 0
-    span = 0
-    touched_first, touched_last = width, 0
     reach[2] += 1
     while x < width:
         x += int(runs[run])
@@ -56,29 +73,44 @@ def add_runs(
             break
         end = x + int(runs[run + 1])
         run += 2
-        while span < live_count and live[span, 1] <= x:
+        while high <= x and span + 1 < live_count:
             span += 1
-        if span == live_count:
+            low, high = live[span, 0], live[span, 1]
+        if high <= x:
             break
-        s = span
-        while s < live_count and live[s, 0] < end:
-            first = max(x, live[s, 0])
-            last = min(end, live[s, 1])
-            source = voxel + first - x
-            reach[3] += last - first
-            for i in range(first + margin, last + margin):
+        first = max(x, low)
+        while first < end:
+            last = min(end, high)
+            if begun < 0:
+                begun = first
+                reach[0] = min(reach[0], first + margin)
+            elif first - touched_last > near:
+                _mark_reached(marks, slot, begun, touched_last, scale, shift, radius)
+                begun = first
+            touched_last = last
+            count += last - first
+            source, to, stop = voxel + first - x, first + margin, last + margin
+            if decoding is None:
+                if put:
+                    while to < stop and source <= last_group:
+                        put_group(voxels, 4 * source, weight, line, 4 * to)
+                        source += GROUP
+                        to += GROUP
+                    clear_group(line, 4 * stop)
+            for i in range(to, stop):
                 if decoding is None:
                     add4(voxels, 4 * source, weight, line, 4 * i)
                 else:
                     add_coded(voxels, source, decoding, weight, line, 4 * i)
                 source += 1
-            touched_first, touched_last = min(touched_first, first), last
-            mark_blocks(
-                marks, slot, (int(first * scale + left) >> BLOCK_BITS) - BEFORE,
-                (int(last * scale + right) >> BLOCK_BITS) - BEFORE,
-            )
-            s += 1
+            if end <= high or span + 1 == live_count:
+                break
+            span += 1
+            low, high = live[span, 0], live[span, 1]
+            first = low
         voxel += end - x
         x = end
-    reach[0] = min(reach[0], touched_first + margin)
-    reach[1] = max(reach[1], touched_last + margin if touched_last > 0 else 0)
+    reach[3] += count
+    if begun >= 0:
+        _mark_reached(marks, slot, begun, touched_last, scale, shift, radius)
+        reach[1] = max(reach[1], touched_last + margin)
