@@ -288,7 +288,11 @@ class KernelCompiler(Compiler):
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class _BeginUnfinished(FunctionPass):
-    """Give the function a library that is finished without being optimised or loaded."""
+    """Give the function a library that is finished without being optimised or loaded.
+
+    Nor is the function tidied up by itself before it is linked in (measured: 0.2 to 0.35 s of a first picture; frames
+    take as long, and are the same to the bit).
+    """
 
     _name = "rle_splat_begin_unfinished"
 
@@ -302,6 +306,7 @@ class _BeginUnfinished(FunctionPass):
         def leave():
             library._finalized = True
 
+        library._optimize_functions = lambda module: None
         library._optimize_final_module = lambda: None
         library._finalize_final_module = leave
         state.library = library
