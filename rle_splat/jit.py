@@ -157,7 +157,6 @@ def noting_kernels(names: set):
 FASTMATH = {"contract", "arcp", "nsz"}
 
 
-
 def _compiler(name: str):
     """A compiler of ``kernel_compiler``, which takes longer to load than all kernels of a picture together."""
 

@@ -29,7 +29,13 @@ from numba.core.postproc import PostProcessor
 from numba.core.typing.context import BaseContext
 from numba.extending import overload
 
-from rle_splat import kernel_compiler
+from rle_splat import kernel_cache, kernel_compiler
+
+
+@pytest.fixture(autouse=True)
+def nothing_on_disk(monkeypatch, tmp_path):
+    """What was compiled when the tests ran before is compiled again."""
+    monkeypatch.setattr(kernel_cache._Folder, "path", str(tmp_path))
 
 
 @contextmanager
