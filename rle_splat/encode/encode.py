@@ -249,7 +249,9 @@ def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
 def _tables_across(voxels: VisibleVoxels, threads):
     """Principal x: scanlines run along y, so each plane z crosses nx of them at once."""
     nx, ny, nz = voxels.shape_xyz
-    run_counts, voxel_counts = np.zeros((2, nz, nx), dtype=np.int64)
+    # Written to, not only asked for: the system gives each page when it is first touched, and to two threads at once
+    # it does so slowly.
+    run_counts, voxel_counts = np.full((2, nz, nx), 0, np.int32)
     with parallel_call(threads):
         passes.count_across(voxels.bits, voxels.row_start, voxels.column, ny, run_counts, voxel_counts)
         scanline_pointers, n_runs = scanline_pointers_from_counts(np.ascontiguousarray(run_counts.T))
