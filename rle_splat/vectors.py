@@ -13,6 +13,7 @@ FLAGS = ("contract", "arcp", "nsz")
 
 if numba is not None:
     from llvmlite import ir
+    from numba.core import cgutils
 
     FLOAT, DOUBLE, INTEGER = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
 
@@ -86,6 +87,19 @@ if numba is not None:
 
         def __mul__(self, other):
             return self._with(self.builder.fmul, other)
+
+        def mixed(self, share, other, other_share):
+            """``self * share + other * other_share``, of which the latter product is rounded first.
+
+            Which of two products a sum takes up unrounded is else LLVM's choice, at every place anew.
+            """
+            kind = self.value.type
+            name = f"llvm.fmuladd.v{self.count}f{64 if kind.element == DOUBLE else 32}"
+            product_and_sum = cgutils.get_or_insert_function(
+                self.builder.module, ir.FunctionType(kind, (kind,) * 3), name
+            )
+            rounded = (other * other_share).value
+            return Vector(self.builder, self.builder.call(product_and_sum, (self.value, self.like(share), rounded)))
 
         def __truediv__(self, other):
             return self._with(self.builder.fdiv, other, ())

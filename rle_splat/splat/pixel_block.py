@@ -45,7 +45,7 @@ if numba is not None:
         """LLVM's type of an array's numbers."""
         return DOUBLE if array_type.dtype == types.float64 else FLOAT
 
-    def _planes(context, builder, array_type, array, at):
+    def row_planes(context, builder, array_type, array, at):
         """Loads the four planes of the block at number ``at``."""
         places = [
             place(context, builder, array_type, array, builder.add(at, ir.Constant(at.type, plane)))
@@ -62,7 +62,7 @@ if numba is not None:
         p = rest * terms[-1]
         for term in terms[-2::-1]:
             p = (p + term) * rest
-        zero = Vector(tau2.builder, ir.Constant(whole.value.type, [0] * BLOCK))
+        zero = Vector(tau2.builder, ir.Constant(whole.value.type, [0] * whole.count))
         negated = Vector(tau2.builder, tau2.builder.sub(zero.value, whole.value))
         return negated.power_of_two(kind), p
 
@@ -185,21 +185,35 @@ if numba is not None:
         What is float32 is widened first where ``state`` and ``before`` are float64.
         """
         kind = kind_of(state_type)
-        colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
-        one = Vector(builder, length.like(1.0))
-        absorbed, passed, divisor = absorb(samples, length, one)
-        *so_far, clear = _planes(context, builder, state_type, state, row)
+        *so_far, clear = row_planes(context, builder, state_type, state, row)
         clear.store(place(context, builder, before_type, before, ir.Constant(row.type, 0)))
         least = Vector.spread(builder, least, BLOCK).widened(kind)
+        colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
+        absorbed, passed, divisor = absorb(samples, length, Vector(builder, length.like(1.0)))
+        gain = absorbed / divisor.most(TINY)
+        so_far, clear = laid_over(gain, passed, absorbed, so_far, clear, colors, least)
+        store_row(context, builder, (*so_far, clear), state_type, state, row)
+        return counted(builder, clear, least)
+
+    def laid_over(gain, passed, absorbed, so_far, clear, colors, least):
+        """The colours ``so_far`` and transmittance of a block, and a sheet behind them: what they are with it.
+
+        ``gain``: what the sheet absorbs, over its extinction (or opacity).  The others: see ``composited``.
+        """
         alive = clear.at_least(least)
-        weight = clear.where(alive, 0.0) * absorbed / divisor.most(TINY)
         through = clear * passed
-        if kind == DOUBLE:  # 1 - tau of thin sheets, each rounded the same way, would add up: it is not formed
+        if clear.value.type.element == DOUBLE:  # 1 - tau of thin sheets would add up, each rounded alike: not formed
             through = through.where(absorbed.at_least(0.5), clear - clear * absorbed)
-        clear = through.where(alive, clear)
-        planes = (*(c + weight * q for c, q in zip(so_far, colors, strict=True)), clear)
+        weight = clear.where(alive, 0.0) * gain
+        return [c + weight * q for c, q in zip(so_far, colors, strict=True)], through.where(alive, clear)
+
+    def store_row(context, builder, planes, state_type, state, row):
+        """Puts four planes where ``row_planes`` finds them."""
         for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), planes, strict=True):
             lanes.store(place(context, builder, state_type, state, builder.add(row, ir.Constant(row.type, plane))))
+
+    def counted(builder, clear, least):
+        """What ``composite_extinction`` returns of a block's transmittance."""
         left = count_lanes(builder, clear.at_least(least), BLOCK)
         bright = count_lanes(builder, clear.at_least(0.5), BLOCK)
         return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
@@ -208,8 +222,8 @@ if numba is not None:
         """Two scanlines mixed and composited by one of the two above; see ``composite_extinction``."""
         sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
         sheet_type, depth_type, state_type, before_type = (types_of[n] for n in (0, 4, 8, 10))
-        upper = _planes(context, builder, sheet_type, sheet, at)
-        lower = _planes(context, builder, sheet_type, sheet, below)
+        upper = row_planes(context, builder, sheet_type, sheet, at)
+        lower = row_planes(context, builder, sheet_type, sheet, below)
         down = Vector.spread(builder, down, BLOCK)
         *colors, samples = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
         length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
@@ -285,7 +299,7 @@ if numba is not None:
         def generate(context, builder, signature, arguments):
             state, row, pixels, to = arguments
             state_type, _, pixels_type, _ = signature.args
-            planes = _planes(context, builder, state_type, state, row)
+            planes = row_planes(context, builder, state_type, state, row)
             if kind_of(state_type) == DOUBLE:
                 planes = [plane.as_single() for plane in planes]
             for group in range(0, BLOCK, 4):

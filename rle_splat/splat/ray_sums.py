@@ -17,6 +17,7 @@ import numpy as np
 from ..jit import inner_loop
 from .pixel_block import BLOCK, CLEAR, GREEN, RED
 from .ray_ends import end_in_box
+from .scalar_block import ROW_BITS
 
 HALF = np.float32(math.log(2.0))  # optical depth at which half the light is left
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
@@ -87,9 +88,9 @@ def add_depths(
     spanned = seen >> 8 > 0
     crossed = 0
     for i in range(BLOCK):
-        extinction = table[entries[i]]
+        extinction = table[entries[i] >> ROW_BITS]
         if spanned and shares[2 * BLOCK + i] > _ZERO:
-            mean = (sums[spans[BLOCK + i]] - sums[spans[i]]) * shares[2 * BLOCK + i]
+            mean = (sums[spans[BLOCK + i] >> ROW_BITS] - sums[spans[i] >> ROW_BITS]) * shares[2 * BLOCK + i]
             extinction = max(mean, _ZERO)
         so_far = state[row + RED + i]
         before[i] = so_far

@@ -13,6 +13,7 @@ from .pixel_block import BLOCK
 # Entries of the value table between two sheets up to which the middle one stands for their mean.  Differences of its
 # sums are as good as float32 sums of all entries are, so that few of them would lose in rounding what they gain.
 SPAN = 32.0
+ROW_BITS = 4  # a row of a value table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
 
 if numba is not None:
     from llvmlite import ir
@@ -79,14 +80,14 @@ if numba is not None:
             left, right = (low.shuffle(high.value, [lane + side for lane in lefts]) for side in (0, 1))
             share = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
             one = Vector(builder, share.like(1.0))
-            mixed = left * (one - share) + right * share
+            mixed = left.mixed(one - share, right, share)
             mixed.store(place(context, builder, sheet_type, sheet, at))
             return context.get_dummy_value()
 
         arguments = (line, types.intp, cells, fractions, types.intp, sheet, types.intp)
         return types.void(*arguments), generate
 
-    def _mixed(context, builder, sheet_type, sheet, upper, lower, down, plane):
+    def mixed_block(context, builder, sheet_type, sheet, upper, lower, down, plane):
         """One plane of two scanlines' blocks, mixed; both multiplied by their shares (see ``resample_plane``)."""
         above, below = (
             Vector.load(
@@ -95,13 +96,20 @@ if numba is not None:
             )
             for at in (upper, lower)
         )
-        return above * (Vector(builder, down.like(1.0)) - down) + below * down
+        return above.mixed(Vector(builder, down.like(1.0)) - down, below, down)
 
-    def _stored(context, builder, array_type, array, number, value):
-        """Put a block's numbers into a scratch array, as its block ``number``."""
-        value.store(place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK)))
+    def put_block(context, builder, array_type, array, number, value, first=None):
+        """Put a block's numbers into a scratch array, as its block ``number``, from its number ``first`` on."""
+        at = ir.Constant(ir.IntType(64), number * BLOCK)
+        at = at if first is None else builder.add(first, at)
+        value.store(place(context, builder, array_type, array, at))
 
-    def _entry(value, origin, rate, most):
+    def put_entries(context, builder, array_type, array, number, entry, first=None):
+        """As ``put_block``: where in a table of four float32 columns the rows of these numbers begin, in bytes."""
+        shifted = builder.shl(entry.value, entry.like(ROW_BITS))
+        put_block(context, builder, array_type, array, number, Vector(builder, shifted), first)
+
+    def entry_of(value, origin, rate, most):
         """The table entry (int32 lanes) of stored values, the first or the last for what lies outside."""
         return ((value - origin) * rate).most(0.0).least(most).truncated()
 
@@ -118,16 +126,16 @@ if numba is not None:
         def generate(context, builder, signature, arguments):
             sheet, upper, lower, down, low, high, origin, rate, last, entries, shares = arguments
             down = Vector.spread(builder, down, BLOCK)
-            value = _mixed(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+            value = mixed_block(context, builder, signature.args[0], sheet, upper, lower, down, 0)
             low, high, origin, rate = (Vector.spread(builder, n, BLOCK) for n in (low, high, origin, rate))
             inside = builder.and_(value.at_least(low), high.at_least(value))
             final = Vector.spread(builder, last, BLOCK)
             most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
-            entry = _entry(value, origin, rate, most).where(inside, final)
-            _stored(context, builder, signature.args[9], entries, 0, entry)
+            entry = entry_of(value, origin, rate, most).where(inside, final)
+            put_entries(context, builder, signature.args[9], entries, 0, entry)
             one = Vector(builder, value.like(1.0))
             for number in range(2):
-                _stored(context, builder, signature.args[10], shares, number, one)
+                put_block(context, builder, signature.args[10], shares, number, one)
             return count_lanes(builder, inside, BLOCK)
 
         numbers = (types.float32,) * 5
@@ -156,8 +164,8 @@ if numba is not None:
                 signature.args[n] for n in (0, 4, 16, 17, 18)
             )
             down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-            here = _mixed(context, builder, sheet_type, sheet, upper, lower, down, 0)
-            there = _mixed(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
+            here = mixed_block(context, builder, sheet_type, sheet, upper, lower, down, 0)
+            there = mixed_block(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
             least, low, high, nearest, furthest, origin, rate = (
                 Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
             )
@@ -176,17 +184,17 @@ if numba is not None:
             most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
             middle = (smallest + largest) * 0.5
             inside = builder.and_(builder.and_(middle.at_least(low), high.at_least(middle)), some)
-            entry = _entry(middle, origin, rate, most).where(inside, final)
+            entry = entry_of(middle, origin, rate, most).where(inside, final)
             width = (largest - smallest) * rate
             wide = builder.and_(width.at_least(SPAN), shown)
             whole = final.as_float()
             ends = [(((end - origin) * rate) + 0.5).most(0.0).least(whole).truncated() for end in (smallest, largest)]
-            _stored(context, builder, entries_type, entries, 0, entry)
+            put_entries(context, builder, entries_type, entries, 0, entry)
             for number, end in enumerate(ends):
-                _stored(context, builder, spans_type, spans, number, end)
+                put_entries(context, builder, spans_type, spans, number, end)
             over = (one / width.most(1.0)).where(wide, 0.0)
             for number, share in enumerate((counts, light, over)):
-                _stored(context, builder, shares_type, shares, number, share)
+                put_block(context, builder, shares_type, shares, number, share)
             taken = count_lanes(builder, wide, BLOCK)
             return builder.add(count_lanes(builder, shown, BLOCK), builder.shl(taken, ir.Constant(taken.type, 8)))
 
@@ -196,14 +204,18 @@ if numba is not None:
         )
         return returned, generate
 
-    def _rows(context, builder, table_type, table, indices_type, indices, number):
-        """Four planes: the rows of a table of four columns whose numbers are block ``number`` of ``indices``."""
+    def rows_of(context, builder, table_type, table, indices_type, indices, number, first=None):
+        """Four planes: the rows of a table of four columns that begin so many bytes on as block ``number`` of
+        ``indices`` says."""
+        whole = place(context, builder, table_type, table, ir.Constant(ir.IntType(64), 0))
+        in_bytes = builder.bitcast(whole, ir.IntType(8).as_pointer())
 
         def row(i):
             at = ir.Constant(ir.IntType(64), number * BLOCK + i)
-            row = builder.load(place(context, builder, indices_type, indices, at))
-            start = builder.shl(builder.sext(row, at.type), ir.Constant(at.type, 2))
-            return Vector.load(builder, place(context, builder, table_type, table, start), 4)
+            at = at if first is None else builder.add(first, at)
+            start = builder.load(place(context, builder, indices_type, indices, at))
+            start = builder.gep(in_bytes, [builder.sext(start, at.type)])
+            return Vector.load(builder, builder.bitcast(start, whole.type), 4)
 
         # Every fourth row in one vector, so that transposing them needs no lane to cross from group to group.
         return transpose4([_joined([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
@@ -214,8 +226,8 @@ if numba is not None:
 
         def generate(context, builder, signature, arguments):
             table, entries, looks = arguments
-            for number, plane in enumerate(_rows(context, builder, *_both(signature, 0, table, 1, entries), 0)):
-                _stored(context, builder, signature.args[2], looks, number, plane)
+            for number, plane in enumerate(rows_of(context, builder, *_both(signature, 0, table, 1, entries), 0)):
+                put_block(context, builder, signature.args[2], looks, number, plane)
             return context.get_dummy_value()
 
         return types.void(table, entries, looks), generate
@@ -227,7 +239,7 @@ if numba is not None:
         def generate(context, builder, signature, arguments):
             sums, spans, shares, looks = arguments
             from_, to = (
-                _rows(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
+                rows_of(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
             )
             third = ir.Constant(ir.IntType(64), 2 * BLOCK)
             over = Vector.load(builder, place(context, builder, signature.args[2], shares, third), BLOCK)
@@ -279,8 +291,8 @@ if numba is not None:
                 offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
                 now = (builder.add(at, offset) for at in (upper, lower))
                 then = (builder.add(at, offset) for at in (upper_before, lower_before))
-                now = _mixed(context, builder, sheet_type, sheet, *now, down, 0)
-                then = _mixed(context, builder, before_type, before, *then, down_before, 0)
+                now = mixed_block(context, builder, sheet_type, sheet, *now, down, 0)
+                then = mixed_block(context, builder, before_type, before, *then, down_before, 0)
                 return now * here + then * there
 
             if counts[0]:

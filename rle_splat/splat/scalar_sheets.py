@@ -33,10 +33,12 @@ from .scalar_block import (
     place_inside,
     resample_plane,
 )
+from .scalar_group import GROUP
 from .scalar_scanline import NOT_KEPT, put_scanline
 from .scratch import BAND, SPREAD
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
+from .waiting_blocks import composite_waiting, look_up_waiting, marked_by_both
 
 NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 
@@ -45,11 +47,14 @@ NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 def _resample_scanlines(
     pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice, slice_weights, overhang,
     shift_u, scale_u, shift_v, scale_v, begin, far, box_rows, top_row, rows, line, stride, planes, sheet, marks,
-    row_slot, row_line, row_place, reach, live, wanted, cells, fractions, placed, matt, carried, ahead,
+    first_slot, member, row_slot, row_line, row_place, reach, live, wanted, cells, fractions, placed, matt, carried,
+    ahead,
 ):
     """The scanlines of one sheet that a band reads, resampled along the scanline, each in a slot.
 
-    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``wanted``: (words,) a bit for
+    ``number``: of the sheet, which lies between slice ``first_slice`` and the next.  ``first_slot``: from which on
+    ``marks`` and ``sheet`` are the sheet's own; ``member``, from which ``row_slot``, ``row_line``, ``row_place`` are.
+    ``wanted``: (words,) a bit for
     each block of pixels that counts.  ``begin``, ``far``: between which the sheet is of use.  ``box_rows`` (2, H):
     where each row's rays enter and leave the box.  ``ahead``: of ``band.slice_ahead``.  The others: see
     ``sheet_buffer._splat_sheet``.
@@ -61,10 +66,10 @@ def _resample_scanlines(
     weight, far_weight = slice_weights[number, 0], slice_weights[number, 1]
     if weight == 0.0:
         near, weight, far_weight = first_slice + 1, far_weight, np.float32(0.0)
-    row_slot[:] = NO_ROW
+    row_slot[member : member + BAND] = NO_ROW
     found = False
     live_count = -1
-    slot, tapped = -1, -1  # of the scanline dealt with last, and its number
+    slot, tapped = first_slot - 1, -1  # of the scanline dealt with last, and its number
     for r in range(rows):
         v = top_row + r
         if begin >= box_rows[1, v] or far <= box_rows[0, v]:
@@ -73,9 +78,9 @@ def _resample_scanlines(
         first_line = max(min(int(y), n_scanlines - 2), 0)
         if first_line > tapped:
             tapped = first_line - 1
-        row_slot[r] = slot + first_line - tapped
+        row_slot[member + r] = slot + first_line - tapped
         # Kept, not reckoned again: rounded otherwise, it might fall on the other side of a voxel.
-        row_line[r], row_place[r] = first_line, y
+        row_line[member + r], row_place[member + r] = first_line, y
         for scanline in range(tapped + 1, first_line + 2):
             tapped = scanline
             slot += 1
@@ -129,155 +134,200 @@ def _resample_scanlines(
 
 
 @inner_loop(forceinline=True)
-def _composite_sheet(
-    kind, begin, end, thickness, depth, top_row, rows, image_width, box_columns, box_rows, box_blocks, limits, look,
-    sign, absorbs, least_light, sheet, planes, matt, gloss, thinning, marks, row_slot, row_line, row_place,
-    sheet_before, marks_before, slot_before, line_before, place_before, state, lengths, alive, bright, blocks, entries,
-    spans, shares, looks, length_inside, bounds, before, colors, mist, half,
+def _composite_sheets(
+    first, together, kinds, begins, ends, thicknesses, first_slice, slice_weights, top_row, rows, image_width,
+    box_columns, box_rows, box_blocks, limits, look, sign, absorbs, mist, least_light, sheet, planes, matt, gloss,
+    thinning, marks, row_slot, row_line, row_place, sheet_before, marks_before, slot_before, line_before, place_before,
+    state, lengths, alive, bright, blocks, entries, spans, shares, looks, length_inside, bounds, before, colors,
+    grouped, queue, places, starts, downs, depths, half,
 ):
-    """One sheet over the rows of a band: scanlines mixed, classified, composited; whether a block became opaque.
+    """Sheets number ``first`` to ``first + together`` - 1, of which there is one, or a group, over the rows of a band:
+    scanlines mixed, classified, composited; whether a block became opaque.
 
-    ``kind``: see ``view.depth_rules``.  ``depth``: where the sheet lies along the viewing direction.  ``box_blocks``
-    (4, blocks): of each block's columns the first and the last entry into the box, and the first and the last exit.
-    ``look``, ``sign``, ``absorbs``: as ``splat_scalar_rows`` has them.  ``sheet_before`` and what follows it: the sheet
-    before.  The others: see ``sheet_buffer``.
+    ``kinds``, ``begins``, ``ends``, ``thicknesses``, ``first_slice``, ``slice_weights``: of all sheets
+    (``arguments.SheetList``).  ``box_blocks`` (4, blocks): of each block's columns the first and the last entry into
+    the box, and the first and the last exit.  ``look``, ``sign``, ``absorbs``: as ``splat_scalar_rows`` has them.
+    ``row_slot``, ``row_line``, ``row_place``: BAND of each sheet.  ``sheet_before`` and what follows it: the sheet
+    before.  ``grouped``: None where there never is a group.  ``queue`` to ``depths``: see ``waiting_blocks``.  The
+    others: see ``sheet_buffer``.
     """
     table, sums, origin, rate, least, low, high, nearest, furthest, last = look
     absent = sheet.size - planes * BLOCK  # a block without samples
+    kind, begin, end, thickness = kinds[first], begins[first], ends[first], np.float32(thicknesses[first])
+    front = begin
+    behind = end if grouped is None else ends[first + together - 1]
+    if grouped is not None:
+        for number in range(together):
+            depths[number] = thicknesses[first + number]
     died = False
     for r in range(rows):
         v = top_row + r
-        slot, earlier = row_slot[r], slot_before[r] if kind == BETWEEN else NO_ROW
         enter, leave = box_rows[0, v], box_rows[1, v]
-        if end <= enter or begin >= leave:
+        if behind <= enter or front >= leave:
             continue
-        down = np.float32(row_place[r] - row_line[r]) if slot != NO_ROW else np.float32(0.0)
+        down = np.float32(row_place[r] - row_line[r]) if row_slot[r] != NO_ROW else np.float32(0.0)
+        earlier = slot_before[r] if kind == BETWEEN else NO_ROW
         down_before = np.float32(place_before[r] - line_before[r]) if earlier != NO_ROW else np.float32(0.0)
+        if grouped is not None:
+            for number in range(together):
+                at = BAND * number + r
+                downs[number] = row_place[at] - row_line[at] if row_slot[at] != NO_ROW else 0.0
         for word in range(alive.shape[1]):
-            bits = NO_BITS
+            slot, bits, waiting = row_slot[r], NO_BITS, 0
             if slot != NO_ROW:
                 bits = marks[slot, word] & marks[slot + 1, word]
             if earlier != NO_ROW:
                 bits |= marks_before[earlier, word] & marks_before[earlier + 1, word]
+            if grouped is not None:
+                for number in range(1, together):
+                    bits |= marked_by_both(marks, row_slot[BAND * number + r], word)
             bits &= alive[r, word]
             while bits != NO_BITS:
                 lowest = lowest_bit(bits)
                 b = word * WORD + lowest
                 bit = ONE_BIT << np.uint64(lowest)
                 bits ^= bit
-                if end <= box_blocks[0, b] or begin >= box_blocks[3, b]:
+                if behind <= box_blocks[0, b] or front >= box_blocks[3, b]:
                     continue
-                shortened = False
-                if limits is not None:
-                    if is_outside(bounds, r, b, begin, end):
-                        continue
-                    shortened = is_shortened(bounds, r, b, begin, end)
-                upper = lower = upper_before = lower_before = absent
-                if slot != NO_ROW:
-                    upper = block_at(marks, slot, b, planes, blocks, absent)
-                    lower = block_at(marks, slot + 1, b, planes, blocks, absent)
-                seen = 0
-                if sign is not None:
-                    pass  # values are not looked up
-                elif kind == OWN:
-                    seen = look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
-                    if seen == 0:
-                        continue
-                else:
-                    if earlier != NO_ROW:
-                        upper_before = block_at(marks_before, earlier, b, planes, blocks, absent)
-                        lower_before = block_at(marks_before, earlier + 1, b, planes, blocks, absent)
-                    ended = False
-                    if limits is not None:
-                        ended = shortened and cut_ends(
-                            limits, v, b * BLOCK, min(BLOCK, image_width - b * BLOCK), begin, end, sheet, upper, lower,
-                            down, sheet_before, upper_before, lower_before, down_before, least, looks,
-                        )
-                    if ended:
-                        seen = look_between(
-                            looks, BLOCK, BLOCK, NO_SHARE, looks, 0, 0, NO_SHARE, least, low, high, nearest, furthest,
-                            origin, rate, last, entries, spans, shares,
-                        )
-                    else:
-                        seen = look_between(
-                            sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before, least,
-                            low, high, nearest, furthest, origin, rate, last, entries, spans, shares,
-                        )
-                    if seen == 0:
-                        continue
                 at = r * blocks + b
                 first_pixel = b * BLOCK
                 count = min(BLOCK, image_width - first_pixel)
-                length, deep = lengths, BLOCK * at
-                whole = begin >= max(box_blocks[1, b], enter) and end <= min(box_blocks[2, b], leave)
-                cut = shortened or not whole
-                if cut:
-                    inside_box(
-                        box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside
-                    )
-                    length, deep = length_inside, 0
                 row = 4 * BLOCK * at
-                if sign is not None:
-                    gather_values(
-                        sheet, upper, lower, down, sign, origin, least, length, deep, thickness, state, row, depth, cut,
-                        box_columns, box_rows, limits, v, first_pixel, count, looks, half,
-                    )
-                    continue
-                if len(thinning) > 0:
-                    thin_slab(
-                        sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
-                        (planes - 1) * BLOCK, shares, length, deep, length_inside,
-                    )
-                    length, deep = length_inside, 0
-                if absorbs is not None:
-                    add_depths(
-                        table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end, cut,
-                        box_columns, box_rows, limits, v, first_pixel, count, before, half,
-                    )
-                    continue
-                if seen & 255 > seen >> 8:
-                    classify_values(table, entries, looks)
-                else:
-                    looks[:] = np.float32(0.0)
-                if seen >> 8 > 0:
-                    classify_spans(sums, spans, shares, looks)
-                if mist is not None:
-                    keep_colors(state, row, colors)
-                pixels = composite_classified(
-                    looks, shares, sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
-                    matt, gloss, length, deep, thickness, least_light, state, row, before,
-                )
-                if mist is not None:
-                    fade_added(mist, state, row, colors, before, 0.5 * (begin + end), v, first_pixel, count)
-                bright_pixels = pixels >> 8
-                if bright_pixels != bright[r, b]:
-                    bright[r, b] = bright_pixels
-                    if not cut:
-                        note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count, looks)
+                if grouped is not None:
+                    inside = front >= max(box_blocks[1, b], enter) and behind <= min(box_blocks[2, b], leave)
+                    if together == GROUP and inside:
+                        waiting = look_up_waiting(
+                            waiting, r, word, b, sheet, planes, blocks, absent, marks, row_slot, queue, places, downs,
+                            low, high, origin, rate, last, starts,
+                        )
+                        continue
+                for number in range(together):
+                    if grouped is not None:
+                        begin, end, thickness = begins[first + number], ends[first + number], depths[number]
+                        slot, down = row_slot[BAND * number + r], downs[number]
+                        if end <= enter or begin >= leave or end <= box_blocks[0, b] or begin >= box_blocks[3, b]:
+                            continue
+                        if marked_by_both(marks, slot, word) & bit == NO_BITS:
+                            continue
+                    shortened = False
+                    if limits is not None:
+                        if is_outside(bounds, r, b, begin, end):
+                            continue
+                        shortened = is_shortened(bounds, r, b, begin, end)
+                    upper = lower = upper_before = lower_before = absent
+                    if slot != NO_ROW:
+                        upper = block_at(marks, slot, b, planes, blocks, absent)
+                        lower = block_at(marks, slot + 1, b, planes, blocks, absent)
+                    seen = 0
+                    if sign is not None:
+                        pass  # values are not looked up
+                    elif kind == OWN:
+                        seen = look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
+                        if seen == 0:
+                            continue
                     else:
-                        halved = half_way(before, state, row + CLEAR, looks) & (ALL_BITS >> np.uint64(WORD - count))
-                        while halved != NO_BITS:
-                            i = lowest_bit(halved)
-                            halved &= halved - ONE_BIT
-                            from_, to = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
-                            from_, to = max(begin, from_), min(end, to)
-                            half[v, first_pixel + i] = from_ + looks[i] * (to - from_)
-                live_pixels = pixels & 255
-                if limits is not None:  # a ray that has reached its end is done as well
-                    if bounds[r, NONE_ENDED, b] <= end:
-                        live_pixels = 0
-                        for i in range(count):
-                            live_pixels += state[row + CLEAR + i] >= least_light and limits[1, v, first_pixel + i] > end
-                if live_pixels == 0:
-                    alive[r, word] ^= bit
-                    died = True
+                        if earlier != NO_ROW:
+                            upper_before = block_at(marks_before, earlier, b, planes, blocks, absent)
+                            lower_before = block_at(marks_before, earlier + 1, b, planes, blocks, absent)
+                        ended = False
+                        if limits is not None:
+                            ended = shortened and cut_ends(
+                                limits, v, first_pixel, count, begin, end, sheet, upper, lower, down, sheet_before,
+                                upper_before, lower_before, down_before, least, looks,
+                            )
+                        if ended:
+                            seen = look_between(
+                                looks, BLOCK, BLOCK, NO_SHARE, looks, 0, 0, NO_SHARE, least, low, high, nearest,
+                                furthest, origin, rate, last, entries, spans, shares,
+                            )
+                        else:
+                            seen = look_between(
+                                sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
+                                least, low, high, nearest, furthest, origin, rate, last, entries, spans, shares,
+                            )
+                        if seen == 0:
+                            continue
+                    length, deep = lengths, BLOCK * at
+                    whole = begin >= max(box_blocks[1, b], enter) and end <= min(box_blocks[2, b], leave)
+                    cut = shortened or not whole
+                    if cut:
+                        inside_box(
+                            box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep,
+                            length_inside,
+                        )
+                        length, deep = length_inside, 0
+                    if sign is not None:
+                        position = first_slice[first] + slice_weights[first, 1]
+                        gather_values(
+                            sheet, upper, lower, down, sign, origin, least, length, deep, thickness, state, row,
+                            sheet_depth(position, begin, end), cut, box_columns, box_rows, limits, v, first_pixel,
+                            count, looks, half,
+                        )
+                        continue
+                    if len(thinning) > 0:
+                        thin_slab(
+                            sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
+                            (planes - 1) * BLOCK, shares, length, deep, length_inside,
+                        )
+                        length, deep = length_inside, 0
+                    if absorbs is not None:
+                        add_depths(
+                            table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end,
+                            cut, box_columns, box_rows, limits, v, first_pixel, count, before, half,
+                        )
+                        continue
+                    if seen & 255 > seen >> 8:
+                        classify_values(table, entries, looks)
+                    else:
+                        looks[:] = np.float32(0.0)
+                    if seen >> 8 > 0:
+                        classify_spans(sums, spans, shares, looks)
+                    if mist is not None:
+                        keep_colors(state, row, colors)
+                    pixels = composite_classified(
+                        looks, shares, sheet, upper, lower, down, sheet_before, upper_before, lower_before, down_before,
+                        matt, gloss, length, deep, thickness, least_light, state, row, before,
+                    )
+                    if mist is not None:
+                        fade_added(mist, state, row, colors, before, 0.5 * (begin + end), v, first_pixel, count)
+                    bright_pixels = pixels >> 8
+                    if bright_pixels != bright[r, b]:
+                        bright[r, b] = bright_pixels
+                        if not cut:
+                            note_half_depth(
+                                before, state, row + CLEAR, begin, end, half, v, first_pixel, count, looks
+                            )
+                        else:
+                            halved = half_way(before, state, row + CLEAR, looks) & (ALL_BITS >> np.uint64(WORD - count))
+                            while halved != NO_BITS:
+                                i = lowest_bit(halved)
+                                halved &= halved - ONE_BIT
+                                from_, to = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+                                from_, to = max(begin, from_), min(end, to)
+                                half[v, first_pixel + i] = from_ + looks[i] * (to - from_)
+                    live_pixels = pixels & 255
+                    if limits is not None:  # a ray that has reached its end is done as well
+                        if bounds[r, NONE_ENDED, b] <= end:
+                            live_pixels = 0
+                            for i in range(count):
+                                left = state[row + CLEAR + i] >= least_light
+                                live_pixels += left and limits[1, v, first_pixel + i] > end
+                    if live_pixels == 0:
+                        alive[r, word] ^= bit
+                        died = True
+                        break
+            if grouped is not None:
+                died |= composite_waiting(
+                    waiting, r, word, v, first, begins, ends, image_width, table, starts, sheet, places, queue, downs,
+                    depths, matt, gloss, lengths, least_light, state, alive, bright, blocks, before, looks, half,
+                )
     return died
 
 
 @inner_loop
 def _splat_band(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, top_row, rows, worker, scratch,
-    out, half,
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, top_row, rows, worker,
+    scratch, out, half,
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_scalar_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
@@ -298,6 +348,8 @@ def _splat_band(
     spans, shares, looks = scratch.spans[mine], scratch.shares[mine], scratch.samples[mine]
     length_inside, before, colors = scratch.length_inside[mine], scratch.before[mine], scratch.colors[mine]
     bounds, reached = scratch.bounds[mine], scratch.reached[mine]
+    queue, places, starts = scratch.queue[mine], scratch.places[mine], scratch.starts[mine]
+    downs, depths = scratch.downs[mine], scratch.depths[mine]
     n_scanlines = pointers.shape[1]
     image_width = along.size
     blocks = placed.size
@@ -316,45 +368,54 @@ def _splat_band(
         state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
     )
     bound_blocks(limits, top_row, rows, bounds)
+    each = marks.shape[0] // GROUP  # slots of a sheet
     found_before = False
-    for sheet in range(first_slice.size):
-        if kind[sheet] != OWN:  # what was here is the sheet before
+    sheet = 0
+    while sheet < first_slice.size:
+        together = 1
+        if grouped is not None:
+            if sheet + GROUP <= first_slice.size and kind[sheet + GROUP - 1] == OWN:
+                together = GROUP
+        first, sheet = sheet, sheet + together
+        if kind[first] != OWN:  # what was here is the sheet before
             here, there = there, here
             marks, marks_before = marks_before, marks
             row_slot, slot_before = slot_before, row_slot
             row_line, line_before = line_before, row_line
             row_place, place_before = place_before, row_place
-        shift, step = offset[sheet, 1], scale[sheet, 1]
-        first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
         found = opaque = False
         some = SOME
         if limited:
-            some = reached_blocks(bounds, begin[sheet], far[sheet], band_alive, reached)
+            some = reached_blocks(bounds, begin[first], far[first], band_alive, reached)
             if some == NO_MORE:
                 break
-        if some == SOME and last_y > -overhang and first_y < n_scanlines - 1 + overhang:
-            found, opaque = _resample_scanlines(
-                pointers, data_starts, runs, scalars, lights, light_unit, width, sheet, first_slice[sheet],
-                slice_weights, overhang, offset[sheet, 0], scale[sheet, 0], shift, step, begin[sheet], far[sheet],
-                box_rows, top_row, rows, line, stride, planes, here, marks, row_slot, row_line, row_place, reach, live,
-                wanted, cells, fractions, placed, matt, gloss + thinning,
-                slice_ahead(first_slice, slice_weights, sheet, pointers.shape[0]),
-            )
-        else:
-            row_slot[:] = NO_ROW
+        for number in range(first, sheet):
+            member = number - first
+            shift, step = offset[number, 1], scale[number, 1]
+            first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
+            if some == SOME and last_y > -overhang and first_y < n_scanlines - 1 + overhang:
+                any_found, opaque = _resample_scanlines(
+                    pointers, data_starts, runs, scalars, lights, light_unit, width, number, first_slice[number],
+                    slice_weights, overhang, offset[number, 0], scale[number, 0], shift, step, begin[number],
+                    far[number], box_rows, top_row, rows, line, stride, planes, here, marks, each * member,
+                    BAND * member, row_slot, row_line, row_place, reach, live, wanted, cells, fractions, placed, matt,
+                    gloss + thinning, slice_ahead(first_slice, slice_weights, number, pointers.shape[0]),
+                )
+                found |= any_found
+            else:
+                row_slot[BAND * member : BAND * member + BAND] = NO_ROW
         if opaque:
             break  # early termination
-        before_counts = kind[sheet] == BETWEEN and found_before
+        before_counts = kind[first] == BETWEEN and found_before
         found_before = found
-        if kind[sheet] == BEGINS or not (found or before_counts):
+        if kind[first] == BEGINS or not (found or before_counts):
             continue
-        died = _composite_sheet(
-            kind[sheet], begin[sheet], end[sheet], np.float32(thickness[sheet]),
-            sheet_depth(first_slice[sheet] + slice_weights[sheet, 1], begin[sheet], end[sheet]), top_row, rows,
-            image_width, box_columns, box_rows, box_blocks, limits, look, sign, absorbs, least, here, planes, matt,
-            gloss, thinning, marks, row_slot, row_line, row_place, there, marks_before, slot_before, line_before,
-            place_before, state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, bounds,
-            before, colors, mist, half,
+        died = _composite_sheets(
+            first, together, kind, begin, end, thickness, first_slice, slice_weights, top_row, rows, image_width,
+            box_columns, box_rows, box_blocks, limits, look, sign, absorbs, mist, least, here, planes, matt, gloss,
+            thinning, marks, row_slot, row_line, row_place, there, marks_before, slot_before, line_before, place_before,
+            state, length, alive, bright, blocks, entries, spans, shares, looks, length_inside, bounds, before, colors,
+            grouped, queue, places, starts, downs, depths, half,
         )
         if died:
             band_alive[:] = NO_BITS
@@ -366,8 +427,8 @@ def _splat_band(
 
 @inner_loop
 def _splat_bands(
-    first_worker, last_worker, tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least,
-    first_row, last_row, next_band, scratch, out, half,
+    first_worker, last_worker, tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped,
+    least, first_row, last_row, next_band, scratch, out, half,
 ):
     """What a worker does: bands, one after another, as long as there are any; see ``splat_scalar_rows``."""
     bands = (last_row - first_row + BAND - 1) // BAND
@@ -376,7 +437,7 @@ def _splat_bands(
         while band < bands:
             top_row = first_row + band * BAND
             _splat_band(
-                tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, top_row,
+                tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, top_row,
                 min(BAND, last_row - top_row), worker, scratch, out, half,
             )
             band = taken(next_band)
@@ -384,8 +445,8 @@ def _splat_bands(
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, first_row, last_row, workers,
-    next_band, scratch, out, half,
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, first_row, last_row,
+    workers, next_band, scratch, out, half,
 ):
     """Rows [first_row, last_row) of the intermediate image, post-classified; or what ``ray_sums`` makes of the rays.
 
@@ -395,14 +456,16 @@ def splat_scalar_rows(
     the mean; of ``look`` only origin and least count then.  ``absorbs``: None, or anything where the sum of optical
     depths is wanted; the table has one channel then.  (What is None is left out of the compiled kernel.)
     ``thinning``: the plane of a factor of extinction, the last, in a tuple, or ().  ``mist``: None, or its MistRays.
+    ``grouped``: None, or True where sheets are handled in groups (``scalar_group``), which needs all of these to be
+    None or (), no limits, and sheets with slabs of their own.
     ``matt``, ``gloss``: see ``scalar_block.composite_classified``.  The others, and what is written: see
     ``sheet_buffer.splat_rows``.
     """
     share_out(
         _splat_bands, workers,
         (
-            tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, first_row, last_row,
-            next_band, scratch, out, half,
+            tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, first_row,
+            last_row, next_band, scratch, out, half,
         ),
     )
 

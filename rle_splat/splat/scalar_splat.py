@@ -10,7 +10,8 @@ from ..encode.voxel_light import light_planes
 from ..jit import compiled, parallel_call, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
-from .arguments import ScalarTables, box_of, rays_of
+from ..view.depth_rules import OWN
+from .arguments import ScalarTables, SheetList, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -20,6 +21,8 @@ from .scalar_sheets import splat_scalar_rows
 from .scalar_sheets_numpy import splat_scalar_sheets_numpy
 from .scratch import scratch_for
 from .splat import OPAQUE, row_steps, sheet_list
+
+WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 
 
 def scalar_splat_steps(
@@ -106,14 +109,25 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
     pixels = np.empty((plane.height, plane.width, 4), np.float32)
     half = np.empty((plane.height, plane.width), np.float32)
     least = np.float32(max(quality.termination, OPAQUE))
-    arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least)
+    arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist)
     if not compiled(quality.backend):
-        yield from splat_scalar_sheets_numpy(*arguments, pixels, half)
+        yield from splat_scalar_sheets_numpy(*arguments, least, pixels, half)
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
+    arguments = (*arguments, _grouped(sheets, encoded.thinned, limits, sign, absorbs, mist), least)
     scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
+
+
+def _grouped(sheets: SheetList, thinned: bool, *extras) -> bool | None:
+    """Whether sheets are to be handled in groups: True, or None where they are not, which is left out of the kernel.
+
+    Only where there are several a voxel, each with a slab of its own: what few there are in a quick picture is not
+    worth another kernel.  ``extras``: what groups know nothing of, all None without it.
+    """
+    own = bool((sheets.kind == OWN).all()) and sheets.thickness.mean() < WORTH_GROUPING
+    return True if own and not thinned and all(extra is None for extra in extras) else None
 
 
 def scalar_trace(

@@ -18,6 +18,7 @@ from ..scene import Quality
 from ..view.base_plane import BasePlane
 from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
+from .scalar_group import GROUP
 from .voxel_scanline import WORD
 
 # Rows of scratch from one worker to the next: the shortest rows are some dozen bytes, and two workers that write to
@@ -54,6 +55,10 @@ class Scratch(NamedTuple):
     ``line_before`` and ``place_before``.
     Where rays have limits: ``bounds`` (BAND + 1, 6, blocks) of ``limited_blocks``, and the blocks that are ``reached``
     by a sheet, bits as of ``alive``.
+    Sheets of the scalar may be handled in groups of GROUP: ``sheet``, ``marks`` and the three of rows have room for as
+    many, one after the other; ``before`` for a group and one more; and, of the blocks that wait (``waiting_blocks``),
+    at most WORD: their number in ``queue``, ``places``, and ``starts`` of their entries; and ``downs`` and ``depths``
+    of a group's sheets.
     One block: ``samples``; ``entries``, ``spans`` and ``shares`` of ``scalar_block``; ``length_inside`` the limits;
     ``before`` the sheet in numbers of ``state``, and so ``colors``, of a block ahead of it.
     """
@@ -87,6 +92,11 @@ class Scratch(NamedTuple):
     colors: np.ndarray
     bounds: np.ndarray
     reached: np.ndarray
+    queue: np.ndarray
+    places: np.ndarray
+    starts: np.ndarray
+    downs: np.ndarray
+    depths: np.ndarray
 
 
 def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False) -> Scratch:
@@ -134,21 +144,26 @@ def _shapes(width: int, image_width: int, coarsest, sheets: int, wide, channels:
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     numbers = accumulator(sheets)
+    group = GROUP if before else 1
     return {
         "line": (channels * _whole(width + 2 * taps + 3, BLOCK), np.float32),
-        "sheet": (channels * BLOCK * (blocks * slots + 2), np.float32), "marks": (slots, words, np.uint64),
-        "row_slot": (BAND, np.int64), "row_line": (BAND, np.int64), "row_place": (BAND, np.float64),
+        "sheet": (channels * BLOCK * (blocks * slots * group + 2), np.float32),
+        "marks": (slots * group, words, np.uint64),
+        "row_slot": (BAND * group, np.int64), "row_line": (BAND * group, np.int64),
+        "row_place": (BAND * group, np.float64),
         "reach": (*REACH, np.int64), "live": (blocks, 2, np.int64),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
         "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32),
         "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
-        "sheet_before": (channels * BLOCK * (blocks * slots + 2) * before, np.float32),
-        "marks_before": (slots * before, words, np.uint64), "slot_before": (BAND * before, np.int64),
-        "line_before": (BAND * before, np.int64), "place_before": (BAND * before, np.float64),
-        "length_inside": (BLOCK, np.float32), "before": (BLOCK, numbers), "colors": (3 * BLOCK, numbers),
+        "sheet_before": (channels * BLOCK * (blocks * slots * group + 2) * before, np.float32),
+        "marks_before": (slots * group * before, words, np.uint64), "slot_before": (BAND * group * before, np.int64),
+        "line_before": (BAND * group * before, np.int64), "place_before": (BAND * group * before, np.float64),
+        "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),
         "bounds": (BAND + 1, 6, blocks * limited, np.float32), "reached": (words * limited, np.uint64),
+        "queue": (WORD, np.int64), "places": (2 * group * WORD, np.int64),
+        "starts": (BLOCK * group * WORD, np.int32), "downs": (group, np.float32), "depths": (group, np.float32),
     }
 
 

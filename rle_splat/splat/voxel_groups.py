@@ -38,7 +38,7 @@ if numba is not None:
         """``weight`` of one and ``far_weight`` of the other where they are a pair, else the near one as it is."""
         count = near.type.count
         weight, far_weight = (Vector.spread(builder, number, count) for number in (weight, far_weight))
-        both = Vector(builder, near) * weight + Vector(builder, far) * far_weight
+        both = Vector(builder, near).mixed(weight, Vector(builder, far), far_weight)
         return Vector(builder, builder.select(pair, both.value, near))
 
     def _mixer_of_scalars(count):
