@@ -8,7 +8,7 @@ import numpy as np
 
 from ..rle_splat.memory_estimate import estimate_from_histogram, likely_sides, picture_bytes
 from ..rle_splat.splat.scratch import scratch_bytes
-from ..rle_splat.view.depth_rules import place_sheets
+from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
 from ..rle_splat.volume.histogram import histogram
 
@@ -97,7 +97,7 @@ class _LikelyPlane:
     width: int
     height: int
     scale: np.ndarray
-    sheets: range
+    sheets: Sheets
     axis: int = 2
 
     @classmethod
@@ -107,7 +107,7 @@ class _LikelyPlane:
         boxed = quality.classification == "post"
         sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], boxed)
         scale = np.array([[max(sides[0], 1) / nx, max(sides[1], 1) / ny]])
-        return cls(*sides, scale, range(len(sheets)))
+        return cls(*sides, scale, sheets)
 
 
 def picture_memory(properties, transfer_function, quality, width: int, height: int, meshes: bool = False) -> str:

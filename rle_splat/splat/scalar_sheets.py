@@ -368,7 +368,9 @@ def _splat_band(
         state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
     )
     bound_blocks(limits, top_row, rows, bounds)
-    each = marks.shape[0] // GROUP  # slots of a sheet
+    each = marks.shape[0]  # slots of a sheet
+    if grouped is not None:
+        each //= GROUP
     found_before = False
     sheet = 0
     while sheet < first_slice.size:

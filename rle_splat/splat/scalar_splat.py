@@ -10,19 +10,17 @@ from ..encode.voxel_light import light_planes
 from ..jit import compiled, parallel_call, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
-from ..view.depth_rules import OWN
 from .arguments import ScalarTables, SheetList, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
+from .scalar_group import GROUP
 from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
 from .scalar_rays_numpy import trace_rays_numpy
 from .scalar_sheets import splat_scalar_rows
 from .scalar_sheets_numpy import splat_scalar_sheets_numpy
-from .scratch import scratch_for
+from .scratch import scratch_for, worth_grouping
 from .splat import OPAQUE, row_steps, sheet_list
-
-WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 
 
 def scalar_splat_steps(
@@ -114,8 +112,10 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
         yield from splat_scalar_sheets_numpy(*arguments, least, pixels, half)
         return IntermediateImage(plane, pixels, half)
     workers = thread_count(quality.threads)
-    arguments = (*arguments, _grouped(sheets, encoded.thinned, limits, sign, absorbs, mist), least)
-    scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True)
+    grouped = _grouped(sheets, encoded.thinned, limits, sign, absorbs, mist)
+    arguments = (*arguments, grouped, least)
+    group = GROUP if grouped else 1
+    scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True, group=group)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, pixels, half)
     return IntermediateImage(plane, pixels, half)
 
@@ -123,11 +123,9 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
 def _grouped(sheets: SheetList, thinned: bool, *extras) -> bool | None:
     """Whether sheets are to be handled in groups: True, or None where they are not, which is left out of the kernel.
 
-    Only where there are several a voxel, each with a slab of its own: what few there are in a quick picture is not
-    worth another kernel.  ``extras``: what groups know nothing of, all None without it.
+    ``extras``: what groups know nothing of, all None without it.
     """
-    own = bool((sheets.kind == OWN).all()) and sheets.thickness.mean() < WORTH_GROUPING
-    return True if own and not thinned and all(extra is None for extra in extras) else None
+    return True if worth_grouping(sheets) and not thinned and all(extra is None for extra in extras) else None
 
 
 def scalar_trace(

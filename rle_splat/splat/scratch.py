@@ -16,6 +16,7 @@ from ..axes import AXES
 from ..jit import compiled, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
+from ..view.depth_rules import OWN
 from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
 from .scalar_group import GROUP
@@ -30,6 +31,7 @@ MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger
 _KEPT: list[np.ndarray] = []
 WHITE = 2  # channels of a voxel's light and highlight, all colours alike
 REACH = (CACHE_LINE // 8,)  # numbers of it
+WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
@@ -55,10 +57,10 @@ class Scratch(NamedTuple):
     ``line_before`` and ``place_before``.
     Where rays have limits: ``bounds`` (BAND + 1, 6, blocks) of ``limited_blocks``, and the blocks that are ``reached``
     by a sheet, bits as of ``alive``.
-    Sheets of the scalar may be handled in groups of GROUP: ``sheet``, ``marks`` and the three of rows have room for as
-    many, one after the other; ``before`` for a group and one more; and, of the blocks that wait (``waiting_blocks``),
-    at most WORD: their number in ``queue``, ``places``, and ``starts`` of their entries; and ``downs`` and ``depths``
-    of a group's sheets.
+    Where sheets of the scalar are handled in groups of GROUP, ``sheet``, ``marks`` and the three of rows have room for
+    as many, one after the other; ``before`` for a group and one more; and, of the blocks that wait
+    (``waiting_blocks``), at most WORD: their number in ``queue``, ``places``, and ``starts`` of their entries; and
+    ``downs`` and ``depths`` of a group's sheets.
     One block: ``samples``; ``entries``, ``spans`` and ``shares`` of ``scalar_block``; ``length_inside`` the limits;
     ``before`` the sheet in numbers of ``state``, and so ``colors``, of a block ahead of it.
     """
@@ -99,15 +101,24 @@ class Scratch(NamedTuple):
     depths: np.ndarray
 
 
-def scratch_for(workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False) -> Scratch:
+def worth_grouping(sheets) -> bool:
+    """Whether sheets of the scalar, ``kind`` and ``thickness`` of each as ``view.depth_rules`` has them, are worth
+    handling in groups: several a voxel, each with a slab of its own.  What few there are in a quick picture is not
+    worth another kernel."""
+    return len(sheets.kind) > 0 and bool((sheets.kind == OWN).all()) and sheets.thickness.mean() < WORTH_GROUPING
+
+
+def scratch_for(
+    workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False, group: int = 1
+) -> Scratch:
     """Scratch for ``workers`` workers and so many ``channels`` of a voxel; see ``arguments`` for the rest.
 
-    ``before``: whether the sheet before is kept as well.
+    ``before``: whether the sheet before is kept as well.  ``group``: how many sheets are handled together.
     """
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     shapes = _shapes(
         tables.width, rays.along.size, sheets.scale.min(axis=0), len(sheets.begin), wide, channels, before,
-        rays.limits is not None,
+        rays.limits is not None, group,
     )
     rows, places, size = workers * SPREAD, [], 0
     for *shape, kind in shapes.values():
@@ -124,15 +135,18 @@ def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) 
     if not compiled(quality.backend):
         return 0
     scalars = quality.classification == "post"
+    group = GROUP if scalars and not limited and worth_grouping(plane.sheets) else 1
     shapes = _shapes(
         shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),
-        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, limited,
+        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, limited, group,
     )
     each = sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in shapes.values())
     return thread_count(quality.threads) * each
 
 
-def _shapes(width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, limited: bool):
+def _shapes(
+    width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, limited: bool, group: int
+) -> dict:
     """Name -> the shape of each array of a Scratch for one worker, and its type.
 
     ``width``: voxels on a scanline.  ``image_width``: sheet pixels on a row.  ``coarsest`` (2,): sheet pixels a voxel
@@ -144,7 +158,6 @@ def _shapes(width: int, image_width: int, coarsest, sheets: int, wide, channels:
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     numbers = accumulator(sheets)
-    group = GROUP if before else 1
     return {
         "line": (channels * _whole(width + 2 * taps + 3, BLOCK), np.float32),
         "sheet": (channels * BLOCK * (blocks * slots * group + 2), np.float32),
