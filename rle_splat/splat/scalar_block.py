@@ -255,6 +255,21 @@ if numba is not None:
     def _both(signature, first, first_value, second, second_value):
         return signature.args[first], first_value, signature.args[second], second_value
 
+    def lit(colors, samples, counts, planes, light):
+        """Colours times the light that falls on them, and highlights in proportion to the extinction ``samples``.
+
+        ``counts``: how many ``planes`` of light and of highlight there are, none, one or three each; ``light(planes,
+        channel)``: one of them, as a vector.
+        """
+        matt, gloss = planes
+        if counts[0]:
+            shine = [light(matt, channel) for channel in range(counts[0])]
+            colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
+        if counts[1]:
+            shine = [light(gloss, channel) for channel in range(counts[1])]
+            colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
+        return colors
+
     @intrinsic
     def composite_classified(
         typing, looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss,
@@ -295,12 +310,7 @@ if numba is not None:
                 then = mixed_block(context, builder, before_type, before, *then, down_before, 0)
                 return now * here + then * there
 
-            if counts[0]:
-                shine = [light(matt, channel) for channel in range(counts[0])]
-                colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
-            if counts[1]:
-                shine = [light(gloss, channel) for channel in range(counts[1])]
-                colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
+            colors = lit(colors, samples, counts, (matt, gloss), light)
             length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
             length = length * Vector.spread(builder, thickness, BLOCK) * counted
             return composited(

@@ -19,7 +19,7 @@ if numba is not None:
 
     from ..vectors import Vector, count_lanes, place
     from .pixel_block import TINY, counted, kind_of, laid_over, row_planes, slab, store_row
-    from .scalar_block import entry_of, put_block, put_entries, rows_of
+    from .scalar_block import entry_of, lit, put_block, put_entries, rows_of
 
     def _whole(number):
         return ir.Constant(ir.IntType(64), number)
@@ -120,12 +120,7 @@ if numba is not None:
                 offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
                 return _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset)
 
-            if counts[0]:
-                shine = [light(matt, channel) for channel in range(counts[0])]
-                colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
-            if counts[1]:
-                shine = [light(gloss, channel) for channel in range(counts[1])]
-                colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
+            colors = lit(colors, samples, counts, (matt, gloss), light)
             length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
             length = _joined([length] * GROUP) * _spread_each(context, builder, thickness_type, thickness)
             colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
