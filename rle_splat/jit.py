@@ -10,9 +10,10 @@ import hashlib
 import os
 import queue
 import shutil
+import stat
 import sys
 import tempfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
 from importlib import import_module
@@ -22,6 +23,7 @@ from .interpreter import collector_paused
 from .scene import RleSplatError
 
 CACHE_VARIABLE = "RLE_SPLAT_CACHE"
+NUMBA_VARIABLE = "NUMBA_CACHE_DIR"  # where somebody wants all that numba compiles: it comes first
 KERNEL_PREFIX = "kernels-"
 KEPT_VERSIONS = 4
 CONSTANTS = "scene"  # the room without kernels of which kernels take constants, NO_DEPTH and the like
@@ -39,17 +41,40 @@ def _is_writable(folder: Path) -> bool:
 def cache_folder() -> Path:
     """A user-writable folder for compiled kernels: $RLE_SPLAT_CACHE, else the platform's cache folder, else a
     temporary one.  Blender's bridge sets the variable to the extension's own user folder before kernels load."""
+    with suppress(RuntimeError):  # a user without a home
+        preferred = _preferred_folder()
+        if _is_writable(preferred):
+            return preferred
+    return _temporary_folder()
+
+
+def _preferred_folder() -> Path:
     if os.environ.get(CACHE_VARIABLE):
-        preferred = Path(os.environ[CACHE_VARIABLE])
-    elif sys.platform == "win32":
-        preferred = Path(os.environ.get("LOCALAPPDATA", Path.home())) / "rle_splat" / "cache"
-    elif sys.platform == "darwin":
-        preferred = Path.home() / "Library" / "Caches" / "rle_splat"
-    else:
-        preferred = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rle_splat"
-    if _is_writable(preferred):
-        return preferred
-    return Path(tempfile.gettempdir()) / f"rle_splat-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        return Path(os.environ[CACHE_VARIABLE])
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "rle_splat" / "cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "rle_splat"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rle_splat"
+
+
+def _temporary_folder() -> Path:
+    """The user's own among the temporary ones, or a place where nothing can be kept.
+
+    Where several users share them, another may have made the folder before: what is loaded from it is run, so nobody
+    else may be able to write to it.
+    """
+    with suppress(OSError):
+        shared = Path(tempfile.gettempdir())
+        if not hasattr(os, "getuid"):  # Windows, where no users share it
+            return shared / "rle_splat-user"
+        folder = shared / f"rle_splat-{os.getuid()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        others = stat.S_IWGRP | stat.S_IWOTH
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & others:
+            return folder
+    return Path(os.devnull) / "rle_splat"  # below a file
 
 
 def _last_changed(folder: Path) -> float:
@@ -67,6 +92,8 @@ def _kernel_folder() -> Path:
     does, so the folder's name carries a hash of every file in a room that holds kernels, and in the one whose
     constants they take, and of numba's version.  The latest few are kept, for several versions side by side.
     """
+    numbas = os.environ.get(NUMBA_VARIABLE)
+    parent = Path(numbas) / "rle_splat" if numbas else cache_folder()
     sources = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for room, _, names in sorted(os.walk(Path(__file__).parent)):
         contents = []
@@ -76,9 +103,9 @@ def _kernel_folder() -> Path:
                     contents.append(file.read())
         if os.path.basename(room) == CONSTANTS or any(b"@kernel" in content for content in contents):
             sources.update(b"".join(contents))
-    folder = cache_folder() / f"{KERNEL_PREFIX}{sources.hexdigest()}"
+    folder = parent / f"{KERNEL_PREFIX}{sources.hexdigest()}"
     if not folder.exists():
-        earlier = sorted(folder.parent.glob(f"{KERNEL_PREFIX}*"), key=_last_changed, reverse=True)
+        earlier = sorted(parent.glob(f"{KERNEL_PREFIX}*"), key=_last_changed, reverse=True)
         for stale in earlier[KEPT_VERSIONS - 1 :]:
             shutil.rmtree(stale, ignore_errors=True)
     return folder
@@ -100,17 +127,20 @@ try:
     with collector_paused():
         import numba
 
+        if numba.config.DISABLE_JIT:
+            raise RuntimeError("it is told to compile nothing, by NUMBA_DISABLE_JIT")
+
         from .kernel_cache import NullCache, cache_of, keep_in
 
         # Not by numba's variables: where one is new, numba reads all of them again when it next compiles, and forgets
         # what another add-on has set in the program.
         if not os.environ.get("NUMBA_OPT"):
             numba.config.OPT = type(numba.config.OPT)(OPTIMISATION)
-        KERNELS = Path(os.environ.get("NUMBA_CACHE_DIR") or _kernel_folder())
+        KERNELS = _kernel_folder()
         keep_in(KERNELS)
-        # Where kernels of this numba are in a folder of their own, the compiler has worked and is seldom needed: it is
-        # loaded with the first kernel that is compiled.  Else here, where what is wrong with it can be told.
-        if os.environ.get("NUMBA_CACHE_DIR") or nothing_compiled_yet():
+        # Where there are kernels of this numba, the compiler has worked and is seldom needed: it is loaded with the
+        # first kernel that is compiled.  Else here, where what is wrong with it can be told.
+        if nothing_compiled_yet():
             import_module(".kernel_compiler", __package__)
     NUMBA_PROBLEM = ""
 except Exception as problem:  # a broken install fails in many ways (ImportError, OSError, AttributeError, SystemError)

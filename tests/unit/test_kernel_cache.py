@@ -1,19 +1,25 @@
 """The cache of compiled kernels: several processes that compile at once, and whoever had loaded numba before."""
 
 import os
+import pkgutil
+import shutil
 import subprocess
 import sys
+import tempfile
+from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+import rle_splat
 from rle_splat import jit
-from rle_splat.jit import CACHE_VARIABLE, compiled
+from rle_splat.jit import CACHE_VARIABLE, NUMBA_VARIABLE, compiled
 
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.kernel_cache import _SealedFiles
+from rle_splat.kernel_cache import KernelCache, _Folder, _SealedFiles
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -172,3 +178,109 @@ def test_kernels_of_another_numba_are_in_a_folder_of_their_own(monkeypatch):
     here = jit._kernel_folder()
     monkeypatch.setattr(jit.numba, "__version__", "0.0.1")
     assert jit._kernel_folder() != here and jit._kernel_folder().parent == here.parent
+
+
+OF_TWO_FILES = """
+import numpy as np
+from rle_splat.encode.encode_kernels import fill_row_runs
+from rle_splat.jit import parallel_call
+starts, runs = np.zeros((1, 1), np.int64), np.zeros(3, np.uint16)
+with parallel_call(1):
+    fill_row_runs(starts, np.array([[12]], np.uint64), np.array([0, 2]), np.array([2, 3], np.uint16), 9, starts, runs)
+print(*runs, sum(fill_row_runs.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.parametrize("variable", (CACHE_VARIABLE, NUMBA_VARIABLE))
+def test_a_kernel_is_compiled_anew_where_a_part_of_it_in_another_file_has_changed(tmp_path, variable):
+    """In a folder of ours, and in one that somebody has told numba."""
+    shutil.copytree(ROOT / "rle_splat", tmp_path / "rle_splat", ignore=shutil.ignore_patterns("__pycache__"))
+    environ = {name: value for name, value in os.environ.items() if name not in (CACHE_VARIABLE, NUMBA_VARIABLE)}
+    environ |= {variable: str(tmp_path / "kept"), "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def told():
+        return subprocess.run(
+            [sys.executable, "-c", OF_TWO_FILES], cwd=tmp_path, capture_output=True, text=True, check=True, env=environ
+        ).stdout.split()  # fmt: skip
+
+    assert told() == ["2", "2", "5", "0"]
+    assert told() == ["2", "2", "5", "1"]
+    inner = tmp_path / "rle_splat" / "encode" / "line_bits.py"
+    source = inner.read_text(encoding="utf-8")
+    assert source.count("runs[run] = x - end\n") == 1
+    inner.write_text(source.replace("runs[run] = x - end\n", "runs[run] = x - end + 40\n"), encoding="utf-8")
+    assert told() == ["42", "42", "5", "0"]
+
+
+needs_users = pytest.mark.skipif(not hasattr(os, "getuid"), reason="users share no temporary folder here")
+
+
+@needs_users
+def test_kernels_are_loaded_from_no_temporary_folder_that_others_can_write_to(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv(CACHE_VARIABLE, str(Path(os.devnull) / "cache"))
+    own = jit.cache_folder()
+    assert own.parent == tmp_path and own.stat().st_mode & 0o777 == 0o700
+    assert jit.cache_folder() == own
+    for mode in (0o777, 0o770):
+        own.chmod(mode)
+        assert not jit._is_writable(jit.cache_folder())
+    own.chmod(0o755)
+    assert jit.cache_folder() == own
+    own.rename(tmp_path / "elsewhere")
+    own.symlink_to(tmp_path / "elsewhere")
+    assert not jit._is_writable(jit.cache_folder())
+
+
+@needs_users
+def test_a_user_without_a_home_has_kernels_in_the_temporary_folder(tmp_path, monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(Path, "home", homeless)
+    for variable in (CACHE_VARIABLE, "XDG_CACHE_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    assert jit.cache_folder().parent == tmp_path
+
+
+TOLD_NOT_TO = """
+from rle_splat.jit import NUMBA_PROBLEM, compiled
+import rle_splat.render
+print(compiled(), "NUMBA_DISABLE_JIT" in NUMBA_PROBLEM)
+"""
+
+
+def test_without_kernels_where_numba_is_told_to_compile_nothing(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert _called(tmp_path, program=TOLD_NOT_TO) == ["False True"]
+
+
+MOST_CHARACTERS = 259  # of a path on Windows, where nobody has allowed more
+# The folder that Blender gives an extension there, of a user with the longest name that Windows allows.
+IN_BLENDER = "\\".join((
+    "C:", "Users", "n" * 20, "AppData", "Roaming", "Blender Foundation", "Blender", "5.10", "extensions", ".user",
+    "user_default", "rle_splat", "cache", jit.KERNEL_PREFIX + "0" * 16, "",
+))  # fmt: skip
+
+
+def test_all_names_fit_into_the_paths_of_windows(tmp_path, monkeypatch):
+    """Those of files that are being written, too, which are the longest."""
+    monkeypatch.setattr(_Folder, "path", str(tmp_path))
+    written, open_for_write = set(), _SealedFiles._open_for_write
+
+    @contextmanager
+    def noting(self, path):
+        with open_for_write(self, path) as sealed:
+            written.add(os.path.relpath(sealed.file.name, tmp_path))
+            yield sealed
+
+    monkeypatch.setattr(_SealedFiles, "_open_for_write", noting)
+    modules = {found.name for found in pkgutil.walk_packages(rle_splat.__path__, "rle_splat.")}
+    for name in modules - {"rle_splat.__main__"}:
+        for kernel in vars(import_module(name)).values():
+            if isinstance(kernel, jit._NotedDispatcher):
+                KernelCache(kernel.py_func)._cache_file.save(("any",), "any")
+    assert len(written) > 100
+    longest = max(written, key=len)
+    assert len(IN_BLENDER) + len(longest) <= MOST_CHARACTERS, longest
