@@ -104,15 +104,16 @@ class _Folder(UserProvidedCacheLocator):
     path = ""
 
     def __init__(self, py_func, py_file):
-        super().__init__(py_func, py_file)
-        self._cache_path = os.path.join(self.path, self.get_suitable_cache_subpath(py_file))
+        """Within it, one for each room under each name that it is imported by: what is kept names the classes of
+        arguments by their modules, and under another name these are not found.
 
-    @classmethod
-    def get_suitable_cache_subpath(cls, py_file):
-        """As numba's, with eight of the forty digits: Windows lets a path have 260 characters, and behind the folder
-        that Blender gives an extension the names of a third of the kernels would not fit."""
-        name, _, digits = super().get_suitable_cache_subpath(py_file).rpartition("_")
-        return f"{name}_{digits[:8]}"
+        Eight digits tell them apart: Windows lets a path have 260 characters, and with numba's forty the names of a
+        third of the kernels would not fit behind the folder that Blender gives an extension.
+        """
+        super().__init__(py_func, py_file)
+        room = os.path.dirname(os.path.abspath(py_file))
+        digits = hashlib.blake2b(f"{py_func.__module__} {room}".encode(), digest_size=4).hexdigest()
+        self._cache_path = os.path.join(self.path, f"{os.path.basename(room)}_{digits}")
 
     @classmethod
     def from_function(cls, py_func, py_file):

@@ -180,6 +180,43 @@ def test_kernels_of_another_numba_are_in_a_folder_of_their_own(monkeypatch):
     assert jit._kernel_folder() != here and jit._kernel_folder().parent == here.parent
 
 
+OF_A_PAIR = """
+from typing import NamedTuple
+from rle_splat.jit import kernel
+
+class Pair(NamedTuple):
+    one: int
+    other: int
+
+@kernel
+def both(pair):
+    return pair.one + pair.other
+"""
+CALL_AS = """
+import importlib, sys
+module = importlib.import_module(sys.argv[1])
+print(module.both(module.Pair(1, 2)), sum(module.both.stats.cache_hits.values()))
+"""
+
+
+def test_a_package_that_is_imported_by_two_names_has_its_kernels_under_each(tmp_path):
+    """As Blender imports an extension, and as whoever starts a program in the extension's folder does."""
+    outer = tmp_path / "outer"
+    (outer / "inner").mkdir(parents=True)
+    for folder in (outer, outer / "inner"):
+        (folder / "__init__.py").write_text("", encoding="utf-8")
+    (outer / "inner" / "pairs.py").write_text(OF_A_PAIR, encoding="utf-8")
+    environ = {name: value for name, value in os.environ.items() if name != NUMBA_VARIABLE}
+    environ[CACHE_VARIABLE] = str(tmp_path / "kept")
+    for hits in (0, 1):
+        for root, name in ((tmp_path, "outer.inner.pairs"), (outer, "inner.pairs")):
+            done = subprocess.run(
+                [sys.executable, "-c", CALL_AS, name], cwd=outer, capture_output=True, text=True, check=False,
+                env={**environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(root))), "PYTHONSAFEPATH": "1"},
+            )  # fmt: skip
+            assert done.stdout.split() == ["3", str(hits)], done.stderr
+
+
 OF_TWO_FILES = """
 import numpy as np
 from rle_splat.encode.encode_kernels import fill_row_runs
