@@ -24,6 +24,12 @@ from rle_splat.kernel_cache import KernelCache, _Folder, _SealedFiles
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.fixture(autouse=True)
+def nothing_told_to_numba(monkeypatch):
+    """Whoever runs the tests may have told numba a folder; these choose their own."""
+    monkeypatch.delenv(NUMBA_VARIABLE, raising=False)
+
+
 def test_two_processes_at_once_do_not_take_each_others_machine_code(tmp_path, monkeypatch):
     """One begins to keep a version of a kernel; before it has, another process keeps another version."""
     one, other, later = (_SealedFiles(str(tmp_path), "kernel-1.py311", "stamp") for _ in range(3))
@@ -206,8 +212,7 @@ def test_a_package_that_is_imported_by_two_names_has_its_kernels_under_each(tmp_
     for folder in (outer, outer / "inner"):
         (folder / "__init__.py").write_text("", encoding="utf-8")
     (outer / "inner" / "pairs.py").write_text(OF_A_PAIR, encoding="utf-8")
-    environ = {name: value for name, value in os.environ.items() if name != NUMBA_VARIABLE}
-    environ[CACHE_VARIABLE] = str(tmp_path / "kept")
+    environ = {**os.environ, CACHE_VARIABLE: str(tmp_path / "kept")}
     for hits in (0, 1):
         for root, name in ((tmp_path, "outer.inner.pairs"), (outer, "inner.pairs")):
             done = subprocess.run(
