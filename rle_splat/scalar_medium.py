@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .classify.classification import opacity_distance, unit_length
+from .classify.gaps import close_gaps
 from .classify.lighting import Lighting
 from .classify.points import LARGEST
 from .classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
@@ -51,10 +52,15 @@ IN_ROWS = "rows"  # the voxels' own order
 
 @dataclass(frozen=True, eq=False)
 class RelevantVoxels:
-    """The ``voxels`` that matter to a range of values, ``reach``."""
+    """The ``voxels`` that matter to a range of values, ``reach``; ``closed``: and those in short gaps between them."""
 
     reach: Reach
     voxels: VisibleVoxels
+    closed: bool
+
+    @property
+    def key(self) -> tuple:
+        return (*self.reach.key, self.closed)
 
     @property
     def nbytes(self) -> int:
@@ -96,7 +102,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
                 "table", (voxels_key, tf.classification_key, length),
                 lambda: value_table(volume, tf, ends, opacity_distance(volume, tf, length)),
             )
-    key = (voxels_key, relevant.reach.key)
+    key = (voxels_key, relevant.key)
     factor = None
     if tf.gradient_opacity is not None and values is None:
         with clock.stage("gradients"):
@@ -176,13 +182,14 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen where
     # the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
     between = preintegrated_of(quality.depth_rule) is not None or scene.mode in VALUE_MODES
+    closed = not between and blocks.nan_voxels == 0  # what is no number is never kept
 
     def serves(key, held: RelevantVoxels) -> bool:
         if between or key[0] != voxels_key or not held.reach.covers(reach):
             return False
         return np.count_nonzero(held.reach.of_blocks(blocks)) <= WORTH_KEEPING * near
 
-    key = (voxels_key, reach.key)
+    key = (voxels_key, (*reach.key, closed))
     found = None if job.has("relevant", key) else job.latest("relevant", serves)
     if found is not None:
         key = found
@@ -192,15 +199,16 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
     steps = timed(relevant_steps(volume, reach, blocks, **machine), clock, "classify")
     bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
     with clock.stage("classify"):
+        if closed:
+            close_gaps(bits, volume.shape_xyz, **machine)
         counted = kept_counts(bits, **machine)
     needs = wanted(counted)
     job.kept.make_room(needs.needed)
     refuse_too_much(needs)
     yield Progress(0.08, f"Keeping {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
     with clock.stage("classify"):
-        relevant = job.get(
-            "relevant", key, lambda: RelevantVoxels(reach, kept_voxels(volume, bits, counted, blocks, **machine))
-        )
+        voxels = kept_voxels(volume, bits, counted, blocks, **machine)
+        relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed))
     return relevant, needs
 
 
