@@ -123,15 +123,23 @@ class BasePlane:
         steps[k] = 1.0
         return steps
 
+    @cached_property
+    def depth_map(self) -> tuple[tuple, tuple]:
+        """Two rows of three floats, of which each takes (X, Y, 1) to what is affine in the place of a ray: its planar
+        depth at axis position 0, and how much that grows per voxel of axis position."""
+        i, j, k = AXES[self.axis]
+        row, eye = self.view.depth.tolist(), self.view.eye.tolist()
+        ahead = eye[3] * self.reference - eye[k]
+        along, across = row[i] / ahead, row[j] / ahead  # what its slopes, times that, add a slice
+        per_voxel = along * eye[3], across * eye[3], row[k] - along * eye[i] - across * eye[j]
+        at_reference = row[i], row[j], row[k] * self.reference + row[3]
+        return tuple(there - self.reference * step for there, step in zip(at_reference, per_voxel)), per_voxel
+
     def depth_along(self, x, y) -> tuple[np.ndarray, np.ndarray]:
         """Planar depth at axis position 0 and per voxel of axis position, of the rays through points (X, Y)."""
-        i, j, k = AXES[self.axis]
-        row = self.view.depth
-        steps = self.ray_steps(x, y)
         # Element by element: the bits of a matrix product depend on its size.
-        per_voxel = row[0] * steps[0] + row[1] * steps[1] + row[2] * steps[2]
-        at_reference = row[i] * x + row[j] * y + row[k] * self.reference + row[3]
-        return at_reference - self.reference * per_voxel, per_voxel
+        at_zero, per_voxel = (a * x + b * y + c for a, b, c in self.depth_map)
+        return at_zero, per_voxel
 
 
 def _clip(polygon: np.ndarray, line: np.ndarray) -> np.ndarray:

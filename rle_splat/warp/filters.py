@@ -7,6 +7,8 @@ the Catmull-Rom spline; third order.  "cubic": the cubic B-spline, of coefficien
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 POLYNOMIALS = {
@@ -21,13 +23,17 @@ def is_prefiltered(name: str) -> bool:
     return name == "cubic"
 
 
+@cache
 def taps_of(name: str) -> int:
     """Along each axis."""
     return int(np.count_nonzero(POLYNOMIALS[name].any(axis=0)))
 
 
+@cache
 def table_of(name: str) -> np.ndarray:
-    """(96,) float32: the filter as ``tap4x4`` takes it."""
+    """(96,) float32, read-only: the filter as ``tap4x4`` takes it."""
     to_alpha = np.array([[1, 1, 1, 1], [0, 0, 0, 0]]) if is_prefiltered(name) else [[1, 1, 1, -1], [0, 0, 0, 1]]
     weights = np.repeat(POLYNOMIALS[name], 4, axis=1)
-    return np.concatenate((weights, np.tile(to_alpha, 4))).astype(np.float32).reshape(-1)
+    table = np.concatenate((weights, np.tile(to_alpha, 4))).astype(np.float32).reshape(-1)
+    table.flags.writeable = False
+    return table

@@ -21,17 +21,14 @@ def _half_depth(half_depths, width, at, across, down):
     across an edge."""
     half = np.float32(0.5)
     nearest = half_depths[at + (across >= half) + width * (down >= half)]
-    if nearest == np.inf:
-        return nearest
     a, b = half_depths[at], half_depths[at + 1]
     c, d = half_depths[at + width], half_depths[at + width + 1]
     least, most = a if a < b else b, b if a < b else a
     least, most = c if c < least else least, c if c > most else most
     least, most = d if d < least else least, d if d > most else most
-    if most - least <= SAME_SURFACE:
-        upper, lower = a + across * (b - a), c + across * (d - c)
-        return upper + down * (lower - upper)
-    return nearest
+    upper, lower = a + across * (b - a), c + across * (d - c)
+    mixed = upper + down * (lower - upper)
+    return mixed if most - least <= SAME_SURFACE else nearest
 
 
 @kernel(inner=True)
@@ -94,6 +91,7 @@ def _resample_rows(
     width, picture_width = sheet_size[0], picture_size[0]
     parallel_rays = directions[axis, 0] == 0.0 and directions[axis, 1] == 0.0 and directions[axis, 2] == 0.0
     at, across, down = np.empty(STRETCH, np.int64), np.empty(STRETCH, np.float32), np.empty(STRETCH, np.float32)
+    halves = np.empty(STRETCH, np.float32)
     for r in range(first_row, first_row + ROWS):
         if r >= picture_size[1]:
             break
@@ -110,22 +108,28 @@ def _resample_rows(
                 wanted = _keep_own(directions, column, row, axis, sign, at)
             if not wanted:
                 continue
-            for i in range(STRETCH):
-                if at[i] < 0 or c + i >= picture_width:
+            count = min(STRETCH, picture_width - c)
+            first_pixel = r * picture_width + c
+            for i in range(count):
+                halves[i] = np.inf
+                if at[i] < 0:
                     continue
-                to = r * picture_width + c + i
+                to = first_pixel + i
                 if taps == 2:
                     tap2x2(samples, 4 * at[i], 4 * width, across[i], down[i], most_color, picture, 4 * to)
                 else:
                     first_tap = 4 * (at[i] - width - 1)
                     tap4x4(samples, first_tap, 4 * width, across[i], down[i], table, most_color, picture, 4 * to)
-                at_half = _half_depth(half_depths, width, at[i], across[i], down[i])
-                if at_half < np.inf:
-                    place = column + i + 0.5
-                    w = maps[2, 0] * place + (maps[2, 1] * row + maps[2, 2])
-                    at_zero = maps[3, 0] * place + (maps[3, 1] * row + maps[3, 2])
-                    per_voxel = maps[4, 0] * place + (maps[4, 1] * row + maps[4, 2])
-                    depths[to] = (at_half * per_voxel + at_zero) / w
+                halves[i] = _half_depth(half_depths, width, at[i], across[i], down[i])
+            w_here = maps[2, 1] * row + maps[2, 2]
+            at_zero_here, per_voxel_here = maps[3, 1] * row + maps[3, 2], maps[4, 1] * row + maps[4, 2]
+            found = depths[first_pixel : first_pixel + count]
+            for i in range(count):
+                place = column + i + 0.5
+                w = maps[2, 0] * place + w_here
+                at_zero, per_voxel = maps[3, 0] * place + at_zero_here, maps[4, 0] * place + per_voxel_here
+                depth = np.float32((halves[i] * per_voxel + at_zero) / w)
+                found[i] = depth if halves[i] < np.inf else found[i]
 
 
 @kernel(inner=True)
@@ -141,18 +145,22 @@ def _resample_bands(
         )
 
 
-def _window(to_sheet, sheet_shape, sheet_origin, picture_shape, picture_origin):
-    """(left, top, right, bottom): a part of the picture outside which no pixel looks into the sheet."""
-    height, width = picture_shape
-    (u, v), (rows, columns) = sheet_origin, sheet_shape
-    corners = np.array(((u, u + columns, u + columns, u), (v, v, v + rows, v + rows), (1.0, 1.0, 1.0, 1.0)))
-    x, y, w = np.linalg.solve(to_sheet, corners)
-    if not (w > 0.0).all():  # seen from behind in part: its corners are no bounds
+def shown_in(from_sheet, sheet_shape, sheet_origin, picture_shape, picture_origin) -> tuple[int, int, int, int]:
+    """(left, top, right, bottom): a part of the picture outside which no pixel looks into the sheet.
+
+    ``from_sheet``: (3, 3) sheet pixel to picture pixel.  Shapes are (rows, columns); the others: see ``resample``.
+    """
+    (u, v), (rows, columns), (height, width) = sheet_origin, sheet_shape, picture_shape
+    corners = (u, v), (u + columns, v), (u + columns, v + rows), (u, v + rows)
+    # Numbers one by one: four corners are too few for what a call of numpy takes.
+    places = [[a * x + b * y + c for a, b, c in from_sheet.tolist()] for x, y in corners]
+    if not all(w > 0.0 for *_, w in places):  # seen from behind in part: its corners are no bounds
         return 0, 0, width, height
-    sides = (x / w - picture_origin[0], width), (y / w - picture_origin[1], height)
-    (left, right), (top, bottom) = (
-        (int(min(max(at.min() - 1.0, 0.0), count)), int(max(min(at.max() + 2.0, count), 0.0))) for at, count in sides
-    )
+    sides = []
+    for n, count in enumerate((width, height)):
+        seen = [place[n] / place[2] - picture_origin[n] for place in places]
+        sides.append((int(min(max(min(seen) - 1.0, 0.0), count)), int(max(min(max(seen) + 2.0, count), 0.0))))
+    (left, right), (top, bottom) = sides
     return left, top, right, bottom
 
 
@@ -162,11 +170,12 @@ def _resample(bands, arguments):
 
 
 def resample(
-    pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
+    window, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     first, rgba, depth, threads=0,
 ):
     """Fill the pixels that belong to one base plane.
 
+    ``window``: of ``shown_in``.
     ``pixels``: (h, w, 4) float32 colour and transmittance, or what else ``table``, a filter of ``taps`` by ``taps``
     (``filters.table_of``; not read for two), weighs.  ``half``: (h, w) float32 half depths along the viewing
     direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet pixel.  ``directions``: (3, 3) picture pixel
@@ -180,8 +189,7 @@ def resample(
     arguments = (
         pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin,
         np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_color,
-        depth.shape[::-1], picture_origin, first,
-        _window(to_sheet, half.shape, sheet_origin, depth.shape, picture_origin), rgba.reshape(-1), depth.reshape(-1),
+        depth.shape[::-1], picture_origin, first, window, rgba.reshape(-1), depth.reshape(-1),
     )
     with parallel_call(threads):
         _resample(-(-len(depth) // ROWS), arguments)

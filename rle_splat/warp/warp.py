@@ -9,7 +9,7 @@ from ..scene import Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
 from .filters import is_prefiltered, table_of, taps_of
-from .resample import resample
+from .resample import resample, shown_in
 from .resample_numpy import clear, resample_numpy
 from .spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
 
@@ -38,22 +38,27 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
     depth = np.empty((bottom - top, right - left), np.float32)
     if not images:
         clear(rgba, depth)
+        return rgba, depth
     name = quality.warp_filter
     with_kernels = compiled(quality.backend)
-    square = view.projection[:, :3]
-    directions = np.zeros((3, 3)) if view.is_parallel else np.linalg.inv(square)
+    planes = [image.base_plane for image in images]
+    # Picture pixel from sheet pixel, both homogeneous, both by their numbers in the whole sheet and picture.
+    from_sheets = [plane.homography / np.abs(plane.homography).max() / (*plane.density, 1.0) for plane in planes]
+    # The other way round, and rays from pixels: inverted all at once, for the call takes as long as ten of them.
+    *to_sheets, directions = np.linalg.inv([*from_sheets, np.eye(3) if view.is_parallel else view.projection[:, :3]])
+    if view.is_parallel:
+        directions = np.zeros((3, 3))
     for number, image in enumerate(images):
-        plane = image.base_plane
+        plane = planes[number]
         pixels = _coefficients(image.pixels, quality) if is_prefiltered(name) else image.pixels
-        to_plane = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
-        # Sheet pixel from picture pixel, both homogeneous, both by their numbers in the whole sheet and picture.
-        to_sheet = np.array((*plane.density, 1.0))[:, None] * to_plane
         arguments = (
-            pixels, image.half_depth, plane.origin, to_sheet, directions, plane.axis, plane.sign, taps_of(name),
-            table_of(name), np.float32(most_color), _depth_map(plane), (left, top), number == 0, rgba, depth,
+            pixels, image.half_depth, plane.origin, to_sheets[number], directions, plane.axis, plane.sign,
+            taps_of(name), table_of(name), np.float32(most_color), _depth_map(plane), (left, top), number == 0, rgba,
+            depth,
         )
         if with_kernels:
-            resample(*arguments, quality.threads)
+            window = shown_in(from_sheets[number], image.half_depth.shape, plane.origin, depth.shape, (left, top))
+            resample(window, *arguments, quality.threads)
         else:
             resample_numpy(*arguments)
     return rgba, depth
@@ -72,9 +77,5 @@ def _coefficients(pixels, quality: Quality):
 def _depth_map(plane) -> np.ndarray:
     """(2, 3) float64: rows taking sheet pixel (u, v, 1), numbered in the whole sheet, to planar depth at axis
     position 0 and per voxel along the viewing direction."""
-    corners_u, corners_v = np.array((0.0, 1.0, 0.0)), np.array((0.0, 0.0, 1.0))
-    at_zero, per_voxel = plane.depth_along(corners_u / plane.density[0], corners_v / plane.density[1])
-    rows = []
-    for values in (at_zero, plane.sign * per_voxel):  # both are affine in (u, v)
-        rows.append((values[1] - values[0], values[2] - values[0], values[0]))
-    return np.array(rows)
+    at_zero, per_voxel = plane.depth_map
+    return np.array((at_zero, [plane.sign * each for each in per_voxel])) / (*plane.density, 1.0)

@@ -7,12 +7,21 @@ import pytest
 
 from rle_splat.scene import WARP_FILTERS
 from rle_splat.warp.filters import POLYNOMIALS, is_prefiltered, table_of, taps_of
-from rle_splat.warp.resample import resample
+from rle_splat.warp.resample import resample, shown_in
 from rle_splat.warp.resample_numpy import resample_numpy
 from rle_splat.warp.spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
 
 PREFILTERS = [spline_coefficients, spline_coefficients_numpy]
-RESAMPLERS = [resample, resample_numpy]
+
+
+def resample_window(pixels, half, sheet_origin, to_sheet, *others, threads=0):
+    """The kernel, which looks only into a part of the picture."""
+    *_, picture_origin, _, _, depth = others
+    window = shown_in(np.linalg.inv(to_sheet), half.shape, sheet_origin, depth.shape, picture_origin)
+    resample(window, pixels, half, sheet_origin, to_sheet, *others, threads=threads)
+
+
+RESAMPLERS = [resample_window, resample_numpy]
 
 
 def coefficients_of(prefilter, image):
@@ -241,7 +250,7 @@ def test_any_number_of_threads_gives_the_same_bits(name):
     image = np.random.default_rng(5).random((90, 80, 4)).astype(np.float32)
     pictures = []
     for threads in (1, 2, 0):
-        prefilter, function = (partial(f, threads=threads) for f in (spline_coefficients, resample))
+        prefilter, function = (partial(f, threads=threads) for f in (spline_coefficients, resample_window))
         weighed = coefficients_of(prefilter, image) if is_prefiltered(name) else image
         pictures.append(run(function, weighed, SHIFT, name, (100, 90))[0].tobytes())
     assert pictures[0] == pictures[1] == pictures[2]
