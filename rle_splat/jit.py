@@ -162,6 +162,14 @@ if numba is not None:
                 noted.add(f"{function.__module__.rpartition('rle_splat.')[2]}.{function.__name__}")
             return super().__call__(*arguments)
 
+        def is_loaded_for(self, arguments: tuple) -> bool:
+            """Whether ``note_loaded`` was told of arguments of these types: quicker to ask (measured: 8 microseconds)
+            than a call that does nothing (25)."""
+            return numba._dispatcher.compute_fingerprint(arguments) in self._loaded
+
+        def note_loaded(self, arguments: tuple) -> None:
+            self._loaded.add(numba._dispatcher.compute_fingerprint(arguments))
+
         def compile(self, signature):
             """Or load from disk."""
             if isinstance(self._cache, NullCache):
@@ -229,6 +237,7 @@ def kernel(
             options["pipeline_class"] = _compiler("KernelCompiler")
         dispatcher = numba.njit(**options)(f)
         dispatcher.__class__ = _NotedDispatcher
+        dispatcher._loaded = set()
         return dispatcher
 
     return decorate if function is None else decorate(function)

@@ -59,6 +59,10 @@ class ScalarVolume:
         return self.tables.data_pointers
 
     @property
+    def filled_slices(self) -> np.ndarray:
+        return self.tables.filled_slices
+
+    @property
     def record(self) -> int:
         """Bytes of a voxel's record."""
         return self.scalars.itemsize + (0 if self.lights is None else 2 * self.lights.shape[1])

@@ -31,6 +31,11 @@ class _OnAxis:
     def n_slices(self) -> int:
         return self.shape_xyz[AXES[self.axis][2]]
 
+    @cached_property
+    def filled_slices(self) -> np.ndarray:
+        """(n_slices + 2,) bool: which slices have any voxels; the first and the last stand for those outside."""
+        return np.pad(np.diff(self.data_pointers) > 0, 1)
+
 
 @dataclass(frozen=True, eq=False)
 class RunTables(_OnAxis):

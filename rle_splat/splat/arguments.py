@@ -87,12 +87,10 @@ def rays_of(plane: BasePlane, length_unit: float, corrected: bool, limits=None) 
     """
     if limits is not None:
         limits = np.ascontiguousarray(limits, np.float32)
-    x, y = plane.points()
     if not corrected:
-        none = np.zeros(len(y))
-        return Rays(np.ones(len(x)), np.zeros(len(x)), none, none, plane.seen, limits)
-    dx, dy = plane.slopes(x, y)
-    dx, dy = np.broadcast_to(dx, x.shape), np.broadcast_to(dy, y.shape)
+        none = np.zeros(plane.height)
+        return Rays(np.ones(plane.width), np.zeros(plane.width), none, none, plane.seen, limits)
+    dx, dy = plane.ray_slopes
     axes = list(AXES[plane.axis])
     to_world = plane.view.to_world[:, axes] / length_unit
     ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = to_world.T @ to_world
@@ -157,7 +155,5 @@ def box_of(plane: BasePlane, shape_xyz, block: int) -> Box:
     for place, (which, reduce) in enumerate(((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))):
         reduce.reduceat(columns[which], starts, out=ends[place])
     deepest = float((plane.sheets.far - plane.sheets.begin).max(initial=0.0))
-    # A slope is linear in its place.
-    corners = (places[[0, -1]] for places in plane.points())
-    steepest = max(float(np.abs(slope).max()) for slope in plane.slopes(*corners))
+    steepest = max(abs(float(slope[end])) for slope in plane.ray_slopes for end in (0, -1))  # linear in its place
     return Box(columns, rows, ends, math.ceil(deepest * steepest) + 1.0)

@@ -8,6 +8,7 @@ it.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -105,7 +106,7 @@ def worth_grouping(sheets) -> bool:
     """Whether sheets of the scalar, ``kind`` and ``thickness`` of each as ``view.depth_rules`` has them, are worth
     handling in groups: several a voxel, each with a slab of its own.  What few there are in a quick picture is not
     worth another kernel."""
-    return len(sheets.kind) > 0 and bool((sheets.kind == OWN).all()) and sheets.thickness.mean() < WORTH_GROUPING
+    return len(sheets.kind) > 0 and sheets.thickness.mean() < WORTH_GROUPING and bool((sheets.kind == OWN).all())
 
 
 def scratch_for(
@@ -116,16 +117,14 @@ def scratch_for(
     ``before``: whether the sheet before is kept as well.  ``group``: how many sheets are handled together.
     """
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
-    shapes = _shapes(
+    sizes = _sizes(
         tables.width, rays.along.size, sheets.scale.min(axis=0), len(sheets.begin), wide, channels, before,
         rays.limits is not None, group,
     )
-    rows, places, size = workers * SPREAD, [], 0
-    for *shape, kind in shapes.values():
-        places.append(size)
-        size += _whole(rows * math.prod(shape) * np.dtype(kind).itemsize, CACHE_LINE)
+    rows = workers * SPREAD
+    layout, size = _layout(rows, sizes)
     memory = _memory(size)
-    shared = (np.ndarray((rows, *shape), kind, memory, at) for (*shape, kind), at in zip(shapes.values(), places))
+    shared = (np.ndarray(shape, kind, memory, at) for shape, kind, at in layout)
     return Scratch(*shared)._replace(reach=np.zeros((rows, *REACH), np.int64))
 
 
@@ -136,30 +135,50 @@ def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) 
         return 0
     scalars = quality.classification == "post"
     group = GROUP if scalars and not limited and worth_grouping(plane.sheets) else 1
-    shapes = _shapes(
+    sizes = _sizes(
         shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),
         None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, limited, group,
     )
-    each = sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in shapes.values())
+    each = sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in _shapes(*sizes).values())
     return thread_count(quality.threads) * each
 
 
-def _shapes(
+def _sizes(
     width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, limited: bool, group: int
-) -> dict:
-    """Name -> the shape of each array of a Scratch for one worker, and its type.
+) -> tuple:
+    """What ``_shapes`` is made of.
 
     ``width``: voxels on a scanline.  ``image_width``: sheet pixels on a row.  ``coarsest`` (2,): sheet pixels a voxel
     along and across scanlines, of the sheet with least.
     """
     blocks = -(-image_width // BLOCK)
-    words = -(-blocks // WORD)
     stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
-    numbers = accumulator(sheets)
+    return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, limited, group
+
+
+@lru_cache
+def _layout(rows: int, sizes: tuple) -> tuple[list, int]:
+    """Shape, type and place, counted in bytes, of each array of a Scratch of so many rows; and the bytes of all.
+
+    Kept, like ``_shapes``: they take longer to reckon than the arrays to make, and a moving picture asks for few.
+    """
+    layout, size = [], 0
+    for *shape, kind in _shapes(*sizes).values():
+        layout.append(((rows, *shape), kind, size))
+        size += _whole(rows * math.prod(shape) * np.dtype(kind).itemsize, CACHE_LINE)
+    return layout, size
+
+
+@lru_cache
+def _shapes(
+    line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, limited: bool, group: int
+) -> dict:
+    """Name -> the shape of each array of a Scratch for one worker, and its type; see ``_sizes``."""
+    words = -(-blocks // WORD)
     return {
-        "line": (channels * _whole(width + 2 * taps + 3, BLOCK), np.float32),
+        "line": (channels * _whole(line, BLOCK), np.float32),
         "sheet": (channels * BLOCK * (blocks * slots * group + 2), np.float32),
         "marks": (slots * group, words, np.uint64),
         "row_slot": (BAND * group, np.int64), "row_line": (BAND * group, np.int64),

@@ -29,8 +29,8 @@ def splat_steps(
 ):
     """Generator: yields fractions done in [0, 1], returns an IntermediateImage.
 
-    Yields LOADING once before a kernel is loaded, or compiled the first time ever, so that the caller can tell that
-    time from the splat's own.
+    Yields LOADING before a kernel is loaded, or compiled the first time ever, so that the caller can tell that time
+    from the splat's own.
 
     ``length_unit``: world length in which path lengths are counted, 1 for extinction per world length, the
     opacity unit distance for the opacity model.  ``limits``: (2, H, W) float32, where each sheet pixel's ray
@@ -66,15 +66,18 @@ def splat_steps(
 
 
 def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, pixels, half):
-    """Generator: yields LOADING, then fractions done; all rows of a base plane by a kernel like ``splat_rows``, whose
-    first ``arguments`` are given."""
+    """Generator: yields LOADING where that is to be done, then fractions done; all rows of a base plane by a kernel
+    like ``splat_rows``, whose first ``arguments`` are given."""
 
     def splat(first, last, threads):
         with parallel_call(threads):
             splat_rows(*arguments, first, last, threads, np.zeros(1, np.int64), scratch, pixels, half)
 
-    yield LOADING
-    splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
+    types_of = (*arguments, scratch, pixels, half)
+    if not splat_rows.is_loaded_for(types_of):
+        yield LOADING
+        splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
+        splat_rows.note_loaded(types_of)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
@@ -93,14 +96,16 @@ def sheet_list(encoded, plane: BasePlane) -> SheetList:
         placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale, plane.offset,
         placed.far, kind,
     )  # fmt: skip
-    return SheetList(*(columns if shown.all() else (column[shown] for column in columns)))
+    some = slice(int(shown.argmax()), len(shown) - int(shown[::-1].argmax()))  # nearly always all of them
+    return SheetList(*(column[some if shown[some].all() else shown] for column in columns))
 
 
 def _reached(encoded, sheets: Sheets) -> np.ndarray:
     """(n,) bool: which sheets the footprint of any slice with voxels reaches; the first, where none does."""
-    near = sheets.first_slice[:, None] + np.arange(sheets.slice_weights.shape[1])
-    inside = (near >= 0) & (near < encoded.n_slices) & (sheets.slice_weights > 0.0)
-    filled = np.diff(encoded.data_pointers) > 0
-    reached = (inside & filled[np.clip(near, 0, encoded.n_slices - 1)]).any(axis=1)
+    filled = encoded.filled_slices
+    reached = np.zeros(len(sheets.first_slice), bool)
+    for tap in range(sheets.slice_weights.shape[1]):
+        place = np.minimum(np.maximum(sheets.first_slice + (1 + tap), 0), len(filled) - 1)
+        reached |= filled[place] & (sheets.slice_weights[:, tap] > 0.0)
     reached[0] |= not reached.any()
     return reached

@@ -108,6 +108,15 @@ class BasePlane:
             places.flags.writeable = False
         return found
 
+    @cached_property
+    def ray_slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """``slopes`` of the rays of each column of sheet pixels (W,) and of each row (H,), float64."""
+        points = self.points()
+        slopes = self.slopes(*points)
+        if self.view.is_parallel:  # one number
+            slopes = (np.broadcast_to(slope, place.shape) for slope, place in zip(slopes, points))
+        return tuple(slopes)
+
     def slopes(self, x, y) -> tuple[np.ndarray, np.ndarray]:
         """Sideways advance per slice of the rays through base-plane points, index units (algorithm.md 1.4, 5)."""
         i, j, k = AXES[self.axis]

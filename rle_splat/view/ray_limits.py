@@ -183,8 +183,7 @@ def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     slice's place sideways depends on its column along the scanlines, and on its row across them, alone.
     """
     found = []
-    points = plane.points()
-    for place, slope, axis in zip(points, plane.slopes(*points), AXES[plane.axis]):
+    for place, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
         last = shape_xyz[axis] - 1.0
         ends = np.empty((2, len(place)))
         with np.errstate(divide="ignore", invalid="ignore"):

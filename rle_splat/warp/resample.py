@@ -170,8 +170,8 @@ def _resample(bands, arguments):
 
 
 def resample(
-    window, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
-    first, rgba, depth, threads=0,
+    window, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map,
+    picture_origin, first, rgba, depth, threads=0,
 ):
     """Fill the pixels that belong to one base plane.
 
