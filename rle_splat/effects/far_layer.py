@@ -60,6 +60,7 @@ def take_like(image: IntermediateImage, near: IntermediateImage | None, like) ->
     of_image, of_near = tuple(of_image), tuple(of_near)
     np.copyto(image.pixels[of_image], near.pixels[of_near], where=like[of_image][..., None])
     np.copyto(image.half_depth[of_image], near.half_depth[of_near], where=like[of_image])
+    image.note_filled()
 
 
 def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_depth) -> None:

@@ -45,19 +45,27 @@ def begin_band(
 
 
 @inner_loop
-def write_rows(state, top_row, rows, image_width, pixels):
-    """The finished rows of a band, block by block, to ``pixels`` (H, W, 4) from row ``top_row`` on."""
+def write_rows(state, top_row, rows, image_width, pixels, filled):
+    """The finished rows of a band, block by block, to ``pixels`` (H, W, 4) from row ``top_row`` on; and ``filled``
+    (2, H): of each row the first block with anything in it, and the end of the last one, in pixels."""
     blocks = -(-image_width // BLOCK)
     for r in range(rows):
+        first, last = image_width, 0
         for b in range(blocks):
             row, to = 4 * BLOCK * (r * blocks + b), 4 * ((top_row + r) * image_width + b * BLOCK)
             count = min(BLOCK, image_width - b * BLOCK)
+            some = False
             if count == BLOCK:
-                interleaved(state, row, pixels, to)
-                continue
-            for i in range(count):
-                for channel in range(4):
-                    pixels[top_row + r, b * BLOCK + i, channel] = state[row + BLOCK * channel + i]
+                some = interleaved(state, row, pixels, to) > 0
+            else:
+                for i in range(count):
+                    for channel in range(4):
+                        value = state[row + BLOCK * channel + i]
+                        pixels[top_row + r, b * BLOCK + i, channel] = value
+                        some |= value != (1.0 if channel == 3 else 0.0)
+            if some:
+                first, last = min(first, b * BLOCK), max(last, b * BLOCK + count)
+        filled[0, top_row + r], filled[1, top_row + r] = first, last
 
 
 @inner_loop(forceinline=True)

@@ -294,7 +294,7 @@ if numba is not None:
     @intrinsic
     def interleaved(typing, state, row, pixels, to):
         """The block ``state[row:]`` to four channels a pixel in ``pixels``, without gaps, from float number
-        ``to`` on."""
+        ``to`` on; how many pixels there is anything in."""
 
         def generate(context, builder, signature, arguments):
             state, row, pixels, to = arguments
@@ -307,9 +307,13 @@ if numba is not None:
                 for i, pixel in enumerate(transpose4(columns)):
                     at = builder.add(to, ir.Constant(to.type, 4 * (group + i)))
                     pixel.store(place(context, builder, pixels_type, pixels, at))
-            return context.get_dummy_value()
+            some = None
+            for plane, nothing in zip(planes, (0.0, 0.0, 0.0, 1.0), strict=True):
+                differs = builder.fcmp_unordered("!=", plane.value, plane.like(nothing))
+                some = differs if some is None else builder.or_(some, differs)
+            return count_lanes(builder, some, BLOCK)
 
-        return types.void(state, types.intp, pixels, types.intp), generate
+        return types.int64(state, types.intp, pixels, types.intp), generate
 
 else:  # never called: callers take the numpy twin
 

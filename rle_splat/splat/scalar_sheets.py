@@ -327,7 +327,7 @@ def _composite_sheets(
 @inner_loop
 def _splat_band(
     tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, top_row, rows, worker,
-    scratch, out, half,
+    scratch, out, half, filled,
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_scalar_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
@@ -424,13 +424,13 @@ def _splat_band(
             for r in range(rows):
                 for word in range(band_alive.size):
                     band_alive[word] |= alive[r, word]
-    write_rows(state, top_row, rows, image_width, out)
+    write_rows(state, top_row, rows, image_width, out, filled)
 
 
 @inner_loop
 def _splat_bands(
     first_worker, last_worker, tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped,
-    least, first_row, last_row, next_band, scratch, out, half,
+    least, first_row, last_row, next_band, scratch, out, half, filled,
 ):
     """What a worker does: bands, one after another, as long as there are any; see ``splat_scalar_rows``."""
     bands = (last_row - first_row + BAND - 1) // BAND
@@ -440,7 +440,7 @@ def _splat_bands(
             top_row = first_row + band * BAND
             _splat_band(
                 tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, top_row,
-                min(BAND, last_row - top_row), worker, scratch, out, half,
+                min(BAND, last_row - top_row), worker, scratch, out, half, filled,
             )
             band = taken(next_band)
 
@@ -448,7 +448,7 @@ def _splat_bands(
 @kernel
 def splat_scalar_rows(
     tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, first_row, last_row,
-    workers, next_band, scratch, out, half,
+    workers, next_band, scratch, out, half, filled,
 ):
     """Rows [first_row, last_row) of the intermediate image, post-classified; or what ``ray_sums`` makes of the rays.
 
@@ -467,7 +467,7 @@ def splat_scalar_rows(
         _splat_bands, workers,
         (
             tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, grouped, least, first_row,
-            last_row, next_band, scratch, out, half,
+            last_row, next_band, scratch, out, half, filled,
         ),
     )
 

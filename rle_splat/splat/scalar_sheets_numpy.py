@@ -6,6 +6,7 @@ import numpy as np
 
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .cut_slab import cut_ends_numpy
+from .intermediate_image import note_filled
 from .mist_block import fade_added_numpy
 from .pixel_block import accumulator
 from .ray_sums import HALF
@@ -135,9 +136,10 @@ def _add_depths_numpy(depth, slab, state, half):
 
 
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, pixels, half
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, pixels, half, filled
 ):
-    """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_scalar_rows`` does."""
+    """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
+    does."""
     height, width = half.shape
     half[...] = np.inf
     length = rays.lengths()
@@ -208,3 +210,4 @@ def splat_scalar_sheets_numpy(
             fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state
     leave_unseen(rays, pixels, half)
+    note_filled(pixels, filled)

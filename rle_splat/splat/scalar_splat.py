@@ -64,6 +64,7 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
             enter, leave = np.maximum(enter, limits[0]), np.minimum(leave, limits[1])
         pixels[..., 3] = ~(enter < leave)
     pixels[..., 1:3] = 0.0
+    image.note_filled()
     return image
 
 
@@ -104,20 +105,19 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
     matt, gloss = _light_planes(encoded.lights, encoded.thinned)
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
     thinning = (channels,) if encoded.thinned else ()
-    pixels = np.empty((plane.height, plane.width, 4), np.float32)
-    half = np.empty((plane.height, plane.width), np.float32)
+    image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist)
     if not compiled(quality.backend):
-        yield from splat_scalar_sheets_numpy(*arguments, least, pixels, half)
-        return IntermediateImage(plane, pixels, half)
+        yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
+        return image
     workers = thread_count(quality.threads)
     grouped = _grouped(sheets, encoded.thinned, limits, sign, absorbs, mist)
     arguments = (*arguments, grouped, least)
     group = GROUP if grouped else 1
     scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True, group=group)
-    yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, pixels, half)
-    return IntermediateImage(plane, pixels, half)
+    yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays)
+    return image
 
 
 def _grouped(sheets: SheetList, thinned: bool, *extras) -> bool | None:

@@ -279,7 +279,7 @@ def _composite_sheet(
 
 @inner_loop
 def _splat_band(
-    tables, sheets, rays, wide, least, additive_opacity, mist, top_row, rows, worker, scratch, out, half
+    tables, sheets, rays, wide, least, additive_opacity, mist, top_row, rows, worker, scratch, out, half, filled
 ):
     """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
     # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
@@ -344,13 +344,13 @@ def _splat_band(
             for r in range(rows):
                 for word in range(band_alive.size):
                     band_alive[word] |= alive[r, word]
-    write_rows(state, top_row, rows, image_width, out)
+    write_rows(state, top_row, rows, image_width, out, filled)
 
 
 @inner_loop
 def _splat_bands(
     first_worker, last_worker, tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row,
-    next_band, scratch, out, half,
+    next_band, scratch, out, half, filled,
 ):
     """What a worker does: bands, one after another, as long as there are any; see ``splat_rows``."""
     bands = (last_row - first_row + BAND - 1) // BAND
@@ -360,7 +360,7 @@ def _splat_bands(
             top_row = first_row + band * BAND
             _splat_band(
                 tables, sheets, rays, wide, least, additive_opacity, mist, top_row, min(BAND, last_row - top_row),
-                worker, scratch, out, half,
+                worker, scratch, out, half, filled,
             )
             band = taken(next_band)
 
@@ -368,7 +368,7 @@ def _splat_bands(
 @kernel
 def splat_rows(
     tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, workers, next_band, scratch, out,
-    half,
+    half, filled,
 ):
     """Rows [first_row, last_row) of the intermediate image.
 
@@ -379,9 +379,13 @@ def splat_rows(
     ``mist``: None, or its MistRays.
     ``next_band``: (1,) int64 zero; whichever worker is free takes the next band.
     Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
-    viewing direction at which the transmittance falls below one half, inf where it does not.
+    viewing direction at which the transmittance falls below one half, inf where it does not; ``filled`` (2, H) int32
+    between which columns of a row there is anything.
     """
     share_out(
         _splat_bands, workers,
-        (tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, next_band, scratch, out, half),
+        (
+            tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, next_band, scratch, out,
+            half, filled,
+        ),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..view.footprints import FOOTPRINTS, TENT, footprint_weights
+from .intermediate_image import note_filled
 from .mist_block import fade_added_numpy
 from .pixel_block import BLOCK, accumulator
 
@@ -102,8 +103,8 @@ def leave_unseen(rays, pixels, half):
     half[unseen] = np.inf
 
 
-def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist, pixels, half):
-    """Generator over sheets: yields fractions done; fills ``pixels`` and ``half`` as ``splat_rows`` does."""
+def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist, pixels, half, filled):
+    """Generator over sheets: yields fractions done; fills ``pixels``, ``half``, ``filled`` as ``splat_rows`` does."""
     height, width = half.shape
     half[...] = np.inf
     n_slices = tables.pointers.shape[0]
@@ -146,3 +147,4 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist
             fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state
     leave_unseen(rays, pixels, half)
+    note_filled(pixels, filled)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..encode.tables import RunLengthVolume
-from ..jit import compiled, parallel_call, thread_count
+from ..jit import compiled, is_loaded, note_loaded, parallel_call, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import ALONE, BETWEEN, Sheets
@@ -47,8 +47,7 @@ def splat_steps(
     )
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, length_unit, quality.length_correction, limits)
-    pixels = np.empty((plane.height, plane.width, 4), np.float32)
-    half = np.empty((plane.height, plane.width), np.float32)
+    image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     wide = wide_of(plane, quality)
     around = None if mist is None else mist_rays(plane, mist)
@@ -56,28 +55,28 @@ def splat_steps(
     as_added = not quality.length_correction and limits is None and bool((plane.sheets.thickness == 1.0).all())
     model = (least, None if quality.model == "extinction" else as_added)
     if not compiled(quality.backend):
-        yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, around, pixels, half)
-        return IntermediateImage(plane, pixels, half)
+        yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, around, *image.arrays)
+        return image
     workers = thread_count(quality.threads)
     scratch = scratch_for(workers, tables, sheets, rays, wide)
     arguments = (tables, sheets, rays, wide, *model, around)
-    yield from row_steps(splat_rows, arguments, plane, sheets, scratch, workers, pixels, half)
-    return IntermediateImage(plane, pixels, half)
+    yield from row_steps(splat_rows, arguments, plane, sheets, scratch, workers, image.arrays)
+    return image
 
 
-def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, pixels, half):
+def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, out):
     """Generator: yields LOADING where that is to be done, then fractions done; all rows of a base plane by a kernel
-    like ``splat_rows``, whose first ``arguments`` are given."""
+    like ``splat_rows``, whose first ``arguments`` are given, into the arrays ``out``."""
 
     def splat(first, last, threads):
         with parallel_call(threads):
-            splat_rows(*arguments, first, last, threads, np.zeros(1, np.int64), scratch, pixels, half)
+            splat_rows(*arguments, first, last, threads, np.zeros(1, np.int64), scratch, *out)
 
-    types_of = (*arguments, scratch, pixels, half)
-    if not splat_rows.is_loaded_for(types_of):
+    given = (*arguments, scratch, *out)
+    if not is_loaded(splat_rows, given):
         yield LOADING
         splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
-        splat_rows.note_loaded(types_of)
+        note_loaded(splat_rows, given)
     rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height

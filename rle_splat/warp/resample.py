@@ -60,6 +60,32 @@ def _find_places(maps, first_column, row, sheet_size, sheet_origin, at, across, 
 
 
 @kernel(inner=True)
+def _sees_any(maps, first_column, row, filled, reach, sheet_origin):
+    """Whether a stretch of pixels looks anywhere within ``reach`` of what the sheet holds.
+
+    ``filled`` (2, h): see ``IntermediateImage``.
+    """
+    begin, end = first_column + 0.5, first_column + STRETCH - 0.5
+    w_here = maps[2, 1] * row + maps[2, 2]
+    w_begin, w_end = maps[2, 0] * begin + w_here, maps[2, 0] * end + w_here
+    if not (w_begin > 0.0 and w_end > 0.0):  # a horizon across it
+        return True
+    # In between they lie between: where they look at is a line.
+    u_here, v_here = maps[0, 1] * row + maps[0, 2], maps[1, 1] * row + maps[1, 2]
+    u, further_u = (maps[0, 0] * begin + u_here) / w_begin, (maps[0, 0] * end + u_here) / w_end
+    v, further_v = (maps[1, 0] * begin + v_here) / w_begin, (maps[1, 0] * end + v_here) / w_end
+    first = min(u, further_u) - sheet_origin[0] - reach
+    last = max(u, further_u) - sheet_origin[0] + reach
+    top = max(min(v, further_v) - sheet_origin[1] - reach, 0.0)
+    bottom = min(max(v, further_v) - sheet_origin[1] + reach + 1.0, float(filled.shape[1]))
+    if top < bottom:
+        for sheet_row in range(int(top), int(bottom)):
+            if filled[0, sheet_row] <= last and filled[1, sheet_row] > first:
+                return True
+    return False
+
+
+@kernel(inner=True)
 def _keep_own(directions, first_column, row, axis, sign, at):
     """Make ``at`` -1 for pixels whose rays do not advance fastest along ``axis`` in direction ``sign`` (ties: earlier
     axis); how many are left."""
@@ -82,8 +108,8 @@ def _keep_own(directions, first_column, row, axis, sign, at):
 
 @kernel(inner=True)
 def _resample_rows(
-    samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_color,
-    picture_size, picture_origin, first, window, first_row, picture, depths,
+    samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
+    most_color, picture_size, picture_origin, first, window, first_row, picture, depths,
 ):
     """ROWS rows of ``resample`` from ``first_row`` on.  The arrays are flat, sizes are (width, height); ``maps``: rows
     u, v, w, w times the depth at axis position 0, and per voxel, of a pixel of the picture.  ``window``: (left, top,
@@ -103,6 +129,8 @@ def _resample_rows(
         row = r + picture_origin[1] + 0.5
         for c in range(window[0], window[2], STRETCH):
             column = c + picture_origin[0]
+            if not _sees_any(maps, column, row, filled, reach, sheet_origin):
+                continue
             wanted = _find_places(maps, column, row, sheet_size, sheet_origin, at, across, down)
             if wanted and not parallel_rays:
                 wanted = _keep_own(directions, column, row, axis, sign, at)
@@ -134,14 +162,14 @@ def _resample_rows(
 
 @kernel(inner=True)
 def _resample_bands(
-    first_band, last_band, samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
-    most_color, picture_size, picture_origin, first, window, picture, depths,
+    first_band, last_band, samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign,
+    taps, table, most_color, picture_size, picture_origin, first, window, picture, depths,
 ):
     """Some bands of ROWS rows; see ``_resample_rows``."""
     for band in range(first_band, last_band):
         _resample_rows(
-            samples, half_depths, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table, most_color,
-            picture_size, picture_origin, first, window, band * ROWS, picture, depths,
+            samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
+            most_color, picture_size, picture_origin, first, window, band * ROWS, picture, depths,
         )
 
 
@@ -170,12 +198,13 @@ def _resample(bands, arguments):
 
 
 def resample(
-    window, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map,
-    picture_origin, first, rgba, depth, threads=0,
+    window, filled, reach, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color,
+    depth_map, picture_origin, first, rgba, depth, threads=0,
 ):
     """Fill the pixels that belong to one base plane.
 
-    ``window``: of ``shown_in``.
+    ``window``: of ``shown_in``.  ``filled``: see ``IntermediateImage``; a pixel that looks further than ``reach`` from
+    all of it sees nothing.
     ``pixels``: (h, w, 4) float32 colour and transmittance, or what else ``table``, a filter of ``taps`` by ``taps``
     (``filters.table_of``; not read for two), weighs.  ``half``: (h, w) float32 half depths along the viewing
     direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet pixel.  ``directions``: (3, 3) picture pixel
@@ -187,7 +216,7 @@ def resample(
     positions are reckoned in these numbers, so that a window of a sheet, or of a picture, gets the same bits.
     """
     arguments = (
-        pixels.reshape(-1), half.reshape(-1), half.shape[::-1], sheet_origin,
+        pixels.reshape(-1), half.reshape(-1), filled, reach, half.shape[::-1], sheet_origin,
         np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_color,
         depth.shape[::-1], picture_origin, first, window, rgba.reshape(-1), depth.reshape(-1),
     )

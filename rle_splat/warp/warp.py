@@ -36,29 +36,39 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
     left, top, right, bottom = region
     rgba = np.empty((bottom - top, right - left, 4), np.float32)
     depth = np.empty((bottom - top, right - left), np.float32)
-    if not images:
+    name = quality.warp_filter
+    with_kernels, prefiltered = compiled(quality.backend), is_prefiltered(name)
+    # Further than this from all that an image holds the filter finds nothing, and no pixel needs to look.
+    reach = TAPS + 1 + MARGIN * prefiltered
+    parts = [(image, image.filled_part(reach)) for image in images]
+    parts = [(image, part) for image, part in parts if part is not None]
+    if not parts:
         clear(rgba, depth)
         return rgba, depth
-    name = quality.warp_filter
-    with_kernels = compiled(quality.backend)
-    planes = [image.base_plane for image in images]
+    planes = [image.base_plane for image, _ in parts]
     # Picture pixel from sheet pixel, both homogeneous, both by their numbers in the whole sheet and picture.
     from_sheets = [plane.homography / np.abs(plane.homography).max() / (*plane.density, 1.0) for plane in planes]
     # The other way round, and rays from pixels: inverted all at once, for the call takes as long as ten of them.
     *to_sheets, directions = np.linalg.inv([*from_sheets, np.eye(3) if view.is_parallel else view.projection[:, :3]])
     if view.is_parallel:
         directions = np.zeros((3, 3))
-    for number, image in enumerate(images):
-        plane = planes[number]
-        pixels = _coefficients(image.pixels, quality) if is_prefiltered(name) else image.pixels
+    for number, (image, (rows, columns)) in enumerate(parts):
+        plane, (pixels, half, filled) = planes[number], image.arrays
+        part_origin = plane.origin[0] + columns.start, plane.origin[1] + rows.start
+        window = shown_in(
+            from_sheets[number], (rows.stop - rows.start, columns.stop - columns.start), part_origin, depth.shape,
+            (left, top),
+        )
+        origin = plane.origin
+        if prefiltered:
+            pixels, half = _coefficients(pixels[rows, columns], quality), half[rows, columns]
+            filled, origin = np.ascontiguousarray(filled[:, rows]) - np.int32(columns.start), part_origin
         arguments = (
-            pixels, image.half_depth, plane.origin, to_sheets[number], directions, plane.axis, plane.sign,
-            taps_of(name), table_of(name), np.float32(most_color), _depth_map(plane), (left, top), number == 0, rgba,
-            depth,
+            pixels, half, origin, to_sheets[number], directions, plane.axis, plane.sign, taps_of(name), table_of(name),
+            np.float32(most_color), _depth_map(plane), (left, top), number == 0, rgba, depth,
         )
         if with_kernels:
-            window = shown_in(from_sheets[number], image.half_depth.shape, plane.origin, depth.shape, (left, top))
-            resample(window, *arguments, quality.threads)
+            resample(window, filled, reach, *arguments, quality.threads)
         else:
             resample_numpy(*arguments)
     return rgba, depth
@@ -66,7 +76,7 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
 
 def _coefficients(pixels, quality: Quality):
     """Spline coefficients of colour and alpha."""
-    coefficients = np.empty_like(pixels)
+    coefficients = np.empty(pixels.shape, np.float32)
     if compiled(quality.backend):
         spline_coefficients(pixels, coefficients, quality.threads)
     else:

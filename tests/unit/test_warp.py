@@ -18,7 +18,9 @@ def resample_window(pixels, half, sheet_origin, to_sheet, *others, threads=0):
     """The kernel, which looks only into a part of the picture."""
     *_, picture_origin, _, _, depth = others
     window = shown_in(np.linalg.inv(to_sheet), half.shape, sheet_origin, depth.shape, picture_origin)
-    resample(window, pixels, half, sheet_origin, to_sheet, *others, threads=threads)
+    filled = np.empty((2, len(half)), np.int32)
+    filled[0], filled[1] = 0, half.shape[1]
+    resample(window, filled, 0, pixels, half, sheet_origin, to_sheet, *others, threads=threads)
 
 
 RESAMPLERS = [resample_window, resample_numpy]
