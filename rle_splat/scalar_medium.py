@@ -4,7 +4,7 @@ What depends on what, so that a change redoes no more than it must:
 
     blocks    the voxels
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
-              a wider one that is kept
+              a wider one that is kept; there short gaps are closed, too
     normals   relevant, and how the volume lies in the world
     gradients relevant, where opacity depends on them; thinned, from gradients and light
     shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them

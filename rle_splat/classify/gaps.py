@@ -11,10 +11,9 @@ import numpy as np
 
 from ..jit import compiled, kernel, parallel_call
 from ..parallel import share_out
+from .relevant import NO_BITS, WORD
 
 SHORT = 4  # voxels that a gap has at most
-WORD = 64  # voxels of a row that share one word of bits
-NO_BITS = np.uint64(0)
 
 
 def close_gaps(bits: np.ndarray, shape_xyz, *, backend: str = "auto", threads: int = 0) -> None:
