@@ -46,6 +46,12 @@ def keep(volume_object, rgba, depth, *, kind: str = "color"):
     return image, keep_numbers(volume_object, depth, "depth")
 
 
+def show(image, rendering) -> None:
+    """Write a rendering into an image of ours, resized to it where need be."""
+    height, width = rendering.depth.shape
+    images.write_color(images.ensure_image(image, image.name, width, height), rendering.rgba)
+
+
 def keep_numbers(volume_object, numbers, kind: str):
     """Write (H, W) numbers into the volume's image of that kind, one of NUMBERS, packed; returns the image."""
     height, width = numbers.shape

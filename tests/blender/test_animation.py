@@ -125,7 +125,7 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
     scenes.add_mesh([(60, 0, 0), (61, 0, 0), (60, 1, 0)], [(0, 1, 2)], (1.0, 1.0, 1.0))
     key_linear(scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     bpy.ops.rle_splat.composite()
-    handlers, calls = bridge("handlers"), []
+    handlers, calls = bridge("over_render"), []
     splat = handlers.splat_over_render
     monkeypatch.setattr(handlers, "splat_over_render", lambda s, d: (calls.append(s.frame_current), splat(s, d)))
     frames = animated(tmp_path)

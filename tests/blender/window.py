@@ -50,7 +50,7 @@ def in_the_view():
 
 
 def watch_renders() -> None:
-    handlers = import_module(f"{MODULE}.bridge.handlers")
+    handlers = import_module(f"{MODULE}.bridge.over_render")
     splat = handlers.splat_over_render
 
     def watched(*arguments):
