@@ -4,12 +4,15 @@
 from . import paths
 
 # isort: split
-from . import handlers, previews, properties, source_paths
+from . import handlers, preferences, previews, properties, source_paths
 
-__all__ = ["handlers", "paths", "previews", "properties", "register", "source_paths", "unregister"]
+__all__ = [
+    "handlers", "paths", "preferences", "previews", "properties", "register", "source_paths", "unregister",
+]
 
 
 def register():
+    preferences.register()
     properties.register()
     previews.register()
     source_paths.register()
@@ -21,3 +24,4 @@ def unregister():
     source_paths.unregister()
     previews.unregister()
     properties.unregister()
+    preferences.unregister()

@@ -88,9 +88,9 @@ def _same(one: Quality, other: Quality) -> bool:
     return same_plan(*both)
 
 
-def keep_error_map(volume_object, settings, errors, report: dict):
-    """Put (h, w) levels, row 0 on top, into the volume's image of errors, packed; returns the image."""
-    image = pictures.keep_numbers(volume_object, errors, ERROR_KIND)
+def keep_error_map(scene, volume_object, errors, report: dict):
+    """Put (h, w) levels, row 0 on top, into the volume's image of errors; returns the image."""
+    settings, image = scene.rle_splat, pictures.keep_numbers(scene, volume_object, errors, ERROR_KIND)
     found, settings.error_image = report["error"], image
     every = "every pixel" if found["step"] == 1 else f"one pixel of each {found['step']} x {found['step']}"
     settings.error_note = (

@@ -1,4 +1,4 @@
-"""A picture as the active camera's background image, matched to the frame pixel by pixel.
+"""A picture as a camera's background image, matched to the frame pixel by pixel.
 
 Blender stretches a background image with frame method Stretch over exactly the camera's frame, shift, sensor fit
 and pixel aspect included.  Fit and Crop take the image's own aspect for square pixels and miss the frame as soon
@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import bpy
 
-from . import images
+from . import pictures
+from .held import Held
 
 # What ``show`` sets of an entry, besides its source, image and offset.
 RESTORED = (
@@ -17,9 +18,9 @@ RESTORED = (
 )
 
 
-def show(camera_data, image, place: str):
+def show(camera, image, place: str):
     """Show ``image`` in the camera's frame, ``place`` "BACK" or "FRONT"; reuses the entry of an earlier call."""
-    entry = find(camera_data) or camera_data.background_images.new()
+    entry = _find_of_any_scene(camera) or camera.data.background_images.new()
     entry.source = "IMAGE"
     entry.image = image
     entry.alpha = 1.0
@@ -30,45 +31,51 @@ def show(camera_data, image, place: str):
     entry.rotation = 0.0
     entry.use_flip_x = entry.use_flip_y = False
     entry.show_background_image = True
-    camera_data.show_background_images = True
+    camera.data.show_background_images = True
     image.use_view_as_render = True  # the scene's view transform, so that it looks as it will in the render
     return entry
 
 
-def state(camera_data) -> tuple:
+def state(scene, camera) -> tuple:
     """How the camera shows a picture of ours, for ``restore``; holds no reference to a datablock."""
-    entry = find(camera_data)
+    entry = find(scene, camera)
     if entry is None:
-        return camera_data.show_background_images, None, ""
+        return camera.data.show_background_images, None, None
     values = {name: getattr(entry, name) for name in RESTORED}
-    return camera_data.show_background_images, {**values, "offset": tuple(entry.offset)}, entry.image.name
+    return camera.data.show_background_images, {**values, "offset": tuple(entry.offset)}, Held(entry.image)
 
 
-def restore(camera_data, earlier: tuple) -> None:
+def restore(scene, camera, earlier: tuple) -> None:
     """Show what was shown when ``state`` was called, or nothing of ours."""
-    background_images, values, image_name = earlier
-    entry, image = find(camera_data), bpy.data.images.get((image_name, None))
+    background_images, values, held = earlier
+    entry, image = find(scene, camera), held.find() if held else None
     if values is None or image is None:
-        hide(camera_data)
+        hide(scene, camera)
     elif entry is not None:
         for name, value in values.items():
             setattr(entry, name, value)
         entry.image = image
-    camera_data.show_background_images = background_images
+    camera.data.show_background_images = background_images
 
 
-def hide(camera_data) -> bool:
-    """Remove our entries; background images of the user's stay.  Whether there was one."""
-    found = False
-    while (entry := find(camera_data)) is not None:
-        camera_data.background_images.remove(entry)
-        found = True
-    return found
+def hide(scene, camera) -> bool:
+    """Remove the scene's entry; background images of the user's stay.  Whether there was one."""
+    entry = find(scene, camera)
+    if entry is not None:
+        camera.data.background_images.remove(entry)
+    return entry is not None
 
 
-def find(camera_data):
-    """Our entry among the camera's background images, or None."""
-    for entry in camera_data.background_images:
-        if entry.source == "IMAGE" and entry.image is not None and images.MARK in entry.image:
+def find(scene, camera):
+    """The entry among the camera's background images that shows a backdrop of the scene's, or None."""
+    shown = {row.image for row in scene.rle_splat.pictures if row.kind == "backdrop"}
+    for entry in camera.data.background_images:
+        if entry.source == "IMAGE" and entry.image in shown and pictures.owned_by(entry.image, scene):
             return entry
     return None
+
+
+def _find_of_any_scene(camera):
+    """As ``find``, for any scene: scenes that share a camera take turns with one entry."""
+    found = (find(scene, camera) for scene in bpy.data.scenes)
+    return next((entry for entry in found if entry is not None), None)

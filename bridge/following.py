@@ -1,8 +1,8 @@
-"""A backdrop that follows the timeline: a preview with every frame, refined when the timeline rests.
+"""The work of a backdrop that follows the scene: a preview at once, refined from a timer when the scene rests.
 
-While the user plays or scrubs, a picture that takes long would hold up every frame.  There the frame gets the first
-preview, and a timer makes the rest, until another frame comes or the picture is there.  Scripts that set a frame, and
-background mode, get the picture at once.
+While the user plays, scrubs or edits, a picture that takes long would hold up the window.  There the scene gets the
+first preview, and a timer makes the rest, until something changes or the picture is there.  Scripts that set a frame,
+and background mode, get the picture at once.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ PAUSE, WAIT = 0.01, 0.2  # seconds between ticks, and between looks whether play
 @dataclass(frozen=True, eq=False)
 class Refinement:
     """``steps``: the work, a generator of Progress and Previews.  ``show(rendering)`` shows a preview of it,
-    ``finish(rendering)`` the picture, ``fail(problem)`` that there is none."""
+    ``finish(rendering)`` the picture, ``fail(problem)`` that there is none.  ``wish``: what it will be made from."""
 
     steps: Generator
     show: Callable
     finish: Callable
     fail: Callable
+    wish: object
 
 
 _unfinished: list = []  # the one Refinement that is not done, if any
@@ -55,6 +56,11 @@ def begin(work: Refinement) -> None:
             if not bpy.app.timers.is_registered(_tick):
                 bpy.app.timers.register(_tick, first_interval=PAUSE)
             return
+
+
+def is_making(wish) -> bool:
+    """Whether a picture made from that is on its way."""
+    return any(work.wish == wish for work in _unfinished)
 
 
 def stop() -> None:

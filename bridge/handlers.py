@@ -5,25 +5,23 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_frames, following, images, over_render, render_scene, volumes
-
-
-@persistent
-def _on_save_pre(*_arguments):
-    images.pack_unsaved()
+from . import following, freshness, migration, over_render, picture_files, render_scene, volumes, watch
 
 
 @persistent
 def _on_load_pre(*_arguments):
     following.stop()
+    watch.stop()
+    freshness.forget()
     render_scene.forget_stages()
     volumes.forget_all()
 
 
 HANDLERS = (
     *over_render.HANDLERS,
-    *follow_frames.HANDLERS,
-    ("save_pre", _on_save_pre),
+    *migration.HANDLERS,  # on load before what looks after pictures
+    *watch.HANDLERS,
+    *picture_files.HANDLERS,
     ("load_pre", _on_load_pre),
 )
 
@@ -37,4 +35,6 @@ def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
     following.stop()
+    watch.stop()
+    freshness.forget()
     render_scene.forget_stages()

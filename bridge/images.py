@@ -1,4 +1,4 @@
-"""Pictures of ours as Blender images: float, scene-linear, premultiplied, packed into the .blend.
+"""Pictures of ours as Blender images: float, scene-linear, premultiplied.
 
 This is the one place where rows are turned over: ours run from the top, Blender's from the bottom.
 """
@@ -8,19 +8,19 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-# Marks the images this add-on made, so that they are found again whatever they are called.
+# Marks the images this add-on made.  Whose they are, ``pictures`` knows.
 MARK = "rle_splat_kind"
 
 
 def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = False):
     """A float image of this size: ``wanted`` itself (resized if need be), or a new one when it is None.
 
-    Colour images are "Linear Rec.709" with premultiplied alpha, depth images "Non-Color".
+    Color images are "Linear Rec.709" with premultiplied alpha, depth images "Non-Color".
     """
     image = wanted
     if image is None:
         image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=depth)
-    # Setting either of these, even to what it was, makes Blender read the packed pixels again: before the size, and
+    # Setting either of these, even to what it was, makes Blender read the stored pixels again: before the size, and
     # only where it differs.
     alpha_mode, color_space = ("NONE", "Non-Color") if depth else ("PREMUL", "Linear Rec.709")
     if image.alpha_mode != alpha_mode:
@@ -44,11 +44,11 @@ def write_color(image, rgba: np.ndarray) -> None:
 
 
 def write_numbers(image, numbers: np.ndarray) -> None:
-    """Put (H, W) numbers, row 0 on top, into an image of the same size, as opaque grey."""
-    grey = np.empty((*numbers.shape, 4), dtype=np.float32)
-    grey[..., :3] = numbers[..., np.newaxis]
-    grey[..., 3] = 1.0
-    _write(image, grey)
+    """Put (H, W) numbers, row 0 on top, into an image of the same size, as opaque gray."""
+    gray = np.empty((*numbers.shape, 4), dtype=np.float32)
+    gray[..., :3] = numbers[..., np.newaxis]
+    gray[..., 3] = 1.0
+    _write(image, gray)
 
 
 def read(image) -> np.ndarray:
@@ -59,22 +59,41 @@ def read(image) -> np.ndarray:
     return flat.reshape(height, width, 4)[::-1].copy()
 
 
+def copy_of(image):
+    """A new image of ours with the same pixels.  (Blender's own copy has none that were not saved.)"""
+    copy = ensure_image(None, image.name, *image.size, depth=image[MARK] == "depth")
+    _write(copy, read(image))
+    return copy
+
+
 def clear(image) -> None:
     """Make every pixel transparent black, so that nothing stale is shown."""
     width, height = image.size
     _write(image, np.zeros((height, width, 4), dtype=np.float32))
 
 
-def pack(image) -> None:
-    """Keep the pixels inside the .blend (as a 32-bit EXR, exact), so that they survive save and reload."""
-    image.pack()
+def write_file(image, path: str) -> None:
+    """Move the pixels to a 32-bit EXR file at ``path``, which the image then shows.  Raises RuntimeError or OSError.
 
-
-def pack_unsaved() -> None:
-    """Pack every picture of ours that was written during a render, where packing has to wait."""
-    for image in bpy.data.images:
-        if MARK in image and image.is_dirty:
-            image.pack()
+    Blender converts what it saves to the file's color space, and so changes color pixels.  A copy that counts as
+    plain numbers is not converted: its file holds the pixels bit for bit.
+    """
+    width, height = image.size
+    numbers = bpy.data.images.new(image.name, width, height, alpha=True, float_buffer=True, is_data=True)
+    try:
+        numbers.alpha_mode = "CHANNEL_PACKED"
+        _write(numbers, read(image))
+        numbers.filepath_raw = path
+        numbers.file_format = "OPEN_EXR"
+        numbers.save()
+    finally:
+        bpy.data.images.remove(numbers)
+    if image.packed_file is not None:
+        image.unpack(method="REMOVE")
+    image.filepath_raw = path
+    if image.source != "FILE":
+        image.source = "FILE"
+    image.reload()
 
 
 def _write(image, pixels: np.ndarray) -> None:

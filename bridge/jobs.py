@@ -28,12 +28,20 @@ class StepwiseOperator:
     preview)`` and ``put_back(context)``, which undoes all that it showed.
     """
 
+    bl_options = set()  # not REGISTER: F9 would do all the work again; undo steps as ``is_new`` says
+
     wants_previews = False  # whether there is a window to show previews in, and the user likes them
+    is_new = True  # whether ``commit`` made or changed more than pixels, which then is a step of undo
 
     _running = False  # one job at a time, whatever the operator: they share the stages kept between pictures
     _generator = None
     _timer = None
     _shown = ""  # what the user is looking at meanwhile, in words
+
+    @classmethod
+    def is_running(cls) -> bool:
+        """Whether a job works in a window now."""
+        return StepwiseOperator._running
 
     def execute(self, context):
         return self._guarded(context, self._run_through)
@@ -124,8 +132,12 @@ class StepwiseOperator:
         context.workspace.status_text_set(f"RLE Splat: {self._shown}{doing}, Esc cancels")
 
     def _succeed(self, context, result):
+        in_window = self._timer is not None
         self._finish(context)
         self.commit(context, result)
+        redraw(context)
+        if in_window and self.is_new:  # a script's steps of undo are its own affair
+            bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"}
 
     def _abandon(self, context) -> None:

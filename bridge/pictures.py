@@ -1,49 +1,99 @@
-"""Which image datablocks a volume's pictures go to, and how a finished picture gets there."""
+"""Which image datablock holds which picture of a scene, and how a finished picture gets there.
+
+A scene keeps a row for each picture: its kind, its volume, for a backdrop its camera, and a pointer to its image.
+The image names the scene in turn, by the scene's id.  Both must agree.  So a renamed volume or image keeps its
+picture, an image of the user's is never taken for one of ours, and a copy of a scene, whose rows and id are copied
+too, gets an id and pictures of its own (``settle_copies``).
+"""
 
 from __future__ import annotations
 
 import json
+import uuid
 
 import bpy
+from bpy.props import PointerProperty, StringProperty
 
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
 from ..rle_splat.single_rays import rays_lines
 from . import effects, images
 
-LONGEST_NAME = 40  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
+OWNER = "rle_splat_owner"  # custom property of an image of ours: the id of the scene whose picture it is
+LONGEST_NAME = 40  # characters of the object's name in a new image's name; Blender 4.5 cuts names at 63
 SUFFIXES = {
     "color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite",
     "error": "Splat Error", "shadow": "Splat Shadow",
 }  # fmt: skip
-NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers, not colours
+NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers, not colors
 
 
-def name_of(volume_object, kind: str) -> str:
-    """What the volume's image of that kind, a key of SUFFIXES, is called."""
-    return f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
+class PictureProperties(bpy.types.PropertyGroup):
+    """One picture of a scene."""
+
+    kind: StringProperty(name="Kind", description="What the picture shows")
+    volume: PointerProperty(name="Volume", type=bpy.types.Object, description="Whose picture it is")
+    camera: PointerProperty(name="Camera", type=bpy.types.Object, description="The camera that shows a backdrop")
+    image: PointerProperty(name="Image", type=bpy.types.Image, description="The image that holds the picture")
 
 
-def find(volume_object, kind: str):
-    """The volume's image of that kind, or None."""
-    existing = bpy.data.images.get((name_of(volume_object, kind), None))
-    if existing is not None and images.MARK not in existing:
-        return None  # the user's own picture of that name is left alone
-    return existing
+def scene_id(scene) -> str:
+    """The scene's own id, given when it is first asked for."""
+    settle_copies()
+    if not scene.rle_splat.scene_id:
+        scene.rle_splat.scene_id = uuid.uuid4().hex
+    return scene.rle_splat.scene_id
 
 
-def find_or_make(volume_object, kind: str, width: int, height: int):
-    """The volume's image of that kind: the one of last time, or a new one."""
-    existing, name = find(volume_object, kind), name_of(volume_object, kind)
-    return images.ensure_image(existing, name, width, height, depth=kind in NUMBERS)
+def owned_by(image, scene) -> bool:
+    """Whether an image is a picture of this scene's."""
+    return image is not None and bool(scene.rle_splat.scene_id) and image.get(OWNER) == scene.rle_splat.scene_id
 
 
-def keep(volume_object, rgba, depth, *, kind: str = "color"):
-    """Write a picture and its depth into the volume's images, packed; returns (image, depth image)."""
+def own(image, scene) -> None:
+    """Mark an image as a picture of this scene's."""
+    image[OWNER] = scene_id(scene)
+
+
+def find(scene, volume_object, kind: str, camera=None):
+    """The scene's picture of that volume and kind, a key of SUFFIXES, or None."""
+    for row in scene.rle_splat.pictures:
+        if (row.kind, row.volume, row.camera) == (kind, volume_object, camera) and owned_by(row.image, scene):
+            return row.image
+    return None
+
+
+def find_or_make(scene, volume_object, kind: str, width: int, height: int, camera=None):
+    """The scene's picture of that volume and kind, of this size: the one of last time, or a new one."""
+    existing = find(scene, volume_object, kind, camera)
+    name = f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
+    image = images.ensure_image(existing, name, width, height, depth=kind in NUMBERS)
+    if existing is None:
+        own(image, scene)
+        _forget_rows(scene, lambda row: not owned_by(row.image, scene))
+        add_row(scene, kind, volume_object, camera, image)
+    return image
+
+
+def add_row(scene, kind: str, volume_object, camera, image) -> None:
+    """Note that an image, which names the scene as its owner, is this picture."""
+    row = scene.rle_splat.pictures.add()
+    row.kind, row.volume, row.camera, row.image = kind, volume_object, camera, image
+
+
+def keep(scene, volume_object, rgba, depth, *, kind: str = "color", camera=None):
+    """Write a picture and its depth into the volume's images; returns (image, depth image)."""
     height, width = depth.shape
-    image = find_or_make(volume_object, kind, width, height)
+    image = find_or_make(scene, volume_object, kind, width, height, camera)
     images.write_color(image, rgba)
-    images.pack(image)
-    return image, keep_numbers(volume_object, depth, "depth")
+    return image, keep_numbers(scene, volume_object, depth, "depth")
+
+
+def keep_numbers(scene, volume_object, numbers, kind: str):
+    """Write (H, W) numbers into the volume's image of that kind, one of NUMBERS; returns the image."""
+    height, width = numbers.shape
+    image = find_or_make(scene, volume_object, kind, width, height)
+    images.write_numbers(image, numbers)
+    return image
 
 
 def show(image, rendering) -> None:
@@ -52,13 +102,55 @@ def show(image, rendering) -> None:
     images.write_color(images.ensure_image(image, image.name, width, height), rendering.rgba)
 
 
-def keep_numbers(volume_object, numbers, kind: str):
-    """Write (H, W) numbers into the volume's image of that kind, one of NUMBERS, packed; returns the image."""
-    height, width = numbers.shape
-    image = find_or_make(volume_object, kind, width, height)
-    images.write_numbers(image, numbers)
-    images.pack(image)
-    return image
+def settle_copies() -> None:
+    """Give each copy of a scene an id and pictures of its own.
+
+    A copy has the id of its original.  The original is the older one, whose session id is the smaller.
+    """
+    taken = set()
+    for scene in sorted(bpy.data.scenes, key=lambda one: one.session_uid):
+        if scene.library is None and scene.rle_splat.scene_id:
+            if scene.rle_splat.scene_id in taken:
+                _become_own(scene)
+            taken.add(scene.rle_splat.scene_id)
+
+
+def _become_own(scene) -> None:
+    """Make a copied scene's pictures its own.
+
+    Those that a camera of the copy's own shows are copied; the others are made when they are next wanted.
+    """
+    settings = scene.rle_splat
+    settings.scene_id = uuid.uuid4().hex
+    settings.image = settings.depth_image = settings.error_image = None
+    for index in range(len(settings.pictures) - 1, -1, -1):
+        row = settings.pictures[index]
+        if row.image is None or not _copied_for(scene, row):
+            settings.pictures.remove(index)
+            continue
+        theirs = row.image
+        row.image = images.copy_of(theirs)
+        row.image[OWNER] = settings.scene_id
+        for entry in row.camera.data.background_images:
+            if entry.image == theirs:
+                entry.image = row.image
+
+
+def _copied_for(scene, row) -> bool:
+    """Whether a copied scene's row is of a camera that only this scene has."""
+    return row.kind == "backdrop" and row.camera is not None and row.camera.users_scene == (scene,)
+
+
+def release_deleted(scene, is_deleted) -> None:
+    """Let go of the pictures of volumes and cameras that were deleted; ``is_deleted(object)`` tells."""
+    _forget_rows(scene, lambda row: any(one is not None and is_deleted(one) for one in (row.volume, row.camera)))
+
+
+def _forget_rows(scene, unwanted) -> None:
+    rows = scene.rle_splat.pictures
+    for index in range(len(rows) - 1, -1, -1):
+        if unwanted(rows[index]):
+            rows.remove(index)
 
 
 def _error_lines(report: dict) -> list[str]:

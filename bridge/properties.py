@@ -20,11 +20,12 @@ from bpy.props import (
 
 from ..rle_splat import scene as tables
 from ..rle_splat.effects.ray_mode import MODE_NAMES
-from . import box
+from . import backdrop, box
 from .accuracy import AccuracyRowProperties
 from .channels import ChannelProperties
 from .effects import EffectOverrideProperties, EffectRowProperties
 from .labels import LabelProperties
+from .pictures import PictureProperties
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
@@ -173,6 +174,15 @@ def _rescale_boxes(settings, context):
             box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
 
 
+def _place_backdrop(settings, context):
+    """Show an existing backdrop at its new place at once."""
+    scene = settings.id_data
+    entry = backdrop.find(scene, scene.camera) if scene.camera is not None and scene.camera.type == "CAMERA" else None
+    if entry is not None:
+        entry.display_depth = settings.backdrop_depth
+    _evaluate_anew(settings, context)
+
+
 class SceneSettings(bpy.types.PropertyGroup):
     """How the pictures of a scene are made, and what the last one reported."""
 
@@ -239,12 +249,14 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Meshes Occlude", description="Stop each ray at the first mesh surface, also inside the volume",
         default=True)
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera shows the backdrop",
+        name="Place", description="Where the camera shows the backdrop", update=_place_backdrop,
         items=[("BACK", "Behind", "Behind the scene's objects"), ("FRONT", "In Front", "In front of them")])
     backdrop_object: PointerProperty(
         name="Backdrop Volume", type=bpy.types.Object, description="The volume whose picture the camera shows")
     backdrop_follows: BoolProperty(
-        name="Follow Camera", description="Splat the backdrop anew when the frame changes", default=False)
+        name="Follow Scene", default=False, update=_evaluate_anew,
+        description="Make the backdrop anew when the frame, the camera, the volume, a light, a clip object or a "
+        "setting changes")
     composite_object: PointerProperty(
         name="Composite Volume", type=bpy.types.Object, description="The volume that is laid over renders")
     composite_image: PointerProperty(
@@ -259,6 +271,9 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_composite: BoolProperty(
         name="Composite into Render", description="Splat anew for every rendered frame and lay it over the render",
         default=False)
+    scene_id: StringProperty(
+        name="Id", description="Names this scene in the images that are its pictures", options={"HIDDEN"})
+    pictures: CollectionProperty(type=PictureProperties, name="Pictures", description="The images of this scene")
     image: PointerProperty(name="Picture", type=bpy.types.Image, description="The last picture")
     depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="The depth of the last picture")
     last_report: StringProperty(name="Report", description="What the last picture took, one line each")
@@ -273,8 +288,8 @@ class SceneSettings(bpy.types.PropertyGroup):
 
 
 CLASSES = (
-    EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, LabelProperties, ChannelProperties,
-    VolumeProperties, SceneSettings,
+    EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, PictureProperties, LabelProperties,
+    ChannelProperties, VolumeProperties, SceneSettings,
 )
 
 

@@ -5,13 +5,12 @@ Everything is read before the first step of the work, so that what the user does
 
 from __future__ import annotations
 
-import bpy
 import numpy as np
 
 from ..rle_splat.kept import Kept
 from ..rle_splat.named_systems.progressive import progressive_steps
 from ..rle_splat.render import render_steps
-from ..rle_splat.scene import RleSplatError, Scene
+from ..rle_splat.scene import Scene
 from ..rle_splat.tolerance import tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
@@ -31,14 +30,6 @@ KEPT = Kept()  # keyed by content, so it may outlive files and undo
 def forget_stages() -> None:
     """Let go of everything kept between pictures."""
     KEPT.clear()
-
-
-def still_there(name: str):
-    """The object of that name after a job: no reference to an object survives undo, and it may be deleted."""
-    found = bpy.data.objects.get((name, None)) or bpy.data.objects.get(name)
-    if found is None:
-        raise RleSplatError(f"{name!r} is no longer there, so its picture was dropped.")
-    return found
 
 
 def read_scene(

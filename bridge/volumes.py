@@ -73,6 +73,15 @@ def load_volume(owner, warn=None):
     return volume
 
 
+def is_at_hand(owner) -> bool:
+    """Whether the voxels of a volume object are in memory, so that ``load_volume`` takes no time."""
+    path = resolved_path(owner)
+    try:
+        return _source_key(path, os.stat(path), read_options(owner.rle_splat)) in _kept
+    except OSError:
+        return False
+
+
 def keep_volume(owner, volume) -> None:
     """Remember a volume that was just read for the object."""
     path = resolved_path(owner)

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..bridge import accuracy, render_scene, volumes
+from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import quality_of
 from ..rle_splat.cost_of_accuracy import error_map_steps, sensible_plans, sweep_steps
@@ -22,9 +23,10 @@ class _Measurement(StepwiseOperator):
         return has_volume_and_camera(cls, context)
 
     def read(self, context):
-        """(Scene, Quality); remembers the volume and the camera by name."""
+        """(Scene, Quality); holds Blender's scene and volume for ``commit``."""
         volume_object = volumes.volume_object(context)
-        self._name, self._camera_name = volume_object.name, context.scene.camera.name
+        self._scene, self._volume = Held(context.scene), Held(volume_object)
+        self._camera_name = context.scene.camera.name
         return render_scene.read_scene(
             volume_object, context.evaluated_depsgraph_get(), with_meshes=False, with_shadows=False,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
@@ -34,7 +36,6 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.measure_accuracy"
     bl_label = "Measure Accuracy"
     bl_description = "Time the sensible plans for this volume and camera, and measure their errors against the truth"
-    bl_options = {"REGISTER", "UNDO"}
 
     probes: IntProperty(
         name="Probes", description="Pixels whose true value is integrated", default=PROBES, min=1, soft_max=5000)
@@ -49,7 +50,8 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
 
     def commit(self, context, sweep):
         report = sweep.report
-        accuracy.note_sweep(context.scene.rle_splat, report, f"{self._name} seen by {self._camera_name}")
+        accuracy.note_sweep(
+            self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
         self.report({"INFO"}, f"{len(report['plans'])} plans measured; {chosen['name']}: {chosen['frame_ms']:.0f} ms, "
                               f"RMSE {chosen['error']['rmse']:.2g} levels against {chosen['truth']}.")
@@ -86,7 +88,6 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.error_map"
     bl_label = "Error Map"
     bl_description = "Make an image of how far the picture is from the truth, in levels, at the current quality"
-    bl_options = {"REGISTER", "UNDO"}
 
     step: IntProperty(
         name="Every", description="Of so many pixels across and down the middle one is held against the truth; 1 takes "
@@ -97,9 +98,9 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
         return error_map_steps(plain, quality, step=self.step, kept=render_scene.KEPT)
 
     def commit(self, context, result):
-        settings = context.scene.rle_splat
-        image = accuracy.keep_error_map(render_scene.still_there(self._name), settings, *result)
-        self.report({"INFO"}, f"{image.name}: {settings.error_note}")
+        scene = self._scene.get()
+        image = accuracy.keep_error_map(scene, self._volume.get(), *result)
+        self.report({"INFO"}, f"{image.name}: {scene.rle_splat.error_note}")
 
 
 CLASSES = (RLE_SPLAT_OT_measure_accuracy, RLE_SPLAT_OT_choose_plan, RLE_SPLAT_OT_error_map)

@@ -32,9 +32,8 @@ class RLE_SPLAT_OT_composite(bpy.types.Operator):
             compositor.check_editable(scene)
         except RleSplatError as problem:
             return refuse(self, problem)
-        image = pictures.find_or_make(volume_object, "composite", width, height)
+        image = pictures.find_or_make(scene, volume_object, "composite", width, height)
         images.clear(image)
-        images.pack(image)
         remarks = compositor.insert(scene, image)
         settings = scene.rle_splat
         settings.composite_object, settings.composite_image = volume_object, image

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import pictures, render_scene
+from ..bridge import freshness, pictures, render_scene
 from ..bridge.canvas import Canvas
 from ..bridge.settings import tolerance_of
 from .through_camera import ThroughCamera, report_picture
@@ -15,8 +15,9 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
 
     def prepare(self, context):
         plain, quality = self.read_scene(context, moving=True)
-        self._canvas = Canvas(self._name, "color")
+        self._canvas = Canvas(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
+        self._digest = freshness.digest_of(plain, quality, tolerance)
         return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
 
     def show_preview(self, context, preview):
@@ -26,11 +27,14 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         self._canvas.put_back()
 
     def commit(self, context, rendering):
-        volume_object = render_scene.still_there(self._name)
-        settings = context.scene.rle_splat
-        settings.image, settings.depth_image = pictures.keep(volume_object, rendering.rgba, rendering.depth)
+        scene, volume_object = self._scene.get(), self._volume.get()
+        self.is_new = pictures.find(scene, volume_object, "color") is None
+        image, depth_image = pictures.keep(scene, volume_object, rendering.rgba, rendering.depth)
+        settings = scene.rle_splat
+        settings.image, settings.depth_image = image, depth_image
+        freshness.note(image, self._digest, self.with_meshes)
         pictures.note_report(settings, rendering.report)
-        report_picture(self, settings.image, rendering)
+        report_picture(self, image, rendering)
 
 
 CLASSES = (RLE_SPLAT_OT_render_image,)

@@ -3,18 +3,18 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ..bridge import backdrop, following, pictures, render_scene, volumes
-from ..bridge.canvas import Canvas
+from ..bridge import backdrop, following, freshness, pictures, render_scene, volumes
+from ..bridge.canvas import Canvas, redraw
+from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import tolerance_of
-from .through_camera import has_volume_and_camera, report_picture
+from .through_camera import has_volume_and_camera, look_through_camera, report_picture
 
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.set_backdrop"
     bl_label = "Camera Backdrop"
     bl_description = "Splat the volume and show it in the active camera's view, matched to the pixel"
-    bl_options = {"REGISTER", "UNDO"}
 
     place: EnumProperty(
         name="Place", description="Where the camera shows the picture",
@@ -23,47 +23,56 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
                ("SCENE", "As Set", "As set in the panel")],
         default="SCENE", options={"SKIP_SAVE"})
     follow: BoolProperty(
-        name="Follow Camera", description="Splat anew whenever the frame changes", options={"SKIP_SAVE"})
+        name="Follow Scene", description="Make the picture anew whenever the frame or the scene changes",
+        options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
         return has_volume_and_camera(cls, context)
 
+    def invoke(self, context, event):
+        look_through_camera(context)
+        return super().invoke(context, event)
+
     def prepare(self, context):
         following.stop()
-        settings = context.scene.rle_splat
+        scene = context.scene
+        settings, camera, volume_object = scene.rle_splat, scene.camera, volumes.volume_object(context)
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
         self._follow = self.follow if self.properties.is_property_set("follow") else settings.backdrop_follows
-        volume_object = volumes.volume_object(context)
-        self._name, self._camera_name = volume_object.name, context.scene.camera.name
+        self._scene, self._volume, self._camera = Held(scene), Held(volume_object), Held(camera)
+        self._with_meshes = self._place == "FRONT" and settings.meshes_occlude
         plain, quality = render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(),
-            with_meshes=self._place == "FRONT" and settings.meshes_occlude, moving=True,
+            volume_object, context.evaluated_depsgraph_get(), with_meshes=self._with_meshes, moving=True,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
-        self._canvas, self._earlier = Canvas(self._name, "backdrop"), backdrop.state(context.scene.camera.data)
-        tolerance = tolerance_of(context.scene)
+        self._canvas = Canvas(self._scene, self._volume, "backdrop", self._camera)
+        self._earlier = backdrop.state(scene, camera)
+        tolerance = tolerance_of(scene)
+        self._digest = freshness.digest_of(plain, quality, tolerance)
         return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
 
     def show_preview(self, context, preview):
-        camera = render_scene.still_there(self._camera_name)
-        backdrop.show(camera.data, self._canvas.show(preview.rendering.rgba), self._place)
+        backdrop.show(self._camera.get(), self._canvas.show(preview.rendering.rgba), self._place)
 
     def put_back(self, context):
-        camera = bpy.data.objects.get((self._camera_name, None))
-        if camera is not None:
-            backdrop.restore(camera.data, self._earlier)
+        scene, camera = self._scene.find(), self._camera.find()
+        if scene is not None and camera is not None:
+            backdrop.restore(scene, camera, self._earlier)
         self._canvas.put_back()
 
     def commit(self, context, rendering):
-        volume_object = render_scene.still_there(self._name)
-        camera = render_scene.still_there(self._camera_name)
-        settings = context.scene.rle_splat
-        image, depth_image = pictures.keep(volume_object, rendering.rgba, rendering.depth, kind="backdrop")
+        scene, volume_object, camera = self._scene.get(), self._volume.get(), self._camera.get()
+        self.is_new = backdrop.find(scene, camera) is None
+        image, depth_image = pictures.keep(
+            scene, volume_object, rendering.rgba, rendering.depth, kind="backdrop", camera=camera)
+        settings = scene.rle_splat
         settings.image, settings.depth_image = image, depth_image
         settings.backdrop_object, settings.backdrop_depth = volume_object, self._place
         settings.backdrop_follows = self._follow
+        settings.message = ""
+        freshness.note(image, self._digest, self._with_meshes)
         pictures.note_report(settings, rendering.report)
-        backdrop.show(camera.data, image, self._place)
+        backdrop.show(camera, image, self._place)
         report_picture(self, image, rendering)
 
 
@@ -75,16 +84,17 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        camera = context.scene.camera
-        if camera is None or camera.type != "CAMERA" or backdrop.find(camera.data) is None:
+        scene = context.scene
+        if scene.camera is None or scene.camera.type != "CAMERA" or backdrop.find(scene, scene.camera) is None:
             cls.poll_message_set("The active camera has no backdrop of a volume")
             return False
         return True
 
     def execute(self, context):
         following.stop()
-        backdrop.hide(context.scene.camera.data)
+        backdrop.hide(context.scene, context.scene.camera)
         context.scene.rle_splat.backdrop_object = None
+        redraw(context)
         return {"FINISHED"}
 
 

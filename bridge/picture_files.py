@@ -1,0 +1,79 @@
+"""Pictures of ours when the .blend is saved: as EXR files in a folder beside it, or packed into it.
+
+Until then they are pixels in memory alone.  So making a picture adds nothing to the memory of undo.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import freshness, images, messages, pictures, preferences
+
+FOLDER = "_rle_splat"  # ends the folder's name, after the .blend's
+
+
+@persistent
+def _before_save(blend_file, *_):
+    pictures.settle_copies()
+    taken: set[str] = set()
+    for image in bpy.data.images:
+        if images.MARK in image and image.library is None:
+            freshness.store(image)
+            if image.size[0] > 0:
+                _keep(image, blend_file, taken)
+
+
+HANDLERS = (("save_pre", _before_save),)
+
+
+def _keep(image, blend_file: str, taken: set[str]) -> None:
+    """Write one picture beside the .blend that is about to be written, or pack it.
+
+    ``taken``: the file names that pictures of this .blend have already, in lower case.
+    """
+    if not blend_file or preferences.pictures_are_packed():
+        if image.is_dirty or image.packed_file is None:
+            image.pack()
+        return
+    folder = os.path.join(
+        os.path.dirname(os.path.abspath(blend_file)), os.path.splitext(os.path.basename(blend_file))[0] + FOLDER)
+    path = os.path.join(folder, _file_name(image.name, taken))
+    is_there = image.source == "FILE" and image.packed_file is None and not image.is_dirty and os.path.isfile(path)
+    if not (is_there and os.path.normpath(bpy.path.abspath(image.filepath_raw)) == path):
+        try:
+            os.makedirs(folder, exist_ok=True)
+            images.write_file(image, path)
+        except (OSError, RuntimeError) as problem:
+            image.pack()
+            for scene in bpy.data.scenes:
+                if pictures.owned_by(image, scene):
+                    messages.complain(
+                        scene.rle_splat, f"{image.name!r} could not be written to {FOLDER[1:]} beside the .blend "
+                        f"({_reason(problem)}), so it was packed into it.")
+            return
+    if bpy.data.filepath:  # Blender makes it relative to the file that is written
+        image.filepath_raw = bpy.path.relpath(path) if _same_drive(path, bpy.data.filepath) else path
+
+
+def _file_name(name: str, taken: set[str]) -> str:
+    """A file name for a picture of that name, not yet taken, also where capital letters make no difference."""
+    plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
+    found, number = f"{plain}.exr", 1
+    while found.lower() in taken:
+        number += 1
+        found = f"{plain} {number}.exr"
+    taken.add(found.lower())
+    return found
+
+
+def _same_drive(path: str, other: str) -> bool:
+    return os.path.splitdrive(path)[0].lower() == os.path.splitdrive(other)[0].lower()
+
+
+def _reason(problem: Exception) -> str:
+    """What the system says, without the path."""
+    return problem.strerror if isinstance(problem, OSError) and problem.strerror else "Blender could not write it"

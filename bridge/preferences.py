@@ -1,0 +1,37 @@
+"""What a user prefers for every .blend: Edit > Preferences > Add-ons > RLE Splat."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty
+
+from .paths import EXTENSION
+
+BESIDE, PACKED = "BESIDE", "PACKED"
+
+
+class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
+    bl_idname = EXTENSION
+
+    keep_pictures: EnumProperty(
+        name="Pictures", description="Where pictures are kept when the .blend is saved", default=BESIDE,
+        items=[(BESIDE, "Beside the .blend", "As EXR files in a folder beside it, packed only where that fails"),
+               (PACKED, "In the .blend", "Packed: one file holds everything, and grows with each picture")])
+
+    def draw(self, _context):
+        self.layout.use_property_split = True
+        self.layout.prop(self, "keep_pictures")
+
+
+def pictures_are_packed() -> bool:
+    """Whether pictures are kept inside the .blend."""
+    addon = bpy.context.preferences.addons.get(EXTENSION)
+    return addon is not None and addon.preferences is not None and addon.preferences.keep_pictures == PACKED
+
+
+def register():
+    bpy.utils.register_class(RLE_SPLAT_AP_preferences)
+
+
+def unregister():
+    bpy.utils.unregister_class(RLE_SPLAT_AP_preferences)

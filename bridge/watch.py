@@ -1,0 +1,88 @@
+"""Looks after our pictures when the scene has changed: edits, frames, undo, deleted objects, copied scenes.
+
+In a window this waits until the edits pause, so that dragging stays smooth.  In background mode, where no timer
+ever runs, it is done at once.
+"""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import follow_scene, following, freshness, jobs, pictures, presence
+from .canvas import redraw
+
+PAUSE = 0.15  # seconds without a change before the scene is looked at
+
+_due = [0.0]  # when, on the performance counter
+_attending: list = []  # not empty while the scene is looked at: what that changes is no new event
+
+
+@persistent
+def _on_change(scene=None, depsgraph=None):
+    if (depsgraph is not None and depsgraph.mode == "RENDER") or _attending or not _concerns_us():
+        return
+    if not bpy.app.background:
+        _due[0] = time.perf_counter() + PAUSE
+        if not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=PAUSE)
+    elif scene is not None and depsgraph is not None:
+        attend(scene, depsgraph)
+
+
+@persistent
+def _on_frame_change_post(scene, depsgraph=None):
+    """Follow the timeline at once: what comes after the pause would lag behind a playing animation."""
+    if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
+        follow_scene.follow(scene, depsgraph, later=following.is_moving())
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _on_change),
+    ("undo_post", _on_change),
+    ("redo_post", _on_change),
+    ("load_post", _on_change),
+    ("frame_change_post", _on_frame_change_post),
+)
+
+
+def attend(scene, depsgraph) -> None:
+    """Settle copies, let go of what was deleted, follow, and judge what is out of date."""
+    _attending.append(scene)
+    try:
+        pictures.settle_copies()
+        for one in bpy.data.scenes:
+            if one.library is None:
+                follow_scene.remove_deleted(one)
+                pictures.release_deleted(one, presence.is_deleted)
+        follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
+        if freshness.judge(scene, depsgraph):
+            redraw(bpy.context)
+    finally:
+        _attending.clear()
+
+
+def stop() -> None:
+    """Look at nothing any more."""
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def _concerns_us() -> bool:
+    """Whether any scene has pictures of ours."""
+    return any(scene.rle_splat.scene_id for scene in bpy.data.scenes)
+
+
+def _tick():
+    """Blender calls this again after the seconds it returns, and no more after None."""
+    left = _due[0] - time.perf_counter()
+    if left > 0.0:
+        return left
+    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running() or following.is_moving():
+        return PAUSE
+    for window in bpy.context.window_manager.windows:
+        if window.view_layer.depsgraph is not None:
+            attend(window.scene, window.view_layer.depsgraph)
+    return None
