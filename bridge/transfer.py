@@ -68,7 +68,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     if tree is None or not nodes.is_transfer_tree(tree):
         raise RleSplatError(
             f"{volume_object.name!r} has no transfer function; apply a preset in the RLE Splat tab.")
-    if depsgraph is not None:
+    # Blender evaluates a script's edits of the points only when the tree is tagged; the tree itself has them at once.
+    tree = tree.original
+    if depsgraph is not None and _is_animated(tree):
         tree = tree.evaluated_get(depsgraph)
     low, high = window_of(properties)
     width = high - low
@@ -92,6 +94,22 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
         name=properties.transfer_name, unit=properties.transfer_unit or None, opacity=tuple(opacity),
         color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade,
         gradient_opacity=steep)
+
+
+def evaluate_anew(volume_object) -> None:
+    """Have Blender take over what scripts changed of the transfer functions of a volume and its channels."""
+    channels = [row.source for row in volume_object.rle_splat.channels if row.source is not None]
+    for one in (volume_object, *channels):
+        tree = one.rle_splat.transfer
+        if tree is not None and nodes.is_transfer_tree(tree) and tree.is_editable:
+            nodes.opacity_mapping(tree).update()
+            if _is_animated(tree):
+                tree.update_tag()
+
+
+def _is_animated(tree) -> bool:
+    data = tree.animation_data
+    return data is not None and (data.action is not None or bool(data.drivers) or bool(data.nla_tracks))
 
 
 def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:

@@ -10,7 +10,7 @@ from ..bridge.settings import quality_of
 from ..rle_splat.cost_of_accuracy import error_map_steps, sensible_plans, sweep_steps
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
-from .through_camera import has_volume_and_camera
+from .through_camera import evaluated, has_volume_and_camera
 
 PROBES, REPEATS = 400, 3
 
@@ -28,7 +28,7 @@ class _Measurement(StepwiseOperator):
         self._scene, self._volume = Held(context.scene), Held(volume_object)
         self._camera_name = context.scene.camera.name
         return render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=False, with_shadows=False,
+            volume_object, evaluated(context, volume_object), with_meshes=False, with_shadows=False,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 

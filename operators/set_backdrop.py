@@ -8,7 +8,7 @@ from ..bridge.canvas import Canvas, redraw
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import tolerance_of
-from .through_camera import has_volume_and_camera, look_through_camera, report_picture
+from .through_camera import evaluated, has_volume_and_camera, look_through_camera, report_picture
 
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
@@ -43,7 +43,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         self._scene, self._volume, self._camera = Held(scene), Held(volume_object), Held(camera)
         self._with_meshes = self._place == "FRONT" and settings.meshes_occlude
         plain, quality = render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=self._with_meshes, moving=True,
+            volume_object, evaluated(context, volume_object), with_meshes=self._with_meshes, moving=True,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas = Canvas(self._scene, self._volume, "backdrop", self._camera)
         self._earlier = backdrop.state(scene, camera)

@@ -2,7 +2,7 @@
 
 from bpy.props import BoolProperty
 
-from ..bridge import render_scene, volumes
+from ..bridge import render_scene, transfer, volumes
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from .refusal import has_volume
@@ -25,7 +25,7 @@ class ThroughCamera(StepwiseOperator):
         volume_object = volumes.volume_object(context)
         self._scene, self._volume, self.with_meshes = Held(context.scene), Held(volume_object), self.use_meshes
         return render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.with_meshes, moving=moving,
+            volume_object, evaluated(context, volume_object), with_meshes=self.with_meshes, moving=moving,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 
@@ -37,6 +37,12 @@ def has_volume_and_camera(cls, context) -> bool:
         cls.poll_message_set("The scene has no active camera; add one and make it active with Ctrl+Numpad 0")
         return False
     return True
+
+
+def evaluated(context, volume_object):
+    """The evaluated scene, with all that scripts changed of the volume's transfer function."""
+    transfer.evaluate_anew(volume_object)
+    return context.evaluated_depsgraph_get()
 
 
 def look_through_camera(context) -> None:
