@@ -38,12 +38,23 @@ def camera_object(depsgraph):
     return original.evaluated_get(depsgraph)
 
 
-def read_camera(depsgraph) -> tuple[Camera, int, int]:
-    """The active camera at the depsgraph's time, and the width and height of the frame in pixels.
+def marked_camera(scene):
+    """The camera that the timeline's markers make active at the scene's frame; None where no marker does.
+
+    Blender's own switch comes only after ``frame_change_post``, and takes the first marker where none has passed.
+    """
+    markers = sorted((one for one in scene.timeline_markers if one.camera is not None), key=lambda one: one.frame)
+    passed = [one for one in markers if one.frame <= scene.frame_current]
+    return passed[-1].camera if passed else markers[0].camera if markers else None
+
+
+def read_camera(depsgraph, camera=None) -> tuple[Camera, int, int]:
+    """The active camera, or the camera object given, at the depsgraph's time, and the frame's width and height in
+    pixels.
 
     Raises RleSplatError without an active camera, for a panoramic or custom one, and with stereoscopy.
     """
-    evaluated = camera_object(depsgraph)
+    evaluated = camera_object(depsgraph) if camera is None else camera.evaluated_get(depsgraph)
     data = evaluated.data
     if data.type not in ("PERSP", "ORTHO"):
         kind = _PANORAMIC.get(data.type, data.type.lower())

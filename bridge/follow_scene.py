@@ -11,13 +11,15 @@ from .camera import camera_object, image_size
 from .held import Held
 from .settings import tolerance_of
 
-HIDDEN = "hidden"  # in place of a digest: the volume is hidden from renders
+HIDDEN = freshness.MadeFrom("hidden", "", False)  # of a volume that is hidden from renders
+FAILED = freshness.MadeFrom("failed", "", False)
 
 
-def follow(scene, depsgraph, later: bool) -> None:
+def follow(scene, depsgraph, later: bool, camera=None) -> None:
     """Bring the backdrop of the active camera up to date, if the scene's backdrop follows; a message on failure.
 
-    ``later``: the picture may come from a timer, with previews until then if the scene wants them.
+    ``later``: the picture may come from a timer, with previews until then if the scene wants them.  ``camera``: a
+    camera object that is about to become active.
     """
     settings = scene.rle_splat
     volume_object = settings.backdrop_object
@@ -25,7 +27,7 @@ def follow(scene, depsgraph, later: bool) -> None:
         return
     image = None
     try:
-        camera = camera_object(depsgraph).original
+        camera = camera or camera_object(depsgraph).original
         image = pictures.find(scene, volume_object, "backdrop", camera)
         if image is not None and backdrop.find(scene, camera) is None:
             return  # the user took it out of the camera by hand
@@ -33,9 +35,9 @@ def follow(scene, depsgraph, later: bool) -> None:
             _hide(scene, volume_object, image)
             return
         with_meshes = settings.meshes_occlude and settings.backdrop_depth == "FRONT"
-        plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
+        plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes, camera=camera)
         tolerance = tolerance_of(depsgraph.scene_eval)
-        made_from = (freshness.digest_of(plain, quality, tolerance), with_meshes)
+        made_from = freshness.made_of(plain, quality, tolerance, with_meshes)
         if image is not None and (freshness.made_from(image) == made_from or following.is_making(made_from)):
             return
         following.stop()
@@ -95,17 +97,17 @@ def _refinement(steps, scene: Held, image: Held, made_from) -> following.Refinem
 def _finish(scene, image, rendering, made_from) -> None:
     """Show the picture, and what it took."""
     pictures.show(image, rendering)
-    freshness.note(image, *made_from)
+    freshness.note(image, made_from)
     scene.rle_splat.message = ""
     pictures.note_report(scene.rle_splat, rendering.report)
 
 
 def _hide(scene, volume_object, image) -> None:
     """Show nothing of a volume that is hidden from renders, and say so."""
-    if image is not None and freshness.made_from(image) != (HIDDEN, False):
+    if image is not None and freshness.made_from(image) != HIDDEN:
         following.stop()
         images.clear(image)
-        freshness.note(image, HIDDEN, False)
+        freshness.note(image, HIDDEN)
     _say(scene, f"{volume_object.name!r} is hidden from renders, so its backdrop is empty.")
 
 
@@ -114,7 +116,7 @@ def _fail(scene, image, problem) -> None:
     following.stop()
     if image is not None:
         images.clear(image)
-        freshness.note(image, "", False)
+        freshness.note(image, FAILED)
     _say(scene, messages.sentence_of(problem))
 
 

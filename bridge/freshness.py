@@ -9,36 +9,45 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import fields, is_dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.volume.volume import Volume
-from . import backdrop, pictures, render_scene, settings, volumes
+from . import backdrop, pictures, render_scene, settings, transfer, volumes
 
-MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: JSON of its digest and of whether meshes occlude
+MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: a MadeFrom as JSON
 
-_made_from: dict[int, tuple[str, bool]] = {}  # image's session id -> (digest, whether meshes occlude)
+
+class MadeFrom(NamedTuple):
+    """What a picture was made from: ``digest`` of all of it, ``look`` of its transfer function alone, and whether
+    ``meshes`` hid the volume."""
+
+    digest: str
+    look: str
+    meshes: bool
+
+
+_made_from: dict[int, MadeFrom] = {}  # by the image's session id
 _out_of_date: set[int] = set()  # session ids of the images that were last found to be
 
 
-def digest_of(plain: Scene, quality, tolerance: float | None) -> str:
-    """A hash of everything a picture depends on."""
-    total = hashlib.blake2b(digest_size=16)
-    _feed(total, (plain, quality, tolerance))
-    return total.hexdigest()
+def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> MadeFrom:
+    """What a picture of plain data is made from; ``meshes``: whether they were asked to hide the volume."""
+    return MadeFrom(_digest((plain, quality, tolerance)), _digest(plain.transfer_function), meshes)
 
 
-def note(image, digest: str, with_meshes: bool) -> None:
+def note(image, made_from: MadeFrom) -> None:
     """Remember what an image's pixels were made from."""
-    _made_from[image.session_uid] = (digest, with_meshes)
+    _made_from[image.session_uid] = made_from
     _out_of_date.discard(image.session_uid)
 
 
-def made_from(image) -> tuple[str, bool] | None:
-    """(digest, whether meshes occlude) of an image; None when it is not known."""
+def made_from(image) -> MadeFrom | None:
+    """What an image was made from; None when it is not known."""
     if image.session_uid not in _made_from and MADE_FROM in image:
-        _made_from[image.session_uid] = tuple(json.loads(image[MADE_FROM]))
+        _made_from[image.session_uid] = MadeFrom(*json.loads(image[MADE_FROM]))
     return _made_from.get(image.session_uid)
 
 
@@ -49,9 +58,20 @@ def store(image) -> None:
         image[MADE_FROM] = json.dumps(known)
 
 
-def is_out_of_date(image) -> bool:
-    """Whether the scene has changed since the picture was made, as of the last ``judge``."""
-    return image is not None and image.session_uid in _out_of_date
+def out_of_date(scene) -> list:
+    """The images of pictures that the scene shows and that no longer show the scene, as of the last ``judge``.
+
+    Reads properties only, so a panel may call it.
+    """
+    return [
+        row.image for row in shown_rows(scene)
+        if row.image.session_uid in _out_of_date or _has_new_look(row)
+    ]
+
+
+def have_new_looks(scene) -> bool:
+    """Whether a transfer function of a picture that the scene shows was edited, also by a script that told no one."""
+    return any(_has_new_look(row) for row in shown_rows(scene))
 
 
 def forget() -> None:
@@ -66,34 +86,51 @@ def judge(scene, depsgraph) -> bool:
     A picture whose volume is not in memory is not judged: reading it could take long.
     """
     before = set(_out_of_date)
-    for row in scene.rle_splat.pictures:
-        image = row.image
-        if not (_is_shown(scene, row) and pictures.owned_by(image, scene)) or made_from(image) is None:
-            continue
-        if row.volume is None or not volumes.is_at_hand(row.volume):
-            continue
-        if made_from(image)[0] == _digest_now(row.volume, depsgraph, made_from(image)[1]):
-            _out_of_date.discard(image.session_uid)
-        else:
-            _out_of_date.add(image.session_uid)
+    for row in shown_rows(scene):
+        if volumes.is_at_hand(row.volume):
+            known = made_from(row.image)
+            if known == _made_now(row.volume, depsgraph, known.meshes):
+                _out_of_date.discard(row.image.session_uid)
+            else:
+                _out_of_date.add(row.image.session_uid)
     return _out_of_date != before
 
 
-def _is_shown(scene, row) -> bool:
-    """Whether a row is of the last picture, or of the backdrop that the active camera shows."""
-    if row.kind == "backdrop" and row.camera is not None and row.camera == scene.camera:
-        entry = backdrop.find(scene, row.camera)
-        return entry is not None and entry.image == row.image
-    return row.kind == "color" and row.image == scene.rle_splat.image
+def shown_rows(scene) -> list:
+    """The rows of the last picture and of the active camera's backdrop, of which it is known what they were made
+    from."""
+    camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
+    entry = backdrop.find(scene, camera) if camera is not None else None
+    images = {"color": scene.rle_splat.image, "backdrop": entry.image if entry is not None else None}
+    return [
+        row for row in scene.rle_splat.pictures
+        if row.image is not None and row.image == images.get(row.kind) and row.volume is not None
+        and pictures.owned_by(row.image, scene) and made_from(row.image) is not None
+    ]
 
 
-def _digest_now(volume_object, depsgraph, with_meshes: bool) -> str:
-    """The digest of a picture made now; "" where none can be made."""
+def _has_new_look(row) -> bool:
+    known = made_from(row.image)
     try:
-        plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
-        return digest_of(plain, quality, settings.tolerance_of(depsgraph.scene_eval))
+        return bool(known.look) and known.look != _digest(transfer.read_transfer(row.volume))
     except RleSplatError:
-        return ""
+        return True
+
+
+def _made_now(volume_object, depsgraph, meshes: bool) -> MadeFrom | None:
+    """What a picture made now is made from; None where none can be made."""
+    try:
+        plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=meshes)
+        return made_of(plain, quality, settings.tolerance_of(depsgraph.scene_eval), meshes)
+    except RleSplatError:
+        return None
+
+
+def _digest(value) -> str:
+    """A hash of plain data."""
+    total = hashlib.blake2b(digest_size=16)
+    _feed(total, value)
+    return total.hexdigest()
 
 
 def _feed(total, value) -> None:

@@ -1,4 +1,4 @@
-"""Whether an object is still in use: Blender's Delete only takes it out of its scenes, and our pointers keep it."""
+"""Whether an object is there: Blender's Delete only takes it out of its scenes, and our pointers keep it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,21 @@ import bpy
 def is_deleted(one) -> bool:
     """Whether no scene reaches the object, neither directly nor through an instanced collection."""
     return not _reached(one, set())
+
+
+def is_kept_up(one, depsgraph) -> bool:
+    """Whether Blender evaluates the object at all: what is disabled in viewports keeps the place it once had there."""
+    if depsgraph.mode == "RENDER":
+        return True
+    return not one.hide_viewport and _is_enabled(one, depsgraph.view_layer.layer_collection)
+
+
+def _is_enabled(one, layer_collection) -> bool:
+    """Whether a view layer's collection, or one of its children, is enabled and holds the object."""
+    if layer_collection.collection.hide_viewport:
+        return False
+    held = not layer_collection.exclude and one in layer_collection.collection.objects.values()
+    return held or any(_is_enabled(one, child) for child in layer_collection.children)
 
 
 def _reached(one, asked: set) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from ..rle_splat.kept import Kept
 from ..rle_splat.named_systems.progressive import progressive_steps
 from ..rle_splat.render import render_steps
-from ..rle_splat.scene import Scene
+from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.tolerance import tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
@@ -22,6 +22,7 @@ from .lights import read_lights
 from .meshes import read_triangles
 from .mist import read_mist
 from .motion import read_poses
+from .presence import is_kept_up
 from .world import read_world
 
 KEPT = Kept()  # keyed by content, so it may outlive files and undo
@@ -34,18 +35,23 @@ def forget_stages() -> None:
 
 def read_scene(
     volume_object, depsgraph, *, with_meshes: bool, with_shadows: bool = True, in_region: bool = False,
-    moving: bool = False, warn=None,
+    moving: bool = False, camera=None, warn=None,
 ):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
     ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them, and no maximum
     error is set, for the truths have none.  ``in_region``: only what a cropped render region keeps of the frame.
     ``moving``: blur what moves if the scene wants it, which a handler of Blender's cannot: it needs a copy of the
-    scene.  ``warn``: called with a sentence for what is odd.
+    scene.  ``camera``: a camera object in place of the active one.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
-    camera, width, height = read_camera(depsgraph)
+    if not is_kept_up(volume_object, depsgraph):
+        raise RleSplatError(
+            f"{volume_object.name!r} is disabled in viewports or left out of this view layer, so Blender does not know "
+            "where it is now; enable it in the Outliner."
+        )
+    view, width, height = read_camera(depsgraph, camera)
     volume = volumes.load_volume(volume_object, warn)
     transfer_function = transfer.read_transfer(volume_object, depsgraph)
     lighting = scene.rle_splat.lighting
@@ -55,7 +61,7 @@ def read_scene(
     plain = Scene(
         volume=volume,
         transfer_function=transfer_function,
-        camera=camera,
+        camera=view,
         width=width,
         height=height,
         volume_matrix=np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64),

@@ -12,11 +12,14 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import follow_scene, following, freshness, jobs, pictures, presence
+from .camera import marked_camera
 from .canvas import redraw
 
 PAUSE = 0.15  # seconds without a change before the scene is looked at
+POLL = 0.5  # seconds between looks at the transfer function of a followed backdrop: a script's edit is no event
 
 _due = [0.0]  # when, on the performance counter
+_seen = [0.0]  # what ``_due`` was when the scene was last looked at
 _attending: list = []  # not empty while the scene is looked at: what that changes is no new event
 
 
@@ -36,7 +39,7 @@ def _on_change(scene=None, depsgraph=None):
 def _on_frame_change_post(scene, depsgraph=None):
     """Follow the timeline at once: what comes after the pause would lag behind a playing animation."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
-        follow_scene.follow(scene, depsgraph, later=following.is_moving())
+        follow_scene.follow(scene, depsgraph, following.is_moving(), marked_camera(scene))
 
 
 HANDLERS = (
@@ -75,14 +78,23 @@ def _concerns_us() -> bool:
     return any(scene.rle_splat.scene_id for scene in bpy.data.scenes)
 
 
+def _followed() -> list:
+    """The scenes of open windows whose backdrop follows."""
+    scenes = (window.scene for window in bpy.context.window_manager.windows)
+    return [one for one in scenes if one.rle_splat.backdrop_follows and one.rle_splat.backdrop_object is not None]
+
+
 def _tick():
     """Blender calls this again after the seconds it returns, and no more after None."""
     left = _due[0] - time.perf_counter()
     if left > 0.0:
         return left
+    if _due[0] == _seen[0] and not any(freshness.have_new_looks(scene) for scene in _followed()):
+        return POLL if _followed() else None
     if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running() or following.is_moving():
         return PAUSE
+    _seen[0] = _due[0]
     for window in bpy.context.window_manager.windows:
         if window.view_layer.depsgraph is not None:
             attend(window.scene, window.view_layer.depsgraph)
-    return None
+    return POLL if _followed() else None

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import effects, render_scene, volumes
+from ..bridge import effects, freshness, render_scene, volumes
 from ..rle_splat.effects.analyse import analyse
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
@@ -31,6 +31,7 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
             return refuse(self, problem)
         listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
         effects.note_effects(settings, listed, "As the scene is now; not rendered yet.")
+        freshness.judge(context.scene, context.evaluated_depsgraph_get())  # the file may have been read anew
         self.report({"INFO"}, f"On: {', '.join(found.on) or 'none'}.")
         return {"FINISHED"}
 

@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         plain, quality = self.read_scene(context, moving=True)
         self._canvas = Canvas(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
-        self._digest = freshness.digest_of(plain, quality, tolerance)
+        self._made_from = freshness.made_of(plain, quality, tolerance, self.with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
 
     def show_preview(self, context, preview):
@@ -32,7 +32,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         image, depth_image = pictures.keep(scene, volume_object, rendering.rgba, rendering.depth)
         settings = scene.rle_splat
         settings.image, settings.depth_image = image, depth_image
-        freshness.note(image, self._digest, self.with_meshes)
+        freshness.note(image, self._made_from)
         pictures.note_report(settings, rendering.report)
         report_picture(self, image, rendering)
 

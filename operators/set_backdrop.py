@@ -8,7 +8,13 @@ from ..bridge.canvas import Canvas, redraw
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import tolerance_of
-from .through_camera import evaluated, has_volume_and_camera, look_through_camera, report_picture
+from .through_camera import (
+    evaluated,
+    has_volume_and_camera,
+    is_looked_through,
+    look_through_camera,
+    report_picture,
+)
 
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
@@ -41,14 +47,14 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
         self._follow = self.follow if self.properties.is_property_set("follow") else settings.backdrop_follows
         self._scene, self._volume, self._camera = Held(scene), Held(volume_object), Held(camera)
-        self._with_meshes = self._place == "FRONT" and settings.meshes_occlude
+        with_meshes = self._place == "FRONT" and settings.meshes_occlude
         plain, quality = render_scene.read_scene(
-            volume_object, evaluated(context, volume_object), with_meshes=self._with_meshes, moving=True,
+            volume_object, evaluated(context, volume_object), with_meshes=with_meshes, moving=True,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas = Canvas(self._scene, self._volume, "backdrop", self._camera)
         self._earlier = backdrop.state(scene, camera)
         tolerance = tolerance_of(scene)
-        self._digest = freshness.digest_of(plain, quality, tolerance)
+        self._made_from = freshness.made_of(plain, quality, tolerance, with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
 
     def show_preview(self, context, preview):
@@ -70,10 +76,12 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         settings.backdrop_object, settings.backdrop_depth = volume_object, self._place
         settings.backdrop_follows = self._follow
         settings.message = ""
-        freshness.note(image, self._digest, self._with_meshes)
+        freshness.note(image, self._made_from)
         pictures.note_report(settings, rendering.report)
         backdrop.show(camera, image, self._place)
         report_picture(self, image, rendering)
+        if not is_looked_through(context):
+            self.report({"INFO"}, "No view looks through the camera: press Numpad 0 in a 3D view to see the backdrop.")
 
 
 class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):

@@ -47,11 +47,20 @@ def evaluated(context, volume_object):
 
 def look_through_camera(context) -> None:
     """Turn a 3D view to the active camera where none of the window's shows it: the one in use, else the largest."""
-    areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"] if context.window else []
-    if not areas or any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in areas):
+    areas = _views(context)
+    if not areas or is_looked_through(context):
         return
     area = context.area if context.area in areas else max(areas, key=lambda one: one.width * one.height)
     area.spaces.active.region_3d.view_perspective = "CAMERA"
+
+
+def is_looked_through(context) -> bool:
+    """Whether a 3D view of the window shows what the active camera sees."""
+    return any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in _views(context))
+
+
+def _views(context) -> list:
+    return [area for area in context.window.screen.areas if area.type == "VIEW_3D"] if context.window else []
 
 
 def report_picture(operator, image, rendering) -> None:

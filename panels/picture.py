@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import backdrop, facts, freshness, transfer, volumes
+from ..bridge import facts, freshness, transfer, volumes
 from ..bridge.camera import image_size
 from ..bridge.settings import quality_of
 from ..rle_splat.scene import RleSplatError
@@ -22,15 +22,6 @@ def _memory(context) -> str:
     meshes = context.scene.rle_splat.meshes_occlude and any(
         one.type == "MESH" and not one.hide_render for one in context.scene.objects)
     return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render), meshes)
-
-
-def _out_of_date(scene) -> list:
-    """The pictures that the scene shows and that no longer show the scene."""
-    shown = [scene.rle_splat.image]
-    if scene.camera is not None and scene.camera.type == "CAMERA":
-        entry = backdrop.find(scene, scene.camera)
-        shown += [entry.image] if entry is not None else []
-    return [image for i, image in enumerate(shown) if freshness.is_out_of_date(image) and image not in shown[:i]]
 
 
 class PicturePanel:
@@ -55,8 +46,8 @@ class PicturePanel:
         row.prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
         layout.prop(settings, "use_previews")
-        for image in _out_of_date(context.scene):
-            paragraph(context, layout, f"{image.name} is out of date: the scene has changed since", icon="FILE_REFRESH")
+        for image in freshness.out_of_date(context.scene):
+            paragraph(context, layout, f"Out of date: {image.name}. The scene has changed since", icon="FILE_REFRESH")
         if settings.use_composite:
             target = settings.composite_object
             paragraph(context, layout, f"{target.name if target else 'A deleted volume'} is laid over every render; "

@@ -51,7 +51,7 @@ class Window:
         self.said, self.timers = [], 0
         self.scene, self.view_layer = bpy.context.scene, bpy.context.view_layer
         self.evaluated_depsgraph_get = bpy.context.evaluated_depsgraph_get
-        self.window = object()
+        self.window = SimpleNamespace(screen=SimpleNamespace(areas=()))
         self.workspace = SimpleNamespace(status_text_set=self.said.append)
         self.window_manager = SimpleNamespace(
             windows=(), progress_begin=lambda *_: None, progress_update=lambda *_: None, progress_end=lambda: None,
