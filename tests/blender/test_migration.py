@@ -1,0 +1,71 @@
+"""A .blend saved by version 0.1.0, whose pictures were found by name, opens with everything in it found."""
+
+import shutil
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+SAVED = Path(__file__).parent / "data"
+
+
+@pytest.fixture
+def opened(addon, tmp_path):
+    """The scene of a copy of the file: two volumes, a followed backdrop of the first, the second composited."""
+    for path in SAVED.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved_by_0_1_0.blend"))
+    return bpy.context.scene
+
+
+def test_volumes_and_transfer_functions_are_there(opened, bridge):
+    first, second = (bpy.data.objects[name] for name in ("first", "second"))
+    expected = np.add.outer(np.add.outer(np.arange(5), np.arange(6)), np.arange(7)) * 12
+    np.testing.assert_array_equal(bridge("volumes").load_volume(first).voxels, expected)
+    np.testing.assert_array_equal(bridge("volumes").load_volume(second).voxels, 255 - expected)
+    assert first.rle_splat.window_center == 77.0 and second.rle_splat.opacity_scale == 0.5
+    names = [bridge("transfer").read_transfer(one).name for one in (first, second)]
+    assert len(set(names)) == 2 and all(names)
+
+
+def test_the_backdrop_is_ours_again_and_follows(opened):
+    camera = opened.camera
+    image = camera.data.background_images[0].image
+    before, count = scenes.image_pixels(image), len(bpy.data.images)
+    assert before[..., 3].max() > 0.01
+    camera.location.x += 1.0
+    bpy.context.view_layer.update()
+    assert [entry.image for entry in camera.data.background_images] == [image] and len(bpy.data.images) == count
+    assert np.abs(scenes.image_pixels(image) - before).max() > 0.01
+    assert bpy.ops.rle_splat.remove_backdrop() == {"FINISHED"} and not camera.data.background_images
+
+
+def test_the_last_depth_image_is_written_over_by_its_own_volume_alone(opened):
+    depth = bpy.data.images["first Splat Depth"]
+    for name, same in (("first", True), ("second", False)):
+        bpy.context.view_layer.objects.active = bpy.data.objects[name]
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+        assert (opened.rle_splat.depth_image == depth) == same
+
+
+def test_the_compositing_works_and_is_taken_out(opened, tmp_path):
+    scene, count = opened, len(bpy.data.images)
+    scenes.use_cycles((16, 16))
+    scene.rle_splat.backdrop_follows = False
+    assert scenes.rendered(tmp_path / "out.exr")[..., 3].max() > 0.01 and scene.rle_splat.message == ""
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert len(bpy.data.images) <= count + 1  # of the render itself: ours is the one of before
+    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+
+
+def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
+    image = opened.camera.data.background_images[0].image
+    before = scenes.image_pixels(image)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "again.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "again.blend"))
+    image = bpy.context.scene.camera.data.background_images[0].image
+    np.testing.assert_array_equal(scenes.image_pixels(image), before)
+    assert bpy.ops.rle_splat.remove_backdrop.poll()
