@@ -2,12 +2,14 @@
 
 import bpy
 
-from ..bridge import compositor, images, pictures, versions, volumes
+from ..bridge import compositor, images, versions, volumes
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
+
+LONGEST_NAME = 30  # characters of the object's name that an image's name keeps; Blender 4.5 cuts names at 63
 
 
 class RLE_SPLAT_OT_composite(bpy.types.Operator):
@@ -32,14 +34,20 @@ class RLE_SPLAT_OT_composite(bpy.types.Operator):
             compositor.check_editable(scene)
         except RleSplatError as problem:
             return refuse(self, problem)
-        image = pictures.find_or_make(volume_object, "composite", width, height)
-        images.clear(image)
-        images.pack(image)
-        remarks = compositor.insert(scene, image)
+
+        def make_image(earlier, layer):
+            parts = [volume_object.name[:LONGEST_NAME], "Splat Composite", layer]
+            image = images.ensure_image(earlier, " ".join(filter(None, parts)), width, height)
+            images.clear(image)
+            images.pack(image)  # blank: what a saved file holds of it, see over_render.py
+            return image
+
         settings = scene.rle_splat
-        settings.composite_object, settings.composite_image = volume_object, image
+        settings.composite_image = None
+        remarks = compositor.insert(scene, make_image)
+        settings.composite_object, settings.composite_image = volume_object, compositor.images_of(scene)[0]
         settings.use_composite = True
-        settings.message = ""
+        settings.message = settings.render_problem = settings.failed_frames = ""
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
             remarks.append(f"Only {volume_object.name} is composited; not {', '.join(others)}.")
@@ -61,11 +69,14 @@ class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        compositor.remove(context.scene)
         settings = context.scene.rle_splat
         settings.use_composite = False
         settings.composite_object = settings.composite_image = None
-        settings.message = ""
+        settings.message = settings.render_problem = settings.failed_frames = ""
+        made = compositor.images_of(context.scene)
+        compositor.remove(context.scene)
+        for image in made:
+            compositor.drop(image)
         return {"FINISHED"}
 
 
