@@ -164,8 +164,8 @@ def problem(scene) -> str | None:
     if {node.image for node in nodes} != {node.image for node in reaching}:
         for node in [*nodes, *overs]:
             if node.mute:
-        return ("The volume's picture is not linked to the compositor's output, so it is not in the render; "
-                f"link it, or {_AGAIN}.")
+                return (f"The compositor's node {_title(node)} is muted, so the volume is not in the render; unmute "
+                        "it, or press Remove from Render.")
         return ("The volume's picture is not linked to the compositor's output, so it is not in the render; link it, "
                 f"or {_AGAIN}.")
     for over in overs:
@@ -282,7 +282,9 @@ def _add_pair(tree, x: float, y: float):
     picture.label = "RLE Splat"
     over.location = (x, y)
     picture.location = (x - 220.0, y - 220.0)
-    tree.links.new(picture.outputs[0], _colors(over)[1])
+    foreground = _colors(over)[1]
+    foreground.default_value = (0.0, 0.0, 0.0, 0.0)  # or the render would be white where the picture is unlinked
+    tree.links.new(picture.outputs[0], foreground)
     return over
 
 

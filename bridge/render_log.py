@@ -19,7 +19,8 @@ class RenderLog:
         self.is_in_force = scene.rle_splat.use_composite
         self.stopped_at = None
         self.report = {}
-        self._is_in_frame = False
+        self._is_in_frame = self._stops = False
+        self._layers: list[str] = []  # of the frame, as they are begun
         self._frames: list[int] = []
         self._failed: list[int] = []
         self._first = ""  # problem
@@ -46,7 +47,7 @@ class RenderLog:
         self._stops = scene.rle_splat.on_failed_frame == "STOP"
         self._is_in_frame = True
         self._frames.append(scene.frame_current)
-        self._layers: list[str] = []
+        self._layers = []
         self.pictures, self.drawn, self.hidden = [], [], []
 
     def begin_layer(self, layer: str) -> bool:
