@@ -9,7 +9,7 @@ import bpy
 from bpy.props import BoolProperty, PointerProperty
 
 from ..rle_splat.scene import Channel, RleSplatError
-from . import transfer, volumes
+from . import presence, transfer, volumes
 
 
 def _evaluate_anew(row, _context):
@@ -47,7 +47,8 @@ def add_channels(owner, others) -> None:
 
 
 def read_channels(owner, depsgraph) -> tuple[Channel, ...]:
-    """The channels that are shown at the depsgraph's time."""
+    """The channels that are shown at the depsgraph's time; deleted ones are not."""
     rows = owner.evaluated_get(depsgraph).rle_splat.channels
     sources = [row.source.original for row in rows if row.show and row.source is not None]
+    sources = [one for one in sources if not presence.is_deleted(one)]
     return tuple(Channel(volumes.load_volume(one), transfer.read_transfer(one, depsgraph)) for one in sources)

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..rle_splat.scene import Clip, RleSplatError
+from . import presence
 
 COLLECTION = "Clip Objects"
 PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # kinds of Empty with a +Z to see
@@ -19,9 +20,10 @@ FLAT = 1e-6  # of a mesh's size: its thickness, below which it is a plane
 
 
 def clip_objects(scene) -> list:
-    """The objects of the scene's collection of clip objects, by name."""
+    """The objects of the scene's collection of clip objects, by name, but those that were deleted."""
     collection = scene.rle_splat.clip_objects
-    return [] if collection is None else sorted(collection.all_objects, key=lambda one: one.name)
+    members = [] if collection is None else collection.all_objects
+    return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
 
 
 def read_clips(depsgraph) -> tuple[Clip, ...]:

@@ -14,4 +14,20 @@ def sentence_of(problem: Exception) -> str:
 def complain(settings, sentence: str) -> None:
     """Show a sentence in the panel of a scene's settings, and print it."""
     settings.message = sentence
+    tell(sentence)
+
+
+def tell(sentence: str) -> None:
+    """Print a sentence on the console."""
     print(f"RLE Splat: {sentence}")
+
+
+def as_ranges(frames) -> str:
+    """Ascending frame numbers in words: "2, 5-7"."""
+    ranges: list[list[int]] = []
+    for frame in frames:
+        if ranges and frame == ranges[-1][1] + 1:
+            ranges[-1][1] = frame
+        else:
+            ranges.append([frame, frame])
+    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in ranges)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import images, pictures, volumes
+from . import compositor, images, pictures, volumes
 
 
 @persistent
@@ -26,7 +26,8 @@ def _adopt(scene) -> None:
             for entry in camera.data.background_images:
                 if entry.source == "IMAGE":
                     _adopt_image(scene, entry.image, "backdrop", settings.backdrop_object, camera)
-    _adopt_image(scene, settings.composite_image, "composite", settings.composite_object)
+    for image in compositor.images_of(scene):
+        pictures.own(image, scene)
     for owner in volumes.volume_objects(scene):
         for kind in ("color", "depth", "error", "shadow"):
             name = f"{owner.name[:pictures.LONGEST_NAME]} {pictures.SUFFIXES[kind]}"

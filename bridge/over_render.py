@@ -1,83 +1,200 @@
-"""The volume in every render: a fresh picture for each rendered frame, laid over the render by the compositor.
+"""The volume in every render: fresh pictures for each rendered frame, laid over the render by the compositor.
 
 Blender calls ``frame_change_post`` once more for each view layer of every rendered frame, stills included, with the
-evaluated scene of that render and before the compositor reads any image: that is where the volume is splatted.
-In a window this runs on the render's own thread.  There only the pixels of an image that the Composite operator
-made beforehand are written, no datablock is created or removed, and ``use_lock_interface`` (set by that operator)
-keeps the interface from drawing the image meanwhile.
+evaluated scene of that layer and before the compositor reads any image: that is where the volume is splatted, into the
+pictures of that view layer.  In a window this runs on the render's own thread.  There only the pixels of images that
+the Composite operator made beforehand are written, no datablock is created or removed, and ``use_lock_interface`` (set
+by that operator) keeps the interface from drawing them meanwhile.
+
+What goes wrong is kept for the whole render, an animation's too: see ``render_log.py``.
 """
 
 from __future__ import annotations
 
+import bpy
 from bpy.app.handlers import persistent
 
+from ..rle_splat.render import EMPTY_REMARKS
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.steps import drain
-from . import compositor, following, images, messages, pictures, render_scene
+from . import compositor, following, images, messages, pictures, presence, render_scene
+from .camera import frame_crop, image_size
+from .placeholder import placeholder
+from .render_log import RenderLog
 from .settings import tolerance_of
 
-# Scenes whose volume is splatted for the frame being rendered; None while nothing is rendered (exporters change
-# frames with a render's depsgraph too).  Further view layers, and the subframes that motion blur visits after the
-# frame itself, use the same picture.
-_splatted: set[str] | None = None
+LAST_FRAME = 1048574  # the largest frame number of Blender's
+
+# The scenes being rendered, by session_uid; the first is the one whose render was started, others are in its scene
+# strips.  Empty while nothing is rendered: exporters change frames with a render's depsgraph too.
+_logs: dict[int, RenderLog] = {}
 
 
 @persistent
-def _on_render_pre(*_arguments):
-    global _splatted
-    _splatted = set()
+def _on_render_init(scene, *_arguments):
     following.stop()
+    if _logs and next(iter(_logs)) == scene.session_uid:
+        _logs.clear()  # the render before was broken off without a word
+    if scene.session_uid not in _logs:
+        _logs[scene.session_uid] = RenderLog(scene)
 
 
 @persistent
-def _on_render_end(*_arguments):
-    global _splatted
-    _splatted = None
+def _on_render_pre(scene, *_arguments):
+    if scene.session_uid in _logs:
+        _logs[scene.session_uid].begin_frame(scene)
 
 
 @persistent
 def _on_frame_change_post(scene, depsgraph=None):
     if depsgraph is None or depsgraph.mode != "RENDER":
         return
-    if _splatted is not None and scene.rle_splat.use_composite and scene.name not in _splatted:
-        _splatted.add(scene.name)
+    log = _logs.get(scene.session_uid)
+    # Motion blur visits subframes of a view layer after the frame itself, and comes back to it.
+    if log is not None and log.is_in_force and log.begin_layer(depsgraph.view_layer.name):
         splat_over_render(scene, depsgraph)
 
 
+@persistent
+def _on_render_post(scene, *_arguments):
+    if scene.session_uid in _logs:
+        _logs[scene.session_uid].end_frame(scene)
+
+
+@persistent
+def _on_render_write(scene, *_arguments):
+    """End an animation after a frame that failed, if the user wishes it.
+
+    Blender drops what a handler raises and has no call that cancels a render; but the frame number is what its loop
+    over an animation counts by, and it puts the number back at the end.  The frame's file is written already.
+    """
+    if not _logs or next(iter(_logs)) != scene.session_uid:
+        return
+    goes_on = scene.frame_current + scene.frame_step <= scene.frame_end
+    if goes_on and any(log.wants_stop for log in _logs.values()):
+        _logs[scene.session_uid].stopped_at = scene.frame_current
+        scene.frame_current = LAST_FRAME
+
+
+@persistent
+def _on_render_end(scene, *_arguments):
+    if not _logs or next(iter(_logs)) != scene.session_uid:
+        return  # a scene strip is done: it comes again in the next frame
+    started = _logs[scene.session_uid]
+    if scene.frame_current == LAST_FRAME and started.stopped_at is not None:
+        scene.frame_current, started.stopped_at = started.stopped_at, None  # a still has no loop that puts it back
+    for uid, log in _logs.items():
+        owner = next((one for one in bpy.data.scenes if one.session_uid == uid), None)
+        if owner is not None:
+            log.end(owner, started.stopped_at)
+    _logs.clear()
+
+
+@persistent
+def _on_save_pre(*_arguments):
+    """Have the file hold blank pictures: where this extension is missing, a render is without the volume, and not
+    with a volume of another frame laid over it.  In this session they stay as they are."""
+    made = dict.fromkeys(image for scene in bpy.data.scenes for image in compositor.images_of(scene))
+    own = [image for image in made if image.is_editable]
+    blank = _packed_blank() if own else b""
+    for image in own:
+        if image.is_dirty:
+            image.pack()  # or Blender asks about unsaved pictures when it is closed
+        image.pack(data=blank, data_len=len(blank))
+
+
+def _packed_blank() -> bytes:
+    """The file of a transparent picture of one pixel."""
+    image = images.ensure_image(None, "Blank", 1, 1)
+    images.clear(image)
+    image.pack()
+    content = bytes(image.packed_file.data)
+    bpy.data.images.remove(image)
+    return content
+
+
 HANDLERS = (
+    ("render_init", _on_render_init),
     ("render_pre", _on_render_pre),
-    ("render_post", _on_render_end),
+    ("render_post", _on_render_post),
+    ("render_write", _on_render_write),
+    ("render_complete", _on_render_end),
     ("render_cancel", _on_render_end),
     ("frame_change_post", _on_frame_change_post),
+    ("save_pre", _on_save_pre),
 )
 
 
 def splat_over_render(scene, depsgraph) -> None:
-    """Bring the picture that the compositor lays over the render up to date; blank and a message on failure."""
-    settings = scene.rle_splat
-    image = settings.composite_image
-    if image is None:
-        messages.complain(
-            settings, "The picture to lay over the render was deleted; press Composite into Render again.")
-        return
-    if not compositor.is_inserted(scene):
-        messages.complain(
-            settings, "The volume's nodes were taken out of the compositor; press Composite into Render again.")
-        return
+    """Bring the pictures that the compositor lays over a view layer up to date; a placeholder and a message on
+    failure."""
+    log, layer = _logs[scene.session_uid], depsgraph.view_layer.name
+    found = compositor.pictures(scene)
+    mine = [one for one in found if one.is_of(layer)]
+    if log.is_first_layer:
+        log.pictures = found
+        problem = compositor.problem(scene)
+        if problem is not None:
+            log.fail(scene, problem)
+        for image in compositor.images_of(scene):
+            if image not in [one.image for one in mine]:
+                images.clear(image)  # of an earlier frame; drawn when its own view layer's turn comes, if that has one
+    for picture in mine:
+        if picture.image not in log.drawn:
+            _draw(scene, depsgraph, picture.image, log)
+
+
+def _draw(scene, depsgraph, image, log: RenderLog) -> None:
+    settings, layer = scene.rle_splat, depsgraph.view_layer
     volume_object = settings.composite_object
     try:
-        if volume_object is None:
-            raise RleSplatError("The volume was deleted; choose another, or remove it from the compositor.")
-        if not render_scene.is_rendered(volume_object, depsgraph):
+        if volume_object is None or presence.is_deleted(volume_object):
+            name = settings.deleted_volume if volume_object is None else volume_object.name
+            raise RleSplatError(
+                f"The volume {name!r} was deleted; select another one and press Composite into Render, or press Remove "
+                "from Render."
+            )
+        hidden = _why_hidden(volume_object, depsgraph)
+        if hidden is not None:
             images.clear(image)
+            log.hidden.append(hidden)
             return
         plain, quality = render_scene.read_scene(
-            volume_object, depsgraph, with_meshes=settings.meshes_occlude, in_region=True)
+            volume_object, depsgraph, with_meshes=settings.meshes_occlude and layer.use_solid, in_region=True)
         rendering = drain(render_scene.steps(
             plain, quality, tolerance=tolerance_of(depsgraph.scene_eval), refuse_empty_view=False))
         pictures.show(image, rendering)
-        settings.message = ""
-        pictures.note_report(settings, rendering.report)
+        log.report = {**rendering.report, "view_layer": layer.name}
+        if not rendering.rgba[..., 3].any():
+            for remark in rendering.report["remarks"]:
+                if remark in EMPTY_REMARKS:
+                    log.note(scene, remark)
     except Exception as problem:  # a traceback from every frame of a render would help no one: one sentence, once
-        images.clear(image)
-        messages.complain(settings, messages.sentence_of(problem))
+        log.fail(scene, messages.sentence_of(problem))
+        _show_placeholder(image, depsgraph.scene_eval.render)
+    log.drawn.append(image)
+
+
+def _show_placeholder(image, render) -> None:
+    left, top, right, bottom = frame_crop(render) or (0, 0, *image_size(render))
+    width, height = max(1, right - left), max(1, bottom - top)
+    images.write_color(images.ensure_image(image, image.name, width, height), placeholder(width, height))
+
+
+def _why_hidden(volume_object, depsgraph) -> str | None:
+    """Why a view layer does not show a volume, as Cycles decides on volumes of its own; None where it does."""
+    layer, scene = depsgraph.view_layer, depsgraph.scene
+    where = f"view layer {layer.name!r}"
+    if scene not in volume_object.users_scene:
+        return f"it is not itself in the scene {scene.name!r}, and instances of a volume are not splatted"
+    if not any(one == volume_object for one in layer.objects):
+        return f"it is excluded from {where}"
+    if not render_scene.is_rendered(volume_object, depsgraph):
+        return f"it is hidden from renders in {where}"
+    if volume_object.indirect_only_get(view_layer=layer) or not volume_object.visible_camera:
+        return f"it is hidden from the camera in {where}"
+    if volume_object.holdout_get(view_layer=layer) or volume_object.is_holdout:
+        return f"it is a holdout in {where}, which a splatted volume cannot be"
+    if not layer.use_volumes:
+        return f"{where} leaves out volumes (Filter)"
+    return None

@@ -11,7 +11,7 @@ import re
 import bpy
 from bpy.app.handlers import persistent
 
-from . import freshness, images, messages, pictures, preferences
+from . import compositor, freshness, images, messages, pictures, preferences
 
 FOLDER = "_rle_splat"  # ends the folder's name, after the .blend's
 
@@ -20,8 +20,9 @@ FOLDER = "_rle_splat"  # ends the folder's name, after the .blend's
 def _before_save(blend_file, *_):
     pictures.settle_copies()
     taken: set[str] = set()
+    composited = {image for scene in bpy.data.scenes for image in compositor.images_of(scene)}  # see over_render.py
     for image in bpy.data.images:
-        if images.MARK in image and image.library is None:
+        if images.MARK in image and image.library is None and image not in composited:
             freshness.store(image)
             if image.size[0] > 0:
                 _keep(image, blend_file, taken)

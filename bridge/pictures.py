@@ -16,7 +16,7 @@ from bpy.props import PointerProperty, StringProperty
 
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
 from ..rle_splat.single_rays import rays_lines
-from . import effects, images
+from . import compositor, effects, images, versions
 
 OWNER = "rle_splat_owner"  # custom property of an image of ours: the id of the scene whose picture it is
 LONGEST_NAME = 40  # characters of the object's name in a new image's name; Blender 4.5 cuts names at 63
@@ -123,17 +123,23 @@ def _become_own(scene) -> None:
     settings = scene.rle_splat
     settings.scene_id = uuid.uuid4().hex
     settings.image = settings.depth_image = settings.error_image = None
-    for index in range(len(settings.pictures) - 1, -1, -1):
-        row = settings.pictures[index]
-        if row.image is None or not _copied_for(scene, row):
-            settings.pictures.remove(index)
-            continue
-        theirs = row.image
-        row.image = images.copy_of(theirs)
-        row.image[OWNER] = settings.scene_id
+    _forget_rows(scene, lambda row: row.image is None or not _copied_for(scene, row))
+    for row in settings.pictures:
+        theirs, row.image = row.image, _own_copy(scene, row.image)
         for entry in row.camera.data.background_images:
             if entry.image == theirs:
                 entry.image = row.image
+    if settings.use_composite:
+        versions.unshare_compositor(scene)
+        compositor.exchange_images(scene, lambda image: _own_copy(scene, image))
+        settings.composite_image = next(iter(compositor.images_of(scene)), None)
+
+
+def _own_copy(scene, image):
+    """A copy of another scene's picture that is this scene's."""
+    copy = images.copy_of(image)
+    copy[OWNER] = scene.rle_splat.scene_id
+    return copy
 
 
 def _copied_for(scene, row) -> bool:

@@ -259,6 +259,9 @@ class SceneSettings(bpy.types.PropertyGroup):
         "setting changes")
     composite_object: PointerProperty(
         name="Composite Volume", type=bpy.types.Object, description="The volume that is laid over renders")
+    deleted_volume: StringProperty(
+        name="Deleted Volume", description="What the composited volume was called that was deleted",
+        options={"HIDDEN"})
     composite_image: PointerProperty(
         name="Composite Picture", type=bpy.types.Image, description="The picture that is laid over renders")
     use_previews: BoolProperty(
@@ -268,6 +271,17 @@ class SceneSettings(bpy.types.PropertyGroup):
         "seconds from when the volume is classified. The picture stays the same; Esc brings the former one back. "
         "Takes up to 100 MB of memory; scripts and renders have no previews")
     message: StringProperty(name="Message", description="What went wrong in the last render or frame change")
+    render_problem: StringProperty(
+        name="Problem of the Render", description="What the last render does not show and why: its first error, with "
+        "the frames that failed")
+    failed_frames: StringProperty(
+        name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7")
+    on_failed_frame: EnumProperty(
+        name="If a Frame Fails", description="What becomes of a rendered frame in which the volume cannot be drawn",
+        items=[("PLACEHOLDER", "Placeholder", "Magenta stripes stand in for the volume, and the render goes on"),
+               ("STOP", "Stop", "Magenta stripes stand in for the volume, and an animation ends after that frame. "
+                "Blender counts it as finished, since an extension cannot cancel a render. A script that renders one "
+                "still after the other goes on")])
     use_composite: BoolProperty(
         name="Composite into Render", description="Splat anew for every rendered frame and lay it over the render",
         default=False)

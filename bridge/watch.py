@@ -59,12 +59,21 @@ def attend(scene, depsgraph) -> None:
         for one in bpy.data.scenes:
             if one.library is None:
                 follow_scene.remove_deleted(one)
+                _release_composited(one)
                 pictures.release_deleted(one, presence.is_deleted)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
         if freshness.judge(scene, depsgraph):
             redraw(bpy.context)
     finally:
         _attending.clear()
+
+
+def _release_composited(scene) -> None:
+    """Let go of a composited volume that was deleted, so that a purge removes it; its name stays for the message."""
+    settings = scene.rle_splat
+    if settings.composite_object is not None and presence.is_deleted(settings.composite_object):
+        settings.deleted_volume = settings.composite_object.name
+        settings.composite_object = None
 
 
 def stop() -> None:

@@ -32,13 +32,20 @@ class RLE_SPLAT_OT_composite(bpy.types.Operator):
             compositor.check_editable(scene)
         except RleSplatError as problem:
             return refuse(self, problem)
-        image = pictures.find_or_make(scene, volume_object, "composite", width, height)
-        images.clear(image)
-        remarks = compositor.insert(scene, image)
+        def make_image(earlier, layer):
+            parts = [volume_object.name[: pictures.LONGEST_NAME], pictures.SUFFIXES["composite"], layer]
+            own = earlier if pictures.owned_by(earlier, scene) else None
+            image = images.ensure_image(own, " ".join(filter(None, parts)), width, height)
+            pictures.own(image, scene)
+            images.clear(image)
+            return image
+
         settings = scene.rle_splat
-        settings.composite_object, settings.composite_image = volume_object, image
+        settings.composite_image = None
+        remarks = compositor.insert(scene, make_image)
+        settings.composite_object, settings.composite_image = volume_object, compositor.images_of(scene)[0]
         settings.use_composite = True
-        settings.message = ""
+        settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
             remarks.append(f"Only {volume_object.name} is composited; not {', '.join(others)}.")
@@ -60,11 +67,14 @@ class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        compositor.remove(context.scene)
         settings = context.scene.rle_splat
         settings.use_composite = False
         settings.composite_object = settings.composite_image = None
-        settings.message = ""
+        settings.message = settings.render_problem = settings.failed_frames = ""
+        made = compositor.images_of(context.scene)
+        compositor.remove(context.scene)
+        for image in made:
+            compositor.drop(image)
         return {"FINISHED"}
 
 

@@ -43,6 +43,13 @@ from .warp.warp import TAPS, warp, warp_reach
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 COMPILING = "; compiling kernels, the first time only"
 
+ONE_VOXEL_THICK = (
+    "The volume is one voxel thick, and post-classified matter fills the space between voxel centres: nothing is "
+    "shown; choose the classification pre."
+)
+ALL_TRANSPARENT = "The transfer function makes every voxel transparent, so the picture is empty."
+EMPTY_REMARKS = (ONE_VOXEL_THICK, ALL_TRANSPARENT, NOTHING_LEFT)  # those that say why a picture is empty
+
 
 def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Kept | None = None) -> Rendering:
     """The picture of a scene.
@@ -386,12 +393,9 @@ def _remarks(scene: Scene, quality: Quality, medium: Medium, view: IndexView) ->
     if isinstance(scene.volume, StoredVolume) and quality.classification == "pre":
         remarks.append("A .rle file holds voxels that are classified already, so they are splatted as they are: pre.")
     if quality.classification == "post" and min(scene.volume.shape_xyz) == 1:
-        remarks.append(
-            "The volume is one voxel thick, and post-classified matter fills the space between voxel centres: nothing "
-            "is shown; choose the classification pre."
-        )
+        remarks.append(ONE_VOXEL_THICK)
     elif medium.visible_voxels == 0:
-        remarks.append("The transfer function makes every voxel transparent, so the picture is empty.")
+        remarks.append(ALL_TRANSPARENT)
     furthest = box_depths(view, scene.volume.shape_xyz)[1]
     if furthest >= NO_DEPTH:
         remarks.append(

@@ -286,15 +286,13 @@ def test_a_hidden_volume_is_not_composited(volume, tmp_path):
     assert np.abs(scenes.rendered(tmp_path / "hidden.exr")).max() == 0.0
 
 
-def test_a_failure_in_a_render_blanks_the_picture_and_is_told(volume, tmp_path, capfd):
-    bpy.ops.rle_splat.composite()
-    assert scenes.rendered(tmp_path / "seen.exr")[32, 32, 3] > 0.3
-    (tmp_path / "cube.raw").unlink()
-    assert np.abs(scenes.rendered(tmp_path / "blank.exr")).max() == 0.0
-    message = bpy.context.scene.rle_splat.message
-    assert "cube.raw" in message and message.count(".") >= 1 and "Traceback" not in message
-    printed = capfd.readouterr()
-    assert message in printed.out and "Traceback" not in printed.out + printed.err
+def test_removing_a_composite_leaves_no_picture_behind(volume):
+    images = len(bpy.data.images)
+    for _ in range(3):
+        bpy.ops.rle_splat.composite()
+        assert len(bpy.data.images) == images + 1
+        bpy.ops.rle_splat.remove_composite()
+        assert len(bpy.data.images) == images
 
 
 def test_without_a_composite_renders_are_left_alone(volume, tmp_path):
