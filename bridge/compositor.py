@@ -69,7 +69,7 @@ def insert(scene, make_image) -> list[str]:
     layers = _layer_nodes(tree, scene)
     names = {node.layer for node in layers}
     if not _is_laid_out(tree, scene, names):
-        for over in _marked(tree, _OVER):  # torn apart by hand, or for other layers: built anew, with the same past
+        for over in _marked(tree, _OVER):  # torn apart or muted, or of other layers: built anew, with the same past
             before = {key: over.get(f"was_{key}", value) for key, value in before.items()}
         _take_out(tree)
         for target in layers if len(names) > 1 else [None]:
@@ -265,20 +265,15 @@ def _layer_nodes(tree, scene) -> list:
 
 
 def _is_laid_out(tree, scene, names: set[str]) -> bool:
-    """Whether our nodes are whole and as they would be made: one picture, or one for each of several view layers."""
+    """Whether our nodes are as they would be made: one picture, or one for each of several view layers, and all of them
+    reach the result."""
     nodes, overs = _marked(tree, _PICTURE), _marked(tree, _OVER)
-    if not nodes or len(nodes) != len(overs) or not all(_is_whole(over, nodes) for over in overs):
+    if not nodes or len(nodes) != len(overs) or set(nodes) != _reaching(tree):
         return False
     if len(names) < 2:
         return len(nodes) == 1
     layers = [_layers_of(tree, node, scene) for node in nodes]
     return all(len(own) == 1 for own in layers) and set().union(*layers) == names
-
-
-def _is_whole(over, pictures) -> bool:
-    """Whether a picture still enters the Alpha Over and its result still goes somewhere."""
-    foreground = _colors(over)[1]
-    return any(link.from_node in pictures for link in foreground.links) and over.outputs[0].is_linked
 
 
 def _add_pair(tree, x: float, y: float):
