@@ -281,14 +281,33 @@ def test_an_override_of_an_override(library, bridge, tmp_path):
     save(tmp_path / "work" / "work.blend")
     bpy.ops.wm.link(directory=f"{tmp_path / 'middle' / 'middle.blend'}/Object/", filename="scan")
     owner = scan()
-    for _again in range(2):
+    for override_it in (True, False):
         found = shape_of(owner, bridge)
         assert found["files"] == [str(library.parent / "scan.raw"), str(tmp_path / "middle" / "labels.raw")]
         assert found["labels"] == labels.tobytes() and owner.rle_splat.window_center == 11.0
-        owner = owner.override_create(remap_local_usages=True)
-        owner.rle_splat.opacity_scale = 0.75
-        owner = reopened()
-    assert owner.rle_splat.opacity_scale == 0.75
+        if override_it:
+            owner.override_create(remap_local_usages=True).rle_splat.opacity_scale = 0.75
+            owner = reopened()
+    assert owner.library is None and owner.rle_splat.opacity_scale == 0.75
+
+
+def test_an_override_keeps_its_edits_when_the_library_changes(library, bridge, tmp_path):
+    owner = bring(library, "override")
+    owner.rle_splat.window_center = 11.0
+    owner.rle_splat.labels[2].show = False
+    work = bpy.data.filepath
+    save(work)
+    bpy.ops.wm.open_mainfile(filepath=str(library))
+    activate(scan())
+    scan().rle_splat.opacity_scale = 0.375
+    scan().rle_splat.label_file = str(library.parent / "other_labels.raw")  # 0, 2 and 7
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    save(library)
+    bpy.ops.wm.open_mainfile(filepath=work)
+    properties = scan().rle_splat
+    assert properties.window_center == 11.0 and properties.opacity_scale == 0.375
+    assert {row.label: row.show for row in properties.labels} == {0: True, 2: False, 7: True}
+    assert bridge("volumes").resolved_path(scan(), "label_file") == str(library.parent / "other_labels.raw")
 
 
 def test_append_from_a_file_that_links_the_volume(library, bridge, tmp_path):
