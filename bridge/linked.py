@@ -37,13 +37,15 @@ def why_not_editable(owner) -> str:
 
 
 def library_of(owner, name: str):
-    """The library that the value of the volume's property ``name`` comes from; None for the open file.
-
-    Equal values count as not overridden: so does Blender when it saves.
-    """
-    while owner.override_library is not None and owner.override_library.reference is not None:
-        reference = owner.override_library.reference
-        if not reference.is_missing and getattr(reference.rle_splat, name) != getattr(owner.rle_splat, name):
-            break
-        owner = reference
+    """The library that the value of the volume's property ``name`` comes from; None for the open file."""
+    while owner.override_library is not None and not _is_overridden(owner, name):
+        owner = owner.override_library.reference
     return owner.library
+
+
+def _is_overridden(owner, name: str) -> bool:
+    override = owner.override_library
+    if override.reference.is_missing:  # the library's file is away
+        return any(entry.rna_path == f"rle_splat.{name}" for entry in override.properties)
+    # Blender lists an edit only when it saves, by the same comparison.
+    return getattr(override.reference.rle_splat, name) != getattr(owner.rle_splat, name)

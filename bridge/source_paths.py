@@ -44,9 +44,8 @@ def resolved_path(owner, name: str = "filepath") -> str:
 def write_path(owner, name: str, path: str, blend_file: str) -> None:
     """Set a path property of a volume that is not linked to ``path`` (absolute), as kept in ``blend_file``."""
     kept = kept_path(path, blend_file)
-    override = owner.override_library
-    if override is not None and kept.startswith("//") and kept == getattr(override.reference.rle_splat, name):
-        kept = "//./" + kept[2:]  # equal text would be the library's value to Blender, counted from another folder
+    if owner.override_library is not None and kept.startswith("//"):
+        kept = "//./" + kept[2:]  # never the library's text, which Blender would take for no override at all
     if kept != getattr(owner.rle_splat, name):
         setattr(owner.rle_splat, name, kept)
     _written_here.add((owner.session_uid, name, kept))

@@ -310,6 +310,34 @@ def test_an_override_keeps_its_edits_when_the_library_changes(library, bridge, t
     assert bridge("volumes").resolved_path(scan(), "label_file") == str(library.parent / "other_labels.raw")
 
 
+def test_an_override_outlives_a_library_that_is_missing_for_a_while(library, bridge, tmp_path):
+    owner = bring(library, "override")
+    owner.rle_splat.label_file = str(tmp_path / "work" / "labels.raw")  # the library's text, too, is "//labels.raw"
+    owner.rle_splat.window_center = 11.0
+    before, work = shape_of(owner, bridge), bpy.data.filepath
+    save(work)
+    library.rename(library.parent / "away.blend")
+    bpy.ops.wm.open_mainfile(filepath=work)
+    assert scan().rle_splat.window_center == 11.0
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "labels.raw").write_bytes((tmp_path / "work" / "labels.raw").read_bytes())
+    save(tmp_path / "elsewhere" / "moved.blend")
+    (library.parent / "away.blend").rename(library)
+    assert shape_of(reopened(), bridge) == before
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="Blender packs linked data from 5.0 on")
+def test_linked_data_packed_into_the_file(library, bridge, refused):
+    with bpy.data.libraries.load(str(library), link=True, pack=True) as (_, target):
+        target.objects = ["scan"]
+    bpy.context.scene.collection.objects.link(target.objects[0])
+    before = shape_of(scan(), bridge)
+    assert scan().is_linked_packed and before["files"][0] == str(library.parent / "scan.raw")
+    activate(scan())
+    refused(bpy.ops.rle_splat.apply_preset, SENTENCE, preset="mr-head")
+    assert shape_of(reopened(), bridge) == before
+
+
 def test_append_from_a_file_that_links_the_volume(library, bridge, tmp_path):
     (tmp_path / "middle").mkdir()
     write_raw(tmp_path / "middle" / "scan.raw", 50)
