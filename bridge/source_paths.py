@@ -17,7 +17,7 @@ from . import linked
 
 PATHS = ("filepath", "label_file")  # of a volume's properties
 
-_leads_to: dict = {}  # (property, relative path, hash of the voxels) of a linked volume -> absolute path
+_leads_to: dict = {}  # (property, relative path, hash of the voxels) from a library -> absolute path
 _written_here: set = set()  # (session uid, property, relative path) of volumes whose paths count from the open file
 _while_saving: dict = {}  # object's session uid -> absolute paths by property, from before a save to after it
 
@@ -35,10 +35,14 @@ def kept_path(path: str, blend_file: str) -> str:
 def resolved_path(owner, name: str = "filepath") -> str:
     """The absolute path of a volume object's file, or of another that the property ``name`` holds."""
     path = getattr(owner.rle_splat, name)
+    key = (name, path, owner.rle_splat.data_key)
     library = linked.library_of(owner, name)
     if library is None and (owner.session_uid, name, path) not in _written_here:
-        path = _leads_to.get((name, path, owner.rle_splat.data_key), path)
-    return os.path.normpath(bpy.path.abspath(path, library=library))
+        path = _leads_to.get(key, path)
+    found = os.path.normpath(bpy.path.abspath(path, library=library))
+    if library is not None and path.startswith("//"):
+        _leads_to[key] = found
+    return found
 
 
 def write_path(owner, name: str, path: str, blend_file: str) -> None:
@@ -61,15 +65,11 @@ def _own_paths(owner) -> list[str]:
 
 
 def _remember(owner) -> None:
-    """Remember where the paths of a linked volume lead, or that those of another count from the open file."""
-    properties = owner.rle_splat
-    if owner.library is None:
-        _written_here.update((owner.session_uid, name, getattr(properties, name)) for name in _own_paths(owner))
-        return
-    for name in PATHS:
-        path = getattr(properties, name)
-        if path.startswith("//"):
-            _leads_to[name, path, properties.data_key] = resolved_path(owner, name)
+    """Remember which paths of a volume count from the open file, and where those from libraries lead."""
+    own = _own_paths(owner)
+    _written_here.update((owner.session_uid, name, getattr(owner.rle_splat, name)) for name in own)
+    for name in set(PATHS) - set(own):
+        resolved_path(owner, name)
 
 
 @persistent
