@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS, same_plan
 from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
-from . import pictures
+from . import linked, pictures
 from .decimals import typed
 from .settings import quality_of, tolerance_of
 
@@ -70,6 +70,11 @@ def is_current(scene, row) -> bool:
 
 def choose(scene, row) -> None:
     """Set the scene's knobs to a row's plan, and its quality to the one of that plan, "custom" where there is none."""
+    if scene.library is not None:
+        raise RleSplatError(
+            f"The scene {scene.name!r} is linked from {linked.file_name(scene.library)}, where its quality is kept; "
+            "make it local."
+        )
     settings, plan = scene.rle_splat, plan_of(row)
     settings.max_error = 0.0  # which would choose a plan by itself
     settings.quality, settings.classification = "custom", plan.classification  # first: others then suit it

@@ -5,11 +5,14 @@ Each is imported as any volume is, so its file, its transfer function and its wi
 
 from __future__ import annotations
 
+import uuid
+
 import bpy
-from bpy.props import BoolProperty, PointerProperty
 
 from ..rle_splat.scene import Channel, RleSplatError
-from . import presence, transfer, volumes
+from . import linked, presence, transfer, volumes
+from .labels import remove_row
+from .overridable import BoolProperty, PointerProperty
 
 
 def _evaluate_anew(row, _context):
@@ -17,7 +20,7 @@ def _evaluate_anew(row, _context):
 
 
 class ChannelProperties(bpy.types.PropertyGroup):
-    """One further volume."""
+    """One further volume.  Its ``name``, by which overrides find it, is like no other."""
 
     source: PointerProperty(
         name="Volume", type=bpy.types.Object, poll=lambda row, other: can_be_added(row.id_data, other),
@@ -43,7 +46,22 @@ def add_channels(owner, others) -> None:
                 f"{other.name!r} has {its} voxels and {owner.name!r} {mine}; choose a volume on the same grid."
             )
     for other in others:
-        owner.rle_splat.channels.add().source = other
+        row = owner.rle_splat.channels.add()
+        row.name, row.source = uuid.uuid4().hex, other
+
+
+def remove_channel(owner, index: int) -> None:
+    """Take a channel away; raises RleSplatError where there is none of that number, or it must stay."""
+    rows = owner.rle_splat.channels
+    if index >= len(rows):
+        raise RleSplatError(f"There are {len(rows)} channels and none of number {index}; choose one of them.")
+    if not remove_row(rows, index):
+        library = linked.file_name(owner.override_library.reference.library)
+        raise RleSplatError(
+            f"Channel {index} of {owner.name!r} comes from {library}, and a library override cannot drop it; switch it "
+            "off instead."
+        )
+    owner.update_tag()
 
 
 def read_channels(owner, depsgraph) -> tuple[Channel, ...]:

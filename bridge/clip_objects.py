@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..rle_splat.scene import Clip, RleSplatError
-from . import presence
+from . import linked, presence
 
 COLLECTION = "Clip Objects"
 PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # kinds of Empty with a +Z to see
@@ -73,11 +73,14 @@ def _bounds(corners: np.ndarray) -> tuple[str, np.ndarray]:
 
 
 def ensure_collection(scene):
-    """The scene's collection of clip objects, made where there is none."""
+    """The scene's collection of clip objects that takes more: made where there is none, or around a linked one."""
     settings = scene.rle_splat
-    if settings.clip_objects is None:
+    given = settings.clip_objects
+    if given is None or not linked.is_own(given):
         settings.clip_objects = bpy.data.collections.new(COLLECTION)
         scene.collection.children.link(settings.clip_objects)
+        if given is not None:
+            settings.clip_objects.children.link(given)
     return settings.clip_objects
 
 

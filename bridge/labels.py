@@ -9,13 +9,13 @@ import os
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ..rle_splat.classify.label_looks import LabelLook, labels_of
 from ..rle_splat.read.formats import format_of
 from ..rle_splat.scene import Labels, RleSplatError
 from . import volumes
 from .decimals import typed
+from .overridable import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from .preset_items import IMPORT_ITEMS, SUGGESTED
 
 OWN = "OWN"
@@ -32,7 +32,7 @@ def _evaluate_anew(row, _context):
 
 
 class LabelProperties(bpy.types.PropertyGroup):
-    """What the voxels of one label look like; its ``name`` is for people."""
+    """What the voxels of one label look like.  Its ``name`` is the number as text, by which overrides find it."""
 
     label: IntProperty(name="Label", description="The number that the label's voxels have")
     label_name: StringProperty(name="Name", description="What the label stands for")
@@ -90,8 +90,11 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     return labels_of(load_labels(owner, volume.shape_xyz), looks, volume, transfer_function)
 
 
-def list_labels(owner, volume) -> int:
-    """Make a row for each label in the file, keeping what is said of those already listed; how many there are."""
+def list_labels(owner, volume) -> tuple[int, int]:
+    """Make a row for each label in the file, keeping what is said of those already listed.
+
+    Returns how many labels there are, and how many further rows stay: an override cannot drop its library's.
+    """
     found = load_labels(owner, volume.shape_xyz)
     Labels(found)  # whole numbers, or a sentence
     if found.shape_xyz != volume.shape_xyz:
@@ -103,12 +106,20 @@ def list_labels(owner, volume) -> int:
         )
     rows = owner.rle_splat.labels
     known = [row.label for row in rows]
-    for index in reversed(range(len(rows))):
-        if known[index] not in numbers:
-            rows.remove(index)
+    unused = [index for index, label in enumerate(known) if label not in numbers]
+    further = sum(not remove_row(rows, index) for index in reversed(unused))
     for number in numbers:
         if int(number) not in known:
             row = rows.add()
-            row.label = int(number)
+            row.name, row.label = str(number), int(number)
             row.label_name = "Background" if number == 0 else f"Label {number}"
-    return len(numbers)
+    return len(numbers), further
+
+
+def remove_row(rows, index: int) -> bool:
+    """Remove a row of a collection property; False where the row is the library's, whose rows overrides keep."""
+    try:
+        rows.remove(index)
+    except TypeError:
+        return False
+    return True

@@ -4,7 +4,7 @@ import os
 
 import bpy
 
-from . import box, source_options, source_paths, volumes
+from . import box, linked, source_options, source_paths, volumes
 from .facts import write_facts
 from .settings import scene_scale_of
 from .transfer import write_transfer
@@ -22,7 +22,8 @@ def add_volume(context, path: str, volume, options, transfer_function, at_cursor
     source_options.copy(options, properties)
     remark = fill_volume(context.scene, owner, path, volume)
     remark = write_transfer(owner, transfer_function) or remark
-    context.collection.objects.link(owner)
+    home = context.collection if linked.is_own(context.collection) else context.scene.collection
+    home.objects.link(owner)
     if at_cursor:
         corners = box.corners_of(volume.shape_xyz, volume.affine)
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) * scene_scale_of(context.scene, volume.unit)
@@ -40,7 +41,7 @@ def fill_volume(scene, owner, path: str, volume) -> None:
     """Point a volume object at a file that was read into ``volume``: path, hash, facts, box, voxels in memory."""
     properties = owner.rle_splat
     properties.is_volume = True
-    properties.filepath = source_paths.kept_path(os.path.abspath(path), bpy.data.filepath)
+    source_paths.write_path(owner, "filepath", os.path.abspath(path), bpy.data.filepath)
     properties.data_key = volume.voxel_key
     write_facts(owner, volume)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))

@@ -8,15 +8,6 @@ can be keyframed on the object.
 from functools import partial
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    IntProperty,
-    PointerProperty,
-    StringProperty,
-)
 
 from ..rle_splat import scene as tables
 from ..rle_splat.effects.ray_mode import MODE_NAMES
@@ -25,6 +16,15 @@ from .accuracy import AccuracyRowProperties
 from .channels import ChannelProperties
 from .effects import EffectOverrideProperties, EffectRowProperties
 from .labels import LabelProperties
+from .overridable import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 from .pictures import PictureProperties
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions

@@ -4,7 +4,10 @@ import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from bpy.props import (
+
+from ..rle_splat.volume.volume import STORED_TYPES
+from .decimals import typed, typed_tuple
+from .overridable import (
     BoolProperty,
     EnumProperty,
     FloatProperty,
@@ -13,9 +16,6 @@ from bpy.props import (
     IntVectorProperty,
     StringProperty,
 )
-
-from ..rle_splat.volume.volume import STORED_TYPES
-from .decimals import typed, typed_tuple
 
 FILE_SAYS = ("AUTO", "As the File Says", "Taken from the file, or guessed from its size and name")
 DTYPE_ITEMS = [FILE_SAYS] + [(name, name, "") for name in STORED_TYPES]

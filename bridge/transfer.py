@@ -7,6 +7,7 @@ as copies share a material, and has a window of its own.
 
 from ..rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from ..rle_splat.scene import RleSplatError
+from . import linked
 from . import transfer_nodes as nodes
 from .decimals import rounded_to_span, typed
 
@@ -28,7 +29,8 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     properties.window_center = 0.5 * (low + high)
     properties.window_width = high - low
     low, high = window_of(properties)  # as rounded by the properties, so that values come back as they were
-    if properties.transfer is None or not nodes.is_transfer_tree(properties.transfer):
+    tree = properties.transfer
+    if tree is None or not nodes.is_transfer_tree(tree) or not linked.is_own(tree):  # overrides of curves are lost
         properties.transfer = nodes.new_tree(volume_object.name)
     opacity = _cropped(_without_inner_repeats(transfer_function.opacity), low, high, transfer_function.alpha_at)
     color = _cropped(_without_inner_repeats(transfer_function.color), low, high, transfer_function.color_at)
@@ -57,6 +59,18 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     return ""
 
 
+def why_unusable(volume_object) -> str:
+    """A clause on why the object has no transfer function, and what to do; "" where it has one."""
+    tree = volume_object.rle_splat.transfer
+    if tree is None or not nodes.is_marked(tree):
+        return f"{volume_object.name!r} has no transfer function; apply a preset in the RLE Splat tab"
+    missing = nodes.missing_nodes(tree)
+    if missing:
+        return (f"The transfer function of {volume_object.name!r} lacks its node {missing[0]!r}; undo, or apply a "
+                "preset in the RLE Splat tab")
+    return ""
+
+
 def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     """The object's transfer function; with a depsgraph, as animated at its frame.
 
@@ -65,9 +79,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     source = volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)
     properties = source.rle_splat
     tree = properties.transfer
-    if tree is None or not nodes.is_transfer_tree(tree):
-        raise RleSplatError(
-            f"{volume_object.name!r} has no transfer function; apply a preset in the RLE Splat tab.")
+    problem = why_unusable(source)
+    if problem:
+        raise RleSplatError(f"{problem}.")
     # Blender evaluates a script's edits of the points only when the tree is tagged; the tree itself has them at once.
     tree = tree.original
     if depsgraph is not None and _is_animated(tree):
@@ -127,11 +141,17 @@ def move_window(volume_object, center: float, width: float, keep_values: bool = 
     return remark
 
 
+def is_shared(volume_object) -> bool:
+    """Whether the object's node group is another's too, or a library's, where edits would be lost."""
+    tree = volume_object.rle_splat.transfer
+    return tree.users > 1 or not linked.is_own(tree)
+
+
 def own_tree(volume_object) -> None:
     """Give the object a node group that no other object shares."""
     properties = volume_object.rle_splat
-    if properties.transfer is not None:
-        properties.transfer = properties.transfer.copy()
+    properties.transfer = linked.own_copy(properties.transfer)
+    linked.own_action(properties.transfer)
 
 
 _ITEM_OF_HIGHLIGHT = {"blinn-phong": "BLINN_PHONG", "phong": "PHONG"}
@@ -147,6 +167,9 @@ def keyframe(volume_object, frame: float) -> int:
     Blender makes no path to a curve's point by itself, so the path is spelt out from the node group.
     """
     properties = volume_object.rle_splat
+    if not linked.is_own(properties.transfer):
+        own_tree(volume_object)
+    linked.own_action(volume_object)
     tree = properties.transfer
     for name in KEYED:
         properties.keyframe_insert(name, frame=frame)

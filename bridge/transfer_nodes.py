@@ -11,6 +11,7 @@ import numpy as np
 
 COLOR_NODE = "Color"
 OPACITY_NODE = "Opacity"
+_KINDS = {COLOR_NODE: "ShaderNodeValToRGB", OPACITY_NODE: "ShaderNodeFloatCurve"}
 MARK = "rle_splat_transfer"
 MOST_STOPS = 32  # Blender's limit on the stops of a colour ramp
 # A repeated position is a step.  Blender may swap points at one position when it sorts, so the second stands this
@@ -20,14 +21,24 @@ TABLE = 256  # Blender evaluates a curve through a table of this many intervals
 
 
 def is_transfer_tree(tree) -> bool:
-    return bool(tree.get(MARK)) and COLOR_NODE in tree.nodes and OPACITY_NODE in tree.nodes
+    return is_marked(tree) and not missing_nodes(tree)
+
+
+def is_marked(tree) -> bool:
+    """Whether a tree was made for a transfer function, even where a user has deleted nodes of it since."""
+    return bool(tree.get(MARK))
+
+
+def missing_nodes(tree) -> list[str]:
+    """Names of the nodes of a transfer function that a tree lacks: a user can delete and rename them."""
+    return [name for name, kind in _KINDS.items() if name not in tree.nodes or tree.nodes[name].bl_idname != kind]
 
 
 def new_tree(name: str):
     """A new node group; the leading dot hides it from menus of node groups."""
     tree = bpy.data.node_groups.new(f".RLE Splat {name}", "ShaderNodeTree")
     tree[MARK] = True
-    for kind, label in (("ShaderNodeValToRGB", COLOR_NODE), ("ShaderNodeFloatCurve", OPACITY_NODE)):
+    for label, kind in _KINDS.items():
         node = tree.nodes.new(kind)
         node.name = node.label = label
     return tree

@@ -11,6 +11,7 @@ import bpy
 from ..rle_splat.read.formats import read_volume
 from ..rle_splat.scene import RleSplatError
 from .source_options import read_options
+from .source_paths import resolved_path
 
 _kept: dict = {}  # source key -> (Volume, hash of its voxels)
 
@@ -32,11 +33,6 @@ def volume_object(context):
         if len(candidates) == 1:
             return candidates[0]
     return None
-
-
-def resolved_path(owner, name: str = "filepath") -> str:
-    """The absolute path of a volume object's file, or of another that the property ``name`` holds."""
-    return os.path.normpath(bpy.path.abspath(getattr(owner.rle_splat, name), library=owner.library))
 
 
 def read_file(path: str, options: dict):

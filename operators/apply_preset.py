@@ -6,7 +6,7 @@ from bpy.props import EnumProperty
 from ..bridge import transfer, volumes
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume, refuse
+from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_apply_preset(bpy.types.Operator):
@@ -20,7 +20,7 @@ class RLE_SPLAT_OT_apply_preset(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_editable_volume(cls, context)
 
     def _warn(self, sentence):
         self.report({"WARNING"}, sentence)

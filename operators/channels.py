@@ -5,7 +5,7 @@ from bpy.props import IntProperty
 
 from ..bridge import channels, volumes
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume, refuse
+from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_volume(cls, context):
+        if not has_editable_volume(cls, context):
             return False
         owner = volumes.volume_object(context)
         if not any(channels.can_be_added(owner, one) for one in context.selected_objects):
@@ -47,15 +47,13 @@ class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_editable_volume(cls, context)
 
     def execute(self, context):
-        owner = volumes.volume_object(context)
-        rows = owner.rle_splat.channels
-        if self.index >= len(rows):
-            return refuse(self, f"There are {len(rows)} channels and none of number {self.index}; choose one of them.")
-        rows.remove(self.index)
-        owner.update_tag()
+        try:
+            channels.remove_channel(volumes.volume_object(context), self.index)
+        except RleSplatError as problem:
+            return refuse(self, problem)
         return {"FINISHED"}
 
 

@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge import transfer, volumes
-from .refusal import has_own_transfer
+from .refusal import has_editable_transfer
 
 
 class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
@@ -15,7 +15,7 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_own_transfer(cls, context)
+        return has_editable_transfer(cls, context)
 
     def execute(self, context):
         count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)

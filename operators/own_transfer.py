@@ -3,11 +3,11 @@
 import bpy
 
 from ..bridge import transfer, volumes
-from .refusal import has_own_transfer
+from .refusal import has_editable_transfer
 
 
 class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
-    """Give this volume colours and a curve of its own; copies of an object share them until then"""
+    """Give this volume colours and a curve of its own, to be edited alone; copies of an object share them until then"""
 
     bl_idname = "rle_splat.own_transfer"
     bl_label = "Make Single User"
@@ -15,9 +15,9 @@ class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_own_transfer(cls, context):
+        if not has_editable_transfer(cls, context):
             return False
-        if volumes.volume_object(context).rle_splat.transfer.users < 2:
+        if not transfer.is_shared(volumes.volume_object(context)):
             cls.poll_message_set("No other object shares this transfer function")
             return False
         return True

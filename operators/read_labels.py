@@ -4,7 +4,7 @@ import bpy
 
 from ..bridge import labels, volumes
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume, refuse
+from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
@@ -16,7 +16,7 @@ class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_volume(cls, context):
+        if not has_editable_volume(cls, context):
             return False
         if not volumes.volume_object(context).rle_splat.label_file:
             cls.poll_message_set("Choose the file of labels first")
@@ -26,10 +26,11 @@ class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
     def execute(self, context):
         owner = volumes.volume_object(context)
         try:
-            count = labels.list_labels(owner, volumes.load_volume(owner))
+            count, further = labels.list_labels(owner, volumes.load_volume(owner))
         except RleSplatError as problem:
             return refuse(self, problem)
-        self.report({"INFO"}, f"{count} labels")
+        self.report({"INFO"}, f"{count} labels" + (
+            f"; {further} rows of the library stay, without voxels" if further else ""))
         return {"FINISHED"}
 
 

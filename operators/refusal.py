@@ -1,6 +1,6 @@
 """How an operator says no, and which volume it works on."""
 
-from ..bridge import volumes
+from ..bridge import linked, transfer, volumes
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
 WHICH_VOLUME = "Select one of the scene's volumes"
@@ -20,15 +20,18 @@ def has_volume(cls, context) -> bool:
     return False
 
 
-def has_own_transfer(cls, context) -> bool:
-    """For ``poll``: whether the volume has a transfer function that may be edited."""
-    if not has_volume(cls, context):
-        return False
-    tree = volumes.volume_object(context).rle_splat.transfer
-    if tree is None:
-        cls.poll_message_set("The volume has no transfer function; apply a preset")
-        return False
-    if not tree.is_editable:
-        cls.poll_message_set("The transfer function is linked from another file; make it local first")
-        return False
-    return True
+def has_editable_volume(cls, context) -> bool:
+    """For ``poll``: whether it is clear which volume is meant, and edits of it are kept in the .blend."""
+    return has_volume(cls, context) and _is_no_problem(cls, linked.why_not_editable(volumes.volume_object(context)))
+
+
+def has_editable_transfer(cls, context) -> bool:
+    """For ``poll``: whether the volume has a transfer function, and edits of the volume are kept in the .blend."""
+    return has_editable_volume(cls, context) and _is_no_problem(
+        cls, transfer.why_unusable(volumes.volume_object(context)))
+
+
+def _is_no_problem(cls, problem: str) -> bool:
+    if problem:
+        cls.poll_message_set(problem)
+    return not problem

@@ -10,7 +10,7 @@ from ..bridge import new_volume, source_options, volumes
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
 from .import_volume import LAST_SUFFIXES
-from .refusal import has_volume, refuse
+from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
@@ -24,7 +24,7 @@ class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_editable_volume(cls, context)
 
     def execute(self, context):
         owner = volumes.volume_object(context)

@@ -7,7 +7,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..bridge import transfer, volumes
 from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume, refuse
+from .refusal import has_editable_volume, has_volume, refuse
 
 
 class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
@@ -21,7 +21,7 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_editable_volume(cls, context)
 
     def execute(self, context):
         try:

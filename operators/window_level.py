@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..bridge import transfer, volumes
-from .refusal import has_own_transfer
+from .refusal import has_editable_transfer
 
 # Customary settings of CT consoles, HU: level, window.
 CT_WINDOWS = {
@@ -36,7 +36,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_own_transfer(cls, context)
+        return has_editable_transfer(cls, context)
 
     def invoke(self, context, _event):
         properties = volumes.volume_object(context).rle_splat

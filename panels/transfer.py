@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import previews, transfer_nodes, volumes
+from ..bridge import linked, previews, transfer, transfer_nodes, volumes
 from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar
@@ -56,7 +56,7 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
         if tree is None or not transfer_nodes.is_transfer_tree(tree):
             layout.label(text="No transfer function: apply a preset", icon="ERROR")
             return
-        if tree.users > 1:
+        if transfer.is_shared(owner):
             row.operator("rle_splat.own_transfer", text=str(tree.users), icon="DUPLICATE")
         icons = previews.histogram_icons(owner)
         if all(icons):
@@ -65,7 +65,7 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
             for icon in icons:
                 tiles.template_icon(icon_value=icon, scale=_tile_scale(context, len(icons)))
         curves = layout.column()
-        curves.enabled = tree.is_editable
+        curves.enabled = linked.is_own(tree)
         curves.template_curve_mapping(tree.nodes[transfer_nodes.OPACITY_NODE], "mapping")
         curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         unit = f" ({properties.transfer_unit})" if properties.transfer_unit else ""

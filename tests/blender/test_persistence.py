@@ -94,8 +94,7 @@ def test_append_and_link(volume_object, phantom, bridge, tmp_path, link):
     owner = the_volume()
     bpy.context.scene.collection.objects.link(owner)
     assert transfer.read_transfer(owner) == before
-    if link:  # an appended relative path is the user's to relocate; a linked one is known from its library
-        np.testing.assert_array_equal(volumes.load_volume(owner).voxels, phantom[1])
+    np.testing.assert_array_equal(volumes.load_volume(owner).voxels, phantom[1])
 
 
 def test_deleting_the_object_and_purging_leaves_nothing(volume_object, tmp_path):
