@@ -15,7 +15,7 @@ PROBES, REPEATS = 400, 3
 
 
 class _Measurement(StepwiseOperator):
-    """Reads the volume, alone, as the active camera sees it."""
+    """Reads the volume, alone and sharp in time, as the active camera sees it: the truths have no meshes."""
 
     @classmethod
     def poll(cls, context):
@@ -27,13 +27,15 @@ class _Measurement(StepwiseOperator):
         self._name, self._camera_name = volume_object.name, context.scene.camera.name
         return render_scene.read_scene(
             volume_object, context.evaluated_depsgraph_get(), with_meshes=False, with_shadows=False,
-            warn=lambda sentence: self.report({"WARNING"}, sentence))
+            moving=False, warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 
 class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.measure_accuracy"
     bl_label = "Measure Accuracy"
-    bl_description = "Time the sensible plans for this volume and camera, and measure their errors against the truth"
+    bl_description = (
+        "Time the sensible plans for this volume and camera, and measure their errors against the truth. The volume is "
+        "measured alone: without meshes, shadows and motion blur")
     bl_options = {"REGISTER", "UNDO"}
 
     probes: IntProperty(
@@ -85,7 +87,9 @@ class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
 class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.error_map"
     bl_label = "Error Map"
-    bl_description = "Make an image of how far the picture is from the truth, in levels, at the current quality"
+    bl_description = (
+        "Make an image of how far the picture is from the truth, in levels, at the current quality. The volume is "
+        "measured alone: without meshes, shadows and motion blur")
     bl_options = {"REGISTER", "UNDO"}
 
     step: IntProperty(

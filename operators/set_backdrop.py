@@ -38,7 +38,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         self._name, self._camera_name = volume_object.name, context.scene.camera.name
         plain, quality = render_scene.read_scene(
             volume_object, context.evaluated_depsgraph_get(),
-            with_meshes=self._place == "FRONT" and settings.meshes_occlude, moving=True,
+            with_meshes=self._place == "FRONT" and settings.meshes_occlude,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas, self._earlier = Canvas(self._name, "backdrop"), backdrop.state(context.scene.camera.data)
         tolerance = tolerance_of(context.scene)

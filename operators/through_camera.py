@@ -13,20 +13,22 @@ class ThroughCamera(StepwiseOperator):
     bl_options = {"REGISTER", "UNDO"}
 
     use_meshes: BoolProperty(
-        name="Meshes Occlude", default=False,
+        name="Meshes Occlude", options={"SKIP_SAVE"},
         description="Stop each ray at the first mesh surface, and let meshes cast shadows on the volume; otherwise the "
-        "volume is there alone")
+        "volume is there alone. Left unset, the scene's own Meshes Occlude holds")
 
     @classmethod
     def poll(cls, context):
         return has_volume_and_camera(cls, context)
 
-    def read_scene(self, context, *, moving: bool):
+    def read_scene(self, context):
         """(Scene, Quality), see ``render_scene.read_scene``; the volume's name is kept in ``_name``."""
         volume_object = volumes.volume_object(context)
         self._name = volume_object.name
+        own = self.properties.is_property_set("use_meshes")
         return render_scene.read_scene(
-            volume_object, context.evaluated_depsgraph_get(), with_meshes=self.use_meshes, moving=moving,
+            volume_object, context.evaluated_depsgraph_get(),
+            with_meshes=self.use_meshes if own else context.scene.rle_splat.meshes_occlude,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 

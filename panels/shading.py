@@ -30,6 +30,7 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         column.prop(settings, "use_shadows")
         column.prop(settings, "use_world")
         layout.prop(settings, "ambient_occlusion")
+        layout.prop(settings, "use_mist")
         layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
         column = layout.column(align=True)
         column.active = properties.use_shading
