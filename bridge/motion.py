@@ -143,7 +143,7 @@ def _curves(one) -> dict:
         (curve.data_path, curve.array_index): curve
         for bag in bags if bag is not None
         for curve in bag.fcurves
-        if _places(curve) and not curve.is_empty and not (curve.group is not None and curve.group.mute)
+        if _places(curve) and not curve.is_empty  # that its group is muted is of no account to Blender
     }
 
 

@@ -139,7 +139,7 @@ def test_a_stretched_timeline_and_a_frame_between_frames(blot, bridge):
 
 
 def test_what_an_f_curve_has_beside_keyframes(blot, bridge):
-    """Modifiers count; muted curves, muted groups and muted drivers do not."""
+    """Modifiers count, and curves of muted groups; muted curves and muted drivers do not."""
     key(blot, "location", (-0.5, 0.1, 0.0), (0.4, 0.2, 0.3), (0.1, 0.3, 0.5))
     key(blot, "rotation_euler", 0.0, 1.0, 3.0, index=2)
     (bag,) = blot.animation_data.action.layers[0].strips[0].channelbags
@@ -292,7 +292,9 @@ def push_down(one):
 
 def follow_path(one):
     curve = bpy.data.curves.new("path", "CURVE")
-    curve.splines.new("NURBS").points.add(3)
+    spline = curve.splines.new("POLY")
+    spline.points.add(1)
+    spline.points[1].co = (0.0, 0.0, 1.0, 1.0)
     path = bpy.data.objects.new("path", curve)
     bpy.context.scene.collection.objects.link(path)
     one.constraints.new("FOLLOW_PATH").target = path
@@ -326,7 +328,6 @@ def test_what_keyframes_do_not_tell_is_sharp_and_said_in_render_and_image_alike(
     scene.frame_set(FRAME)
     reason = f"the camera depends on {words}, which only a frame tells; bake its motion to keyframes"
     assert off_because(scene) == reason
-    scene.view_layers[0].use = True
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     scenes.rendered(tmp_path / "frame.exr")
     assert scene.rle_splat.effect_rows["motion blur"].reason == reason
