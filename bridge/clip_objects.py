@@ -76,8 +76,8 @@ def check_can_add(scene, view_layer) -> None:
     holder = scene.rle_splat.clip_objects or scene.collection
     if not holder.is_editable or holder.override_library is not None:
         raise RleSplatError(
-            f"The collection {holder.name!r} is linked from another file, so nothing can be added to it; choose another "
-            "collection of clip objects."
+            f"The collection {holder.name!r} is linked from another file, so nothing can be added to it; choose "
+            "another collection of clip objects."
         )
     if not _is_included(view_layer.layer_collection, holder):
         raise RleSplatError(

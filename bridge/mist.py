@@ -8,7 +8,7 @@ from .world import read_world
 
 
 def read_mist(depsgraph) -> Mist | None:
-    """The mist of the scene's world if Mist is on in ``scene.rle_splat``: what mixing the world's colour in by Blender's
+    """The mist of the scene's world if Mist is on in ``scene.rle_splat``: what mixing the world's colour in by the
     Mist pass would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one colour counts as
     black."""
     world = depsgraph.scene_eval.world

@@ -1,4 +1,4 @@
-"""Where the camera and a volume are while the shutter is open, told from their keyframes.
+"""Where the camera and a volume are while the shutter is open, read from their keyframes.
 
 Blender evaluates other times only by setting a frame.  That runs the frame-change handlers of every add-on, which move
 objects of theirs, and it takes back what is not keyed; a render's own thread cannot do it at all.  So F-curves are
@@ -57,7 +57,8 @@ def read_motion(depsgraph, volume_object) -> tuple[tuple[Pose, ...], str]:
             at_frame = np.array(_world(one, scene.frame_current_final))
             places.append([np.array(_world(one, time), dtype=np.float64) for time in times])
         except _NotReadError as cause:
-            return (), f"the {who} depends on {cause}, which only a frame tells; bake its motion to keyframes"
+            tail = "and only keyframes are read between frames; bake its motion to them"
+            return (), f"the {who} depends on {cause}, {tail}"
         seen = np.array(one.matrix_world)
         if np.abs(at_frame - seen).max() > NEAR * max(1.0, np.abs(seen).max()):
             return (), f"the {who} is not where its keyframes place it; insert a keyframe"

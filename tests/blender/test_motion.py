@@ -1,4 +1,4 @@
-"""Motion blur: poses told from keyframes are Blender's own, nothing else is touched by reading them, and Render Image,
+"""Motion blur: poses read from keyframes are Blender's own, nothing else is touched by reading them, and Render Image,
 a render and the list of effects agree on what is blurred and why not."""
 
 import math
@@ -317,7 +317,7 @@ def half_tracked(one):
     (hang_on_bone, "the bone that is its parent"), (half_tracked, "the constraint Track To"),
 ])
 @pytest.mark.parametrize("of_a_parent", [False, True])
-def test_what_keyframes_do_not_tell_is_sharp_and_said_in_render_and_image_alike(
+def test_what_keyframes_do_not_say_is_sharp_and_said_in_render_and_image_alike(
         blot, tmp_path, place, words, of_a_parent):
     scene = bpy.context.scene
     camera = scene.camera
@@ -326,7 +326,7 @@ def test_what_keyframes_do_not_tell_is_sharp_and_said_in_render_and_image_alike(
     key(blot, "location", -0.13, -0.12, -0.11, index=0)
     place(camera.parent if of_a_parent else camera)
     scene.frame_set(FRAME)
-    reason = f"the camera depends on {words}, which only a frame tells; bake its motion to keyframes"
+    reason = f"the camera depends on {words}, and only keyframes are read between frames; bake its motion to them"
     assert off_because(scene) == reason
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     scenes.rendered(tmp_path / "frame.exr")

@@ -1,4 +1,5 @@
-"""One meaning for one switch: Meshes Occlude in every picture, and what a Maximum Error takes away said where it is set."""
+"""One meaning for one switch: Meshes Occlude in every picture, what a Maximum Error takes away, and where a clip
+object is added."""
 
 import math
 import sys
