@@ -72,6 +72,29 @@ def _bounds(corners: np.ndarray) -> tuple[str, np.ndarray]:
     return "plane", matrix
 
 
+def check_can_add(scene, view_layer) -> None:
+    """Raise RleSplatError where an object added to the scene's collection of clip objects could not be kept in it, or
+    would not be in the view layer."""
+    holder = scene.rle_splat.clip_objects or scene.collection
+    if not holder.is_editable or holder.override_library is not None:
+        raise RleSplatError(
+            f"The collection {holder.name!r} is linked from another file, so nothing can be added to it; choose "
+            "another collection of clip objects."
+        )
+    if not _is_included(view_layer.layer_collection, holder):
+        raise RleSplatError(
+            f"The collection {holder.name!r} is excluded from the view layer {view_layer.name!r}, or not in the scene; "
+            "include it in the Outliner, or choose another collection of clip objects."
+        )
+
+
+def _is_included(layer_collection, collection) -> bool:
+    """Whether a view layer shows the collection in its Outliner, here or below, and has not excluded it."""
+    if layer_collection.collection == collection and not layer_collection.exclude:
+        return True
+    return any(_is_included(child, collection) for child in layer_collection.children)
+
+
 def ensure_collection(scene):
     """The scene's collection of clip objects that takes more: made where there is none, or around a linked one."""
     settings = scene.rle_splat

@@ -1,4 +1,4 @@
-"""The world's mist as plain data, where the view layer asks for it."""
+"""The world's mist as plain data, where the scene's own switch asks for it: a view layer's Mist pass is a pass."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from .world import read_world
 
 
 def read_mist(depsgraph) -> Mist | None:
-    """The mist of the scene's world if the view layer's Mist pass is on: what mixing the world's colour in by that pass
-    would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one colour counts as black."""
+    """The mist of the scene's world if Mist is on in ``scene.rle_splat``: what mixing the world's colour in by the
+    Mist pass would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one colour counts as
+    black."""
     world = depsgraph.scene_eval.world
-    if world is None or not depsgraph.view_layer_eval.use_pass_mist:
+    if world is None or not depsgraph.scene_eval.rle_splat.use_mist:
         return None
     settings = world.mist_settings
     color = read_world(depsgraph.scene_eval) or (0.0, 0.0, 0.0)

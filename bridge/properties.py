@@ -237,6 +237,10 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_world: LiveBool(
         name="World Light", default=True,
         description="The world's colour shines from everywhere, beside the lights of the scene")
+    use_mist: LiveBool(
+        name="Mist", default=False,
+        description="Fade the volume's colours towards the world's colour with their distance, by the world's Mist "
+        "settings. The Mist pass of a view layer changes no picture; turn this on in files that relied on it")
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="How much of the light from everywhere is taken away where the volume or a mesh hides the sky. Not "

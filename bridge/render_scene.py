@@ -21,11 +21,14 @@ from .labels import read_labels
 from .lights import read_lights
 from .meshes import read_triangles
 from .mist import read_mist
-from .motion import read_poses
+from .motion import read_motion
 from .presence import is_kept_up
 from .world import read_world
 
 KEPT = Kept()  # keyed by content, so it may outlive files and undo
+
+# What a picture held to a truth has not, and why.
+SHADOWS, UNSHADED = ("shadows", "ambient occlusion"), "pictures to a maximum error have none"
 
 
 def forget_stages() -> None:
@@ -35,14 +38,14 @@ def forget_stages() -> None:
 
 def read_scene(
     volume_object, depsgraph, *, with_meshes: bool, with_shadows: bool = True, in_region: bool = False,
-    moving: bool = False, camera=None, warn=None,
+    moving: bool = True, camera=None, warn=None,
 ):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
     ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them, and no maximum
     error is set, for the truths have none.  ``in_region``: only what a cropped render region keeps of the frame.
-    ``moving``: blur what moves if the scene wants it, which a handler of Blender's cannot: it needs a copy of the
-    scene.  ``camera``: a camera object in place of the active one.  ``warn``: called with a sentence for what is odd.
+    ``moving``: blur what moves while the shutter is open, if the scene wants it.  ``camera``: a camera object in place
+    of the active one.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
@@ -56,7 +59,9 @@ def read_scene(
     transfer_function = transfer.read_transfer(volume_object, depsgraph)
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
-    in_shadow = with_shadows and settings.tolerance_of(scene) is None
+    has_truth = settings.tolerance_of(scene) is not None
+    in_shadow = with_shadows and not has_truth
+    motion, still_because = read_motion(depsgraph, volume_object, camera) if moving else ((), "")
     triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene)) if with_meshes else None
     plain = Scene(
         volume=volume,
@@ -75,8 +80,10 @@ def read_scene(
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         mode=scene.rle_splat.mode,
         mist=read_mist(depsgraph),
-        motion=read_poses(depsgraph.scene, volume_object) if moving else (),
+        motion=motion,
         effects=overrides_of(scene),
+        reasons_off=({"motion blur": still_because} if still_because else {})
+        | (dict.fromkeys(SHADOWS, UNSHADED) if has_truth else {}),
         volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,
         # A headlight stands for all the light of a scene that has none.
         world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,

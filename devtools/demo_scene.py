@@ -233,7 +233,7 @@ def main(job: dict) -> int:
     bpy.context.view_layer.objects.active = volume_object
     bpy.context.view_layer.update()
 
-    timed("render_image", bpy.ops.rle_splat.render_image)
+    timed("render_image", lambda: bpy.ops.rle_splat.render_image(use_meshes=False))
     splat = scene.rle_splat.image
     report = json.loads(scene.rle_splat.last_report_json or "{}")
     splat.save_render(str(folder / "splat.png"), scene=scene)

@@ -16,7 +16,7 @@ PROBES, REPEATS = 400, 3
 
 
 class _Measurement(StepwiseOperator):
-    """Reads the volume, alone, as the active camera sees it."""
+    """Reads the volume, alone and sharp in time, as the active camera sees it: the truths have no meshes."""
 
     @classmethod
     def poll(cls, context):
@@ -28,14 +28,16 @@ class _Measurement(StepwiseOperator):
         self._scene, self._volume = Held(context.scene), Held(volume_object)
         self._camera_name = context.scene.camera.name
         return render_scene.read_scene(
-            volume_object, evaluated(context, volume_object), with_meshes=False, with_shadows=False,
+            volume_object, evaluated(context, volume_object), with_meshes=False, with_shadows=False, moving=False,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 
 class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.measure_accuracy"
     bl_label = "Measure Accuracy"
-    bl_description = "Time the sensible plans for this volume and camera, and measure their errors against the truth"
+    bl_description = (
+        "Time the sensible plans for this volume and camera, and measure their errors against the truth. The volume is "
+        "measured alone: without meshes, shadows and motion blur")
 
     probes: IntProperty(
         name="Probes", description="Pixels whose true value is integrated", default=PROBES, min=1, soft_max=5000)
@@ -87,7 +89,9 @@ class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
 class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.error_map"
     bl_label = "Error Map"
-    bl_description = "Make an image of how far the picture is from the truth, in levels, at the current quality"
+    bl_description = (
+        "Make an image of how far the picture is from the truth, in levels, at the current quality. The volume is "
+        "measured alone: without meshes, shadows and motion blur")
 
     step: IntProperty(
         name="Every", description="Of so many pixels across and down the middle one is held against the truth; 1 takes "

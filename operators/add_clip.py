@@ -36,6 +36,7 @@ class RLE_SPLAT_OT_add_clip(bpy.types.Operator):
     def execute(self, context):
         owner = volumes.volume_object(context)
         try:
+            clip_objects.check_can_add(context.scene, context.view_layer)
             volume = volumes.load_volume(owner)
         except RleSplatError as problem:
             return refuse(self, problem)
@@ -51,6 +52,8 @@ class RLE_SPLAT_OT_add_clip(bpy.types.Operator):
             selected.select_set(False)
         empty.select_set(True)
         context.view_layer.objects.active = empty
+        if not empty.visible_get():
+            self.report({"WARNING"}, f"{empty.name} cuts the volume unseen: its collection is hidden in the viewport.")
         return {"FINISHED"}
 
 

@@ -24,7 +24,7 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         try:
             plain, quality = render_scene.read_scene(
                 volumes.volume_object(context), context.evaluated_depsgraph_get(),
-                with_meshes=settings.meshes_occlude, moving=True,
+                with_meshes=settings.meshes_occlude,
                 warn=lambda sentence: self.report({"WARNING"}, sentence))
             found = analyse(plain, quality)
         except RleSplatError as problem:

@@ -14,7 +14,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_description = "Splat the volume through the active camera into a float image and a depth image"
 
     def prepare(self, context):
-        plain, quality = self.read_scene(context, moving=True)
+        plain, quality = self.read_scene(context)
         self._canvas = Canvas(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
         self._made_from = freshness.made_of(plain, quality, tolerance, self.with_meshes)

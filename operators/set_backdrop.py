@@ -49,7 +49,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         self._scene, self._volume, self._camera = Held(scene), Held(volume_object), Held(camera)
         with_meshes = self._place == "FRONT" and settings.meshes_occlude
         plain, quality = render_scene.read_scene(
-            volume_object, evaluated(context, volume_object), with_meshes=with_meshes, moving=True,
+            volume_object, evaluated(context, volume_object), with_meshes=with_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
         self._canvas = Canvas(self._scene, self._volume, "backdrop", self._camera)
         self._earlier = backdrop.state(scene, camera)

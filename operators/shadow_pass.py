@@ -18,7 +18,7 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
     def prepare(self, context):
         if tolerance_of(context.scene) is not None:
             raise RleSplatError("Pictures to a Maximum Error have no shadows: turn it off for a shadow pass.")
-        plain, quality = self.read_scene(context, moving=False)
+        plain, quality = self.read_scene(context)
         return shadow_pass_steps(plain, quality, render_scene.KEPT)
 
     def commit(self, context, made):

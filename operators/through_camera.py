@@ -12,20 +12,22 @@ class ThroughCamera(StepwiseOperator):
     """Makes images of what the active camera sees of the volume, among meshes or alone."""
 
     use_meshes: BoolProperty(
-        name="Meshes Occlude", default=False,
+        name="Meshes Occlude", options={"SKIP_SAVE"},
         description="Stop each ray at the first mesh surface, and let meshes cast shadows on the volume; otherwise the "
-        "volume is there alone")
+        "volume is there alone. Left unset, the scene's own Meshes Occlude holds")
 
     @classmethod
     def poll(cls, context):
         return has_volume_and_camera(cls, context)
 
-    def read_scene(self, context, *, moving: bool):
+    def read_scene(self, context):
         """(Scene, Quality), see ``render_scene.read_scene``; Blender's scene and volume are held for ``commit``."""
         volume_object = volumes.volume_object(context)
-        self._scene, self._volume, self.with_meshes = Held(context.scene), Held(volume_object), self.use_meshes
+        own = self.properties.is_property_set("use_meshes")
+        self.with_meshes = self.use_meshes if own else context.scene.rle_splat.meshes_occlude
+        self._scene, self._volume = Held(context.scene), Held(volume_object)
         return render_scene.read_scene(
-            volume_object, evaluated(context, volume_object), with_meshes=self.with_meshes, moving=moving,
+            volume_object, evaluated(context, volume_object), with_meshes=self.with_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 

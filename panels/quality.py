@@ -10,6 +10,18 @@ KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
     "threads", "backend",
 )
+# Those that the plan of a picture to a maximum error decides.
+PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade")
+
+
+def loses_shadows(scene) -> bool:
+    """Whether the scene asks for shadows or ambient occlusion that its Maximum Error takes away."""
+    settings = scene.rle_splat
+    if not settings.max_error:
+        return False
+    cast = settings.use_shadows and settings.lighting == "SCENE" and any(
+        one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)
+    return cast or settings.ambient_occlusion > 0.0
 
 
 class QualityPanel:
@@ -29,7 +41,11 @@ class QualityPanel:
             paragraph(context, box, f"Pictures take many times as long. {NUMBA_PROBLEM}")
         layout.prop(settings, "mode")
         layout.prop(settings, "max_error")
-        layout.prop(settings, "quality")
+        if loses_shadows(context.scene):
+            paragraph(context, layout, "Pictures to a Maximum Error have no shadows and no ambient occlusion.", "INFO")
+        row = layout.row()
+        row.active = not settings.max_error or settings.quality in ("paper", "custom")  # some of their knobs count
+        row.prop(settings, "quality")
         column = layout.column()
         if settings.quality != "paper":
             column.prop(settings, "classification")
@@ -39,7 +55,8 @@ class QualityPanel:
             row = column.row()
             # Greyed out, but not out of reach: choosing another value of these chooses pre.
             of_this = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"
-            row.active = of_this and (name != "rays" or settings.classification == "post")  # which alone has them
+            of_this = of_this and (name != "rays" or settings.classification == "post")  # which alone has them
+            row.active = of_this and not (settings.max_error and name in PLANNED)
             row.prop(settings, name)
         layout.prop(settings, "scene_scale")
         layout.prop(settings, "meshes_occlude")

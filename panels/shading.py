@@ -27,9 +27,14 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         layout.prop(settings, "lighting")
         column = layout.column(align=True)
         column.active = settings.lighting == "SCENE"
-        column.prop(settings, "use_shadows")
+        row = column.row()
+        row.active = not settings.max_error  # such pictures have no shadows
+        row.prop(settings, "use_shadows")
         column.prop(settings, "use_world")
-        layout.prop(settings, "ambient_occlusion")
+        row = layout.row()
+        row.active = not settings.max_error
+        row.prop(settings, "ambient_occlusion")
+        layout.prop(settings, "use_mist")
         layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
         column = layout.column(align=True)
         column.active = properties.use_shading

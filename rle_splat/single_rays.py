@@ -24,7 +24,7 @@ LEAST_SLABS = 4
 # What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
-    "background", "crop", "effects", "volume_shadows", "world", "ambient_occlusion",
+    "background", "crop", "effects", "volume_shadows", "world", "ambient_occlusion", "reasons_off",
 }  # fmt: skip
 
 

@@ -129,6 +129,7 @@ def analyse(scene: Scene, quality: Quality) -> EffectSet:
         else:
             left = left if by_hand is None else _with_forced_on(left, kind)
             on, reason = kind.called_for(left, quality)
+            reason = reason if on else scene.reasons_off.get(name, reason)
             if by_hand and not on and not kind.may_be_idle:
                 raise RleSplatError(
                     f"The effect {name} is turned on by hand, but {reason}; leave it to the scene, or give it what it "

@@ -71,6 +71,7 @@ class Scene:
     time.  The camera's and the volume's own matrices are then those of what stays sharp: the depth.
     ``mode``: one of MODES, what a pixel shows of its ray; see ``ray_modes``.
     ``mist``: towards which colours fade with distance; None for clear air.
+    ``reasons_off``: name of an effect -> why the scene was made without it, as words behind "off"; for reports alone.
     """
 
     volume: object
@@ -95,6 +96,7 @@ class Scene:
     ambient_occlusion: float = 0.0
     labels: Labels | None = None
     channels: tuple = ()
+    reasons_off: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
         if self.mode not in MODES:

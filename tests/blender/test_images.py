@@ -175,15 +175,6 @@ def test_moving_the_volume_moves_the_picture(volume):
     np.testing.assert_allclose(after - before, (0.75 / 12.0 * 40, 0.0), atol=0.05)
 
 
-def test_meshes_occlude_only_when_asked(volume):
-    scenes.add_mesh([(-5, -5, 20), (15, -5, 20), (15, 15, 20), (-5, 15, 20)], [(0, 1, 2, 3)])
-    bpy.ops.rle_splat.render_image()
-    settings = bpy.context.scene.rle_splat
-    assert scenes.image_pixels(settings.image)[..., 3].max() > 0.9
-    bpy.ops.rle_splat.render_image(use_meshes=True)
-    assert scenes.image_pixels(settings.image)[..., 3].max() == 0.0
-
-
 def test_the_picture_is_the_renderers_own(volume, bridge, core):
     """Nothing happens to the picture between the renderer and the image."""
     bpy.ops.rle_splat.render_image()

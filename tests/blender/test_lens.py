@@ -140,7 +140,7 @@ def test_an_unkeyed_move_of_an_animated_object_survives(blot):
 
 def test_what_does_not_move_has_no_poses(blot, bridge):
     bpy.context.scene.render.use_motion_blur = True
-    assert plain_scene(bridge, blot, moving=True).motion == ()
+    assert plain_scene(bridge, blot).motion == ()
 
 
 def curves_of(owner):

@@ -74,7 +74,7 @@ def test_impossible_ends_of_a_gradient_are_one_sentence(volume, refused):
     refused(bpy.ops.rle_splat.render_image, "gradient opacity's low")
 
 
-def test_the_mist_is_the_worlds_where_the_view_layer_has_its_pass(volume, bridge, core):
+def test_the_mist_is_the_worlds_where_its_own_switch_is_on_and_a_mist_pass_changes_nothing(volume, bridge, core):
     grey_world(1.0)
     scene = bpy.context.scene
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
@@ -85,6 +85,10 @@ def test_the_mist_is_the_worlds_where_the_view_layer_has_its_pass(volume, bridge
     plain, effects = picture()
     assert not effects["mist"]["on"]
     bpy.context.view_layer.use_pass_mist = True
+    found, effects = picture()
+    np.testing.assert_array_equal(found, plain)
+    assert not effects["mist"]["on"]
+    scene.rle_splat.use_mist = True
     found, effects = picture()
     plain_scene, true = rendered(bridge, core, volume)
     assert plain_scene.mist == core("scene").Mist(30.0, 20.0, "LINEAR", (0.25, 0.5, 0.75)) and effects["mist"]["on"]

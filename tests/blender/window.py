@@ -113,6 +113,34 @@ def check_animation():
     volume.location.x = 0.0
 
 
+def check_blurred_f12():
+    """A still that is rendered off the main thread is blurred as Render Image is, and reading the motion fires no
+    frame-change handler."""
+    scene = bpy.context.scene
+    volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
+    for frame, x in ((1, 0.0), (5, 4.0)):
+        volume.location.x = x
+        volume.keyframe_insert("location", frame=frame)
+    scene.frame_set(3)
+    scene.render.use_motion_blur = True
+    write_exr(FOLDER / "blurred.exr")
+    completed.clear()
+    with in_the_view():
+        assert bpy.ops.render.render("INVOKE_DEFAULT", write_still=True) == {"RUNNING_MODAL"}
+    yield from until(lambda: completed)
+    assert scene.rle_splat.effect_rows["motion blur"].on and scene.rle_splat.message == ""
+    fired = []
+    bpy.app.handlers.frame_change_post.append(lambda *_: fired.append(True))
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    bpy.app.handlers.frame_change_post.pop()
+    assert not fired
+    np.testing.assert_array_equal(pixels_of(scene.rle_splat.composite_image), pixels_of(scene.rle_splat.image))
+    scene.render.use_motion_blur = False
+    volume.animation_data_clear()
+    volume.location.x = 0.0
+
+
 def check_render_image():
     """The picture made little by little is the one made at once."""
     settings = bpy.context.scene.rle_splat
@@ -203,7 +231,9 @@ def steps():
         set_up_scene()
         import_cube(FOLDER)
     yield
-    for check in (check_f12, check_animation, check_render_image, check_escape, check_previews, check_following):
+    for check in (
+        check_f12, check_animation, check_blurred_f12, check_render_image, check_escape, check_previews,
+        check_following):
         yield from check()
         print(f"{check.__name__} passed", flush=True)
         passed.append(check)

@@ -164,6 +164,19 @@ def test_what_cannot_be_forced_is_refused_in_one_sentence(more, sentence):
         render(scene_of(**more))
 
 
+def test_what_the_scene_was_made_without_has_the_reason_that_it_was_given():
+    reasons = {"motion blur": "the camera depends on a driver", "shading": "never said of what is on"}
+    given, plain = scene_of(reasons_off=reasons), scene_of()
+    for quality in (Quality(), Quality.preset("fine", classification="post")):
+        effects = analyse(given, quality)
+        assert (effects["motion blur"].on, effects["motion blur"].reason) == (False, reasons["motion blur"])
+        assert effects["shading"] == analyse(plain, quality)["shading"] and effects["shading"].on
+        found, still = render(given, quality), render(plain, quality)
+        assert np.array_equal(found.rgba, still.rgba) and found.report["rays"] == still.report["rays"]
+    with pytest.raises(RleSplatError, match="motion blur is turned on by hand, but the camera depends on a driver"):
+        analyse(replace(given, effects={"motion blur": True}), Quality())
+
+
 def test_effects_are_forced_by_true_or_false_alone():
     with pytest.raises(RleSplatError, match="true for on or false for off"):
         scene_of(effects={"shading": "on"})

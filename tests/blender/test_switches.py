@@ -1,0 +1,189 @@
+"""One meaning for one switch: Meshes Occlude in every picture, what a Maximum Error takes away, and where a clip
+object is added."""
+
+import math
+import sys
+from itertools import pairwise
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+from tests.blender.conftest import contents
+from tests.blender.test_panels import draw_all, texts
+
+SIZE = 24
+BALL = np.clip(
+    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
+).astype(np.uint8)
+
+
+@pytest.fixture
+def volume(addon, tmp_path):
+    """A ball seen from above, lit by a sun."""
+    found = scenes.import_raw(tmp_path, BALL)
+    scenes.add_camera(location=(0.0, 0.0, 40.0))
+    scene = scenes.use_cycles((SIZE, SIZE))
+    scene.rle_splat.quality = "draft"
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.rotation_euler.x = math.radians(50.0)
+    scene.collection.objects.link(sun)
+    return found
+
+
+def add_lid():
+    """A plane before the volume that hides all of it."""
+    return scenes.add_mesh(
+        [(-50, -50, 20), (50, -50, 20), (50, 50, 20), (-50, 50, 20)], [(0, 1, 2, 3)], (0.0, 0.0, 0.0))
+
+
+def pixels(**options):
+    assert bpy.ops.rle_splat.render_image(**options) == {"FINISHED"}
+    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
+
+
+def test_render_image_shows_what_a_render_and_the_list_of_effects_do(volume, tmp_path):
+    settings = bpy.context.scene.rle_splat
+    add_lid()
+    bpy.ops.rle_splat.composite()
+    alone = pixels(use_meshes=False)
+    assert alone[..., 3].max() > 0.1
+    for occlude in (True, False):
+        settings.meshes_occlude = occlude
+        found = pixels()
+        assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
+        assert settings.effect_rows["mesh occlusion"].on == occlude
+        scenes.rendered(tmp_path / "frame.exr")
+        np.testing.assert_array_equal(found, scenes.image_pixels(settings.composite_image))
+        assert (found[..., 3].max() == 0.0) == occlude
+        np.testing.assert_array_equal(pixels(use_meshes=False), alone)
+        assert pixels(use_meshes=True)[..., 3].max() == 0.0
+    np.testing.assert_array_equal(pixels(), alone)  # what was given above is not remembered
+
+
+def test_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume, addon, monkeypatch):
+    settings, shares = bpy.context.scene.rle_splat, []
+    pictures = sys.modules[f"{addon.__name__}.bridge.pictures"]
+    keep = pictures.keep_numbers
+    monkeypatch.setattr(
+        pictures, "keep_numbers", lambda one, share, *more: (shares.append(share), keep(one, share, *more))[1])
+    scenes.add_mesh([(-9, -30, 14), (30, -30, 14), (30, 4, 14), (-9, 4, 14)], [(0, 1, 2, 3)])
+
+    def share(**options):
+        assert bpy.ops.rle_splat.shadow_pass(**options) == {"FINISHED"}
+        return shares[-1]
+
+    with_meshes, alone = share(use_meshes=True), share(use_meshes=False)
+    assert np.abs(with_meshes - alone).max() > 0.1
+    np.testing.assert_array_equal(share(), with_meshes)
+    settings.meshes_occlude = False
+    np.testing.assert_array_equal(share(), alone)
+
+
+def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge, monkeypatch):
+    add_lid()
+    read, how = bridge("render_scene").read_scene, []
+    monkeypatch.setattr(
+        bridge("render_scene"), "read_scene",
+        lambda *given, **options: (how.append(read(*given, **options)[0]), read(*given, **options))[1])
+    assert bpy.ops.rle_splat.error_map(step=8) == {"FINISHED"}
+    assert how[0].triangles is None
+    for name in ("error_map", "measure_accuracy"):
+        told = getattr(bpy.ops.rle_splat, name).get_rna_type().description
+        assert "alone: without meshes, shadows and motion blur" in told
+
+
+def test_a_maximum_error_says_that_it_takes_shadows_away_and_greys_what_it_decides(volume, monkeypatch, refused):
+    scene = bpy.context.scene
+    settings, sentence = scene.rle_splat, "Pictures to a Maximum Error have no shadows and no ambient occlusion."
+
+    def drawn():
+        log = draw_all(monkeypatch)
+        said = sentence in " ".join(texts(log).split("\n"))
+        return said, {what[1] for before, what in pairwise(log) if before == ("active", False)}
+
+    settings.quality, settings.classification = "custom", "post"
+    said, grey = drawn()
+    planned = {"depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade"}
+    assert not said and not grey & {*planned, "use_shadows", "ambient_occlusion", "quality"}
+    settings.max_error = 4.0
+    said, grey = drawn()
+    assert said and grey >= {*planned, "use_shadows", "ambient_occlusion"}
+    assert not grey & {"threads", "backend", "classification"}
+    settings.quality = "fine"
+    assert "quality" in drawn()[1]
+    settings.use_shadows = False
+    assert not drawn()[0]
+    settings.ambient_occlusion = 0.5
+    assert drawn()[0]
+    settings.use_shadows = True
+    assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
+    for name in ("shadows", "ambient occlusion"):
+        row = settings.effect_rows[name]
+        assert (row.on, row.reason) == (False, "pictures to a maximum error have none")
+    settings.max_error = 0.0
+    assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
+    assert settings.effect_rows["shadows"].on and settings.effect_rows["ambient occlusion"].on
+
+
+@pytest.fixture
+def clips(volume):
+    """The scene's collection of clip objects, empty; the volume is active."""
+    collection = bpy.data.collections.new("clips")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.rle_splat.clip_objects = collection
+    return collection
+
+
+def in_layer(collection):
+    return bpy.context.view_layer.layer_collection.children[collection.name]
+
+
+@pytest.mark.parametrize("kind", ["BOX", "PLANE"])
+def test_a_clip_is_not_added_where_it_could_not_be_seen(clips, refused, kind):
+    in_layer(clips).exclude = True
+    refused(bpy.ops.rle_splat.add_clip, "excluded from the view layer", kind=kind)
+    assert not clips.objects
+    bpy.context.scene.collection.children.unlink(clips)
+    refused(bpy.ops.rle_splat.add_clip, "not in the scene", kind=kind)
+    parent = bpy.data.collections.new("parent")
+    bpy.context.scene.collection.children.link(parent)
+    parent.children.link(clips)
+    in_layer(parent).exclude = True
+    refused(bpy.ops.rle_splat.add_clip, "excluded from the view layer", kind=kind)
+    in_layer(parent).exclude = False
+    assert bpy.ops.rle_splat.add_clip(kind=kind) == {"FINISHED"}
+    assert bpy.context.view_layer.objects.active.name in clips.objects
+
+
+def test_a_clip_is_not_added_to_a_linked_collection(volume, refused, tmp_path):
+    other, path = bpy.data.collections.new("theirs"), str(tmp_path / "other.blend")
+    bpy.data.libraries.write(path, {other})
+    bpy.data.collections.remove(other)
+    with bpy.data.libraries.load(path, link=True) as (_found, wanted):
+        wanted.collections = ["theirs"]
+    scene = bpy.context.scene
+    linked = scene.rle_splat.clip_objects = wanted.collections[0]
+    scene.collection.children.link(linked)
+    refused(bpy.ops.rle_splat.add_clip, "linked from another file")
+    scene.collection.children.unlink(linked)
+    scene.rle_splat.clip_objects = linked.override_create()
+    scene.collection.children.link(scene.rle_splat.clip_objects)
+    refused(bpy.ops.rle_splat.add_clip, "linked from another file")
+
+
+@pytest.mark.parametrize("eye", [True, False])
+def test_a_clip_in_a_hidden_collection_cuts_and_says_that_it_is_hidden(clips, capfd, eye):
+    if eye:
+        in_layer(clips).hide_viewport = True
+    else:
+        clips.hide_viewport = True
+    before = contents()
+    assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
+    assert "cuts the volume unseen: its collection is hidden in the viewport" in capfd.readouterr().out
+    (added,) = clips.objects
+    assert contents() == {**before, "objects": before["objects"] + 1, "active": added}
+    half = pixels()
+    clips.objects.unlink(added)
+    assert 0.0 < half[..., 3].sum() != pixels()[..., 3].sum()
