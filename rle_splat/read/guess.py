@@ -165,10 +165,10 @@ def _name_clues(name: str) -> dict:
     cube = _CUBE.search(text)
     if shape and all(int(n) > 0 for n in shape.groups()):
         clues["shape"] = tuple(int(n) for n in shape.groups())
-        text = text[: shape.start()] + " " + text[shape.end() :]
+        text = text[: shape.start()] + "." + text[shape.end() :]
     elif cube:
         clues["shape"] = (int(cube.group(1)),) * 3
-        text = text[: cube.start()] + " " + text[cube.end() :]
+        text = text[: cube.start()] + "." + text[cube.end() :]
     text = text.replace("_", " ")
     word = _TYPE.search(text)
     behind = _AFTER_TYPE.match(text, word.end()) if word else None

@@ -68,7 +68,7 @@ def test_a_name_that_the_bytes_contradict_is_said_to_be_wrong(tmp_path, order):
     [
         ("head_{}_uint16be.raw", "big"), ("head_{}_uint16le.raw", "little"), ("head_{}_uint16_be.raw", "big"),
         ("head_uint16-big_{}.raw", "big"), ("head_{}_uint16_msb.raw.gz", "big"), ("head_{}_uint16_lsb.raw", "little"),
-        ("head_{}_be.raw", "big"), ("head_be_{}.raw", "big"), ("head_{}_le.raw", "little"),
+        ("head_{}_be.raw", "big"), ("head_be_{}_u16.raw", "big"), ("head_{}_le.raw", "little"),
         ("head_{}_big-endian.raw", "big"), ("bigendian_head_{}.raw", "big"), ("little_endian_{}.raw", "little"),
         ("big_head_{}_uint16le.raw", "little"), ("little_head_{}_be.raw", "big"),
         ("big_head_{}.raw", None), ("head_{}_big.raw", None), ("be_{}.raw", None), ("le_{}_uint16.raw", None),
