@@ -68,7 +68,9 @@ class SourceOptions:
     intercept: FloatProperty(name="Intercept", description="Physical value of a stored zero", default=0.0)
     value_unit: StringProperty(
         name="Value Unit", description="Unit of the physical values, such as HU; empty if they have none")
-    grid: StringProperty(name="Grid", description="Name of the grid inside a VDB file; empty for the first")
+    grid: StringProperty(
+        name="Grid", description="Name of the grid inside a VDB file; name[1] for the second grid of that name; "
+        "empty for density, or else the first grid of numbers")
     modality: EnumProperty(name="Modality", description="What made the data", items=MODALITY_ITEMS)
 
 

@@ -30,7 +30,7 @@ from .plan.features import features_of, pilots
 from .plan.model import Model
 from .ray_modes import mode_quality
 from .render import render_steps, truth_of
-from .retrace import ray_cost_steps, retrace_steps
+from .retrace import ray_cost_steps, retrace_steps, with_rays
 from .scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
 from .single_rays import can_trace
 from .steps import FRAME, Progress, portion
@@ -441,7 +441,7 @@ def _drawn(scene, plan, singles, kept, start: float, end: float):
     values, spent = yield from portion(steps, end, end, SINGLE_RAYS)
     rgba = rendering.rgba.copy()
     rgba[single.rows, single.columns] = values
-    stages = {**rendering.report["stages_ms"], "rays": spent}
+    stages = with_rays(rendering.report["stages_ms"], spent)
     return replace(rendering, rgba=rgba, report={**rendering.report, "stages_ms": stages})
 
 

@@ -29,50 +29,72 @@ KEPT_VERSIONS = 4
 CONSTANTS = "scene"  # the room without kernels of which kernels take constants, NO_DEPTH and the like
 
 
-def _is_writable(folder: Path) -> bool:
+def cache_folder() -> Path:
+    """A folder for compiled kernels that the user can write to and nobody else: within $NUMBA_CACHE_DIR, else
+    $RLE_SPLAT_CACHE, else the platform's cache folder, else a temporary one.  Blender's bridge sets the second to the
+    extension's own user folder before kernels load."""
+    numbas = os.environ.get(NUMBA_VARIABLE)
+    if numbas and _are_usable(Path(numbas), Path(numbas, "rle_splat")):
+        return _resolved(Path(numbas, "rle_splat"))
+    with suppress(RuntimeError):  # a user without a home
+        preferred = _preferred_folders()
+        if _are_usable(*preferred):
+            return _resolved(preferred[-1])
+    return _temporary_folder()
+
+
+def _preferred_folders() -> tuple[Path, ...]:
+    """The folder for kernels, after the one that a variable gives it in, if any."""
+    if os.environ.get(CACHE_VARIABLE):
+        return (Path(os.environ[CACHE_VARIABLE]),)
+    if sys.platform == "win32":
+        return (Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "rle_splat" / "cache",)
+    if sys.platform == "darwin":
+        return (Path.home() / "Library" / "Caches" / "rle_splat",)
+    if os.environ.get("XDG_CACHE_HOME"):
+        return Path(os.environ["XDG_CACHE_HOME"]), Path(os.environ["XDG_CACHE_HOME"], "rle_splat")
+    return (Path.home() / ".cache" / "rle_splat",)
+
+
+def _resolved(folder: Path) -> Path:
+    """Without symbolic links, which somebody might turn to another place once it was looked at."""
+    return Path(os.path.realpath(folder))
+
+
+def _are_usable(*folders: Path) -> bool:
+    """Whether the user can write to all of these folders, which are made if need be, and nobody else."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
+        for folder in map(_resolved, folders):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+            if not _is_private(folder):
+                return False
+        return True
     except OSError:
         return False
 
 
-def cache_folder() -> Path:
-    """A user-writable folder for compiled kernels: $RLE_SPLAT_CACHE, else the platform's cache folder, else a
-    temporary one.  Blender's bridge sets the variable to the extension's own user folder before kernels load."""
-    with suppress(RuntimeError):  # a user without a home
-        preferred = _preferred_folder()
-        if _is_writable(preferred):
-            return preferred
-    return _temporary_folder()
-
-
-def _preferred_folder() -> Path:
-    if os.environ.get(CACHE_VARIABLE):
-        return Path(os.environ[CACHE_VARIABLE])
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "rle_splat" / "cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "rle_splat"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rle_splat"
+def _is_private(folder: Path) -> bool:
+    """Whether nobody but the user can have put anything into a folder: what is loaded from it is run."""
+    if not hasattr(os, "getuid"):  # Windows, where no users share these folders
+        return True
+    found = folder.lstat()
+    # Many systems give each user a group of the same number, whose members may by default write what the user writes.
+    others = stat.S_IWOTH | (0 if found.st_gid == found.st_uid else stat.S_IWGRP)
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & others
 
 
 def _temporary_folder() -> Path:
-    """The user's own among the temporary ones, or a place where nothing can be kept.
-
-    Where several users share them, another may have made the folder before: what is loaded from it is run, so nobody
-    else may be able to write to it.
-    """
+    """The user's own among the temporary ones, where another may have made it before; or a place where nothing can be
+    kept."""
     with suppress(OSError):
         shared = Path(tempfile.gettempdir())
-        if not hasattr(os, "getuid"):  # Windows, where no users share it
+        if not hasattr(os, "getuid"):
             return shared / "rle_splat-user"
         folder = shared / f"rle_splat-{os.getuid()}"
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-        others = stat.S_IWGRP | stat.S_IWOTH
-        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & others:
+        if _is_private(folder):
             return folder
     return Path(os.devnull) / "rle_splat"  # below a file
 
@@ -92,8 +114,7 @@ def _kernel_folder() -> Path:
     does, so the folder's name carries a hash of every file in a room that holds kernels, and in the one whose
     constants they take, and of numba's version.  The latest few are kept, for several versions side by side.
     """
-    numbas = os.environ.get(NUMBA_VARIABLE)
-    parent = Path(numbas) / "rle_splat" if numbas else cache_folder()
+    parent = cache_folder()
     sources = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
     for room, _, names in sorted(os.walk(Path(__file__).parent)):
         contents = []
@@ -298,15 +319,20 @@ def parallel_call(threads: int = 0):
     """
     if _HOLDS_TOKEN.get():
         raise RuntimeError("parallel_call within parallel_call: a thread would wait for itself")
-    count = thread_count(threads)
-    _TOKEN.get()
-    outside = _HOLDS_TOKEN.set(True)
+    count, held = thread_count(threads), []
     try:
-        with _numba_threads(count):
-            yield count
+        try:
+            _HOLDS_TOKEN.set(True)
+            # Taken and noted in a single call of C.  Ctrl-C raises an exception where such a call returns: one between
+            # the two would lose the token, and every later kernel would wait for ever.
+            held.extend(map(_TOKEN.get, (True,)))
+            with _numba_threads(count):
+                yield count
+        finally:
+            if held:
+                _TOKEN.put(None)  # the first call in here, for the same reason
     finally:
-        _HOLDS_TOKEN.reset(outside)
-        _TOKEN.put(None)
+        _HOLDS_TOKEN.set(False)
 
 
 @contextmanager
@@ -315,8 +341,8 @@ def _numba_threads(count: int):
         yield
         return
     before = numba.get_num_threads()
-    numba.set_num_threads(count)
     try:
+        numba.set_num_threads(count)
         yield
     finally:
         numba.set_num_threads(before)

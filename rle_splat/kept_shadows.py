@@ -3,7 +3,7 @@ to move the camera none."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from .kept import Job
 from .scene import Light, Scene
 from .steps import Clock, timed
 
+SHADOW_EFFECTS = ("shadows", "ambient occlusion")  # their names in the table of effects
 UNSEEN_BY_SHADOWS = ("color", "energy", "casts_shadow", "matrix_world")
 
 
@@ -27,6 +28,12 @@ def casting(scene: Scene) -> list[int]:
 def shadow_count(scene: Scene) -> int:
     """How many lights, the one from everywhere among them, of which it is stored what reaches each voxel."""
     return len(casting(scene)) + (scene.ambient_occlusion > 0.0)
+
+
+def without_shadows(scene: Scene) -> Scene:
+    """The scene without shadows and ambient occlusion, whether it asks for them or they are forced on or off."""
+    effects = {name: on for name, on in scene.effects.items() if name not in SHADOW_EFFECTS}
+    return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
 
 
 def shadow_steps(scene: Scene, matter: Matter, job: Job, clock: Clock):

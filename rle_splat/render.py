@@ -101,7 +101,6 @@ def _has_work_ahead(step: Progress) -> bool:
 
 def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_view: bool):
     """``render_steps`` but for the kernels that run, which are noted from outside."""
-    kept = kept if kept is not None else Kept(0)
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
         quality = quality.classified("pre")  # its voxels are classified already: a remark says so
@@ -113,6 +112,8 @@ def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_
         left = called_for(scene, effects)
     scene = left
     pictures = exposures(scene)
+    if kept is None:  # the pictures of a blur have most stages in common
+        kept = Kept(0) if len(pictures) == 1 else Kept()
     refuse = refuse_empty_view and not scene.motion  # what moves may come into view
 
     def sharp_steps(one):

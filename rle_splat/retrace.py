@@ -46,6 +46,11 @@ def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kep
         yield done
 
 
+def with_rays(stages_ms: dict, spent: float) -> dict:
+    """A report's ``stages_ms`` of a picture of which pixels were then traced, in ``spent`` milliseconds."""
+    return {**stages_ms, "rays": stages_ms["rays"] + spent, "total": stages_ms["total"] + spent}
+
+
 def ray_cost_steps(scene: Scene, quality: Quality, doubt: Doubt, kept: Kept):
     """Generator of fractions done; returns the RayCost of a scene's picture, from a few of its pixels."""
     quality = replace(quality, termination=TRIED_TERMINATION)

@@ -8,7 +8,7 @@ import numpy as np
 
 from .effects.analyse import analyse, called_for
 from .kept import Kept
-from .kept_shadows import shadow_count
+from .kept_shadows import shadow_count, without_shadows
 from .render import render_steps
 from .scene import NO_RAYS, Quality, RleSplatError, Scene
 from .steps import Progress
@@ -27,7 +27,7 @@ def shadow_pass_steps(scene: Scene, quality: Quality, kept: Kept | None = None):
     if not shadow_count(called_for(scene, analyse(scene, quality))):
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")
     kept = Kept() if kept is None else kept
-    unshaded = replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=_without(scene.effects))
+    unshaded = without_shadows(scene)
     rendering = shaded = yield from _part(render_steps(scene, quality, kept), 0.0, 0.5)
     quality = replace(quality, rays=NO_RAYS)
     if rendering.report["rays"]["pixels"]:
@@ -36,10 +36,6 @@ def shadow_pass_steps(scene: Scene, quality: Quality, kept: Kept | None = None):
     light, whole = (made.rgba[..., :3].sum(axis=2) for made in (shaded, plain))
     share = np.divide(light, whole, out=np.ones_like(whole), where=whole > FAINTEST)
     return rendering, np.clip(1.0 - share, 0.0, 1.0)
-
-
-def _without(effects: dict) -> dict:
-    return {name: on for name, on in effects.items() if name not in ("shadows", "ambient occlusion")}
 
 
 def _part(steps, begin: float, end: float):

@@ -21,7 +21,7 @@ from .encode.store import StoredVolume
 from .exposure import exposures
 from .judge import Judge
 from .kept import Kept
-from .kept_shadows import shadow_count
+from .kept_shadows import SHADOW_EFFECTS, shadow_count, without_shadows
 from .plan.candidates import check_plannable, check_tolerance, name_of
 from .plan.choose import CAUTION, NEARLY_BEST, Choice, Speed, choose, choose_with_rays, corrected
 from .plan.doubt import MOST_SLABS, Doubt, largest_of
@@ -29,7 +29,7 @@ from .plan.features import Features, doubtful_pixels, features_of, pilots
 from .plan.model import Model, default_classification
 from .plan.need import need_of
 from .render import render_steps, truth_of
-from .retrace import ray_cost_steps, retrace_steps
+from .retrace import ray_cost_steps, retrace_steps, with_rays
 from .scene import MODES, Quality, Rendering, RleSplatError, Scene
 from .single_rays import can_trace
 from .steps import Progress, portion
@@ -40,6 +40,7 @@ MOST_ESCALATIONS = 3
 CLEAR = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # of a frame's expected time
+LEFT_OUT = "left out of a picture to a largest error"  # why an effect is off, after its "off"
 STRICTEST = 0.05  # levels; float32 sheets and an eye see no less
 # Shares of the work after which the pilots and each of the rounds end.
 PILOTED = 0.2
@@ -81,20 +82,22 @@ class _Round:
 
 def render_within(
     scene: Scene, tolerance: float, quality: Quality | None = None, progress=None, kept: Kept | None = None, *,
-    probes: int = PROBES, seed: int = 0,
+    probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
 ) -> Rendering:  # fmt: skip
     """The picture of a scene whose largest error is at most ``tolerance`` levels, 1/255, at the least expense.
 
     ``quality``: what the tolerance does not decide, such as the classification, the record and the threads.
     ``probes``: ordinary probe pixels that the picture is measured at, 0 for a prediction alone.  ``progress``,
-    ``kept``: as ``render`` has them.
+    ``kept``: as ``render`` has them.  ``leave_out_shadows``: make the picture without shadows and ambient occlusion, of
+    which there is no truth, and say so in the report's ``remarks`` and ``effects``; else a scene with them is refused.
     The report's ``error`` says what was predicted and measured, against which truth, on how many probes, whether the
     tolerance is ``kept`` and, if not, which ``floor`` there is; and in milliseconds what the picture and what planning
     and measuring took.  Raises RleSplatError for a tolerance that is none, and for scenes and qualities of which none
     can be promised.
     """
     quality = quality or Quality(classification=default_classification())
-    steps = tolerance_steps(scene, tolerance, quality, kept, probes=probes, seed=seed)
+    knobs = dict(probes=probes, seed=seed, leave_out_shadows=leave_out_shadows)
+    steps = tolerance_steps(scene, tolerance, quality, kept, **knobs)
     while True:
         try:
             step = next(steps)
@@ -106,11 +109,15 @@ def render_within(
 
 def tolerance_steps(
     scene: Scene, tolerance: float, quality: Quality, kept: Kept | None = None, *, refuse_empty_view: bool = True,
-    probes: int = PROBES, seed: int = 0,
+    probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
 ):  # fmt: skip
     """Generator form of ``render_within``: yields Progress, returns the Rendering."""
     began = time.perf_counter()
     tolerance = check_tolerance(tolerance)
+    left_out = []
+    if leave_out_shadows:
+        effects = analyse(scene, quality)
+        scene, left_out = without_shadows(scene), [name for name in SHADOW_EFFECTS if effects[name].on]
     check_measurable(scene, quality)
     kept = Kept() if kept is None else kept
     model = Model.of(quality.classification)
@@ -129,7 +136,7 @@ def tolerance_steps(
         rounds = yield from _rounds(wanted, judge)
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
-    return _finished(scene, tolerance, quality, features, rounds, spent)
+    return _finished(seen, tolerance, quality, features, rounds, spent, left_out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,8 +261,14 @@ def _still_doubtful(modelled, traced, count: int):
 
 
 def check_measurable(scene: Scene, quality: Quality) -> None:
-    """RleSplatError when nothing can be promised of a scene's picture."""
+    """RleSplatError when nothing can be promised of a scene's picture, of the effects that are on."""
     check_plannable(quality)
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError(
+            "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "
+            "choose a quality."
+        )
+    scene = called_for(scene, analyse(scene, quality))
     if scene.mode != MODES[0]:
         raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
     if is_mixed(scene):
@@ -267,12 +280,7 @@ def check_measurable(scene: Scene, quality: Quality) -> None:
         raise RleSplatError("A tolerance cannot be kept in mist, of which there is no truth; turn the mist off.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, of which there is no truth.")
-    if isinstance(scene.volume, StoredVolume):
-        raise RleSplatError(
-            "A tolerance needs the voxels, which a .rle file has no longer; give the volume it was encoded from, or "
-            "choose a quality."
-        )
-    if shadow_count(called_for(scene, analyse(scene, quality))):
+    if shadow_count(scene):
         raise RleSplatError(
             "A tolerance is of light without shadows, as the truths have it: turn off shadows and ambient occlusion, "
             "or choose a quality."
@@ -311,8 +319,10 @@ def _rendered(scene, plan, kept, refuse_empty_view, begin, end, text):
 
 
 def _finished(
-    scene: Scene, tolerance: float, quality: Quality, features: Features, rounds: list[_Round], spent: float
+    scene: Scene, tolerance: float, quality: Quality, features: Features, rounds: list[_Round], spent: float,
+    left_out: list[str],
 ) -> Rendering:  # fmt: skip
+    """``scene``: without the effects that are off.  ``left_out``: names of those that it was asked for with."""
     best = min(rounds, key=_badness)
     rendering, choice = best.rendering, best.choice
     kept = best.measured <= tolerance if best.measured is not None else choice.keeps
@@ -342,7 +352,16 @@ def _finished(
         error["statement"] = best.judged["sentence"]
     error["sentence"] = sentence(error)
     remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, quality, error)]
+    if left_out:
+        remarks.append(
+            f"A picture to a largest error has no {' and no '.join(left_out)}, as the truth that it is measured "
+            "against has none; render by a quality alone to see what is missing."
+        )
     found = {"plan": {**rendering.report["plan"], "name": best.plan}, "error": error, "remarks": remarks}
+    found["stages_ms"] = with_rays(rendering.report["stages_ms"], best.rays_ms)
+    found["effects"] = [
+        {**row, "reason": LEFT_OUT} if row["name"] in left_out else row for row in rendering.report["effects"]
+    ]
     found["rays"] = {name: error["rays"][name] for name in rendering.report["rays"]}
     return replace(rendering, report={**rendering.report, **found})
 

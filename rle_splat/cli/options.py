@@ -72,7 +72,7 @@ def add_volume_options(parser) -> None:
     group.add_argument("--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="between voxel centres")
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
-    group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb")
+    group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] for the second of that name")
     group.add_argument("--unit", metavar="NAME", help="what lengths are in (mm)")
     group.add_argument("--value-unit", metavar="NAME", help="what values are in, such as HU")
     group.add_argument("--modality", metavar="NAME", help="how it was measured, such as CT or MR")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from ..scene import RleSplatError
 from ..volume.volume import STORED_TYPES
 from .layout import (
+    BYTE_ORDERS,
     CHUNK_BYTES,
     DEFAULT_COUNT_LIMIT,
     SMALL_HEADER,
@@ -27,8 +28,9 @@ COMMON_EDGES = (512, 256, 128, 64, 192, 320, 384, 1024, 768, 640, 160, 96, 2048,
 CANDIDATE_LIMIT = 8  # more than a person reads
 CLEARLY_SMOOTHER = 0.7  # a reading of the bytes counts as right when its steps are this much smaller than the next
 SAMPLE_BYTES = 1 << 20
+SEARCHED_BYTES = 1 << 28  # of a packed file of known layout, for such a sample: about a second
 
-# Words in file names and what they say; sizes of bare "8bit" and the like mean unsigned, as scanners write them.
+# Words in file names and what they say of a voxel's type; bare "8bit" and the like mean unsigned, as scanners write.
 TYPE_WORDS = {
     "uint8": "uint8", "u8": "uint8", "uchar": "uint8", "byte": "uint8", "8bit": "uint8", "8b": "uint8",
     "int8": "int8", "i8": "int8", "schar": "int8",
@@ -38,12 +40,15 @@ TYPE_WORDS = {
     "float32": "float32", "f32": "float32", "float": "float32",
     "float64": "float64", "f64": "float64", "double": "float64",
 }  # fmt: skip
-ORDER_WORDS = {
-    "le": "little", "little": "little", "littleendian": "little", "lsb": "little",
-    "be": "big", "big": "big", "bigendian": "big", "msb": "big",
-}  # fmt: skip
-_WORD = re.compile(
-    r"(?<![a-z0-9])(" + "|".join(sorted(TYPE_WORDS, key=len, reverse=True)) + r")(le|be|lsb|msb)?(?![a-z0-9])"
+ORDER_WORDS = {"le": "little", "lsb": "little", "little": "little", "be": "big", "msb": "big", "big": "big"}
+_TYPE = re.compile(
+    r"(?<![a-z0-9])(" + "|".join(sorted(TYPE_WORDS, key=len, reverse=True)) + r")(?=(?:le|be|lsb|msb)?(?![a-z0-9]))"
+)
+# What can only mean a byte order: little and big with "endian", or with a type before and no word behind; the short
+# words behind a type, or with something before and no word behind.  "big_head" and "le_crane" are of a head.
+_AFTER_TYPE = re.compile(r"[ .-]?(?:(le|be|lsb|msb)(?![a-z0-9])|(little|big)(?![a-z0-9])(?![ -]*[a-z]))")
+_ORDER = re.compile(
+    r"(?<![a-z0-9])(little|big)[ .-]?endian(?![a-z0-9])|(?<=[ .-])(le|be|lsb|msb)(?![a-z0-9])(?![ -]*[a-z])"
 )
 _SHAPE = re.compile(r"(?<!\d)(?<!\d\.)(\d{1,5})[x×](\d{1,5})[x×](\d{1,5})(?![\d.]\d|\d)")
 _SHAPE_SPACED = re.compile(r"(?<!\d)(?<!\d\.)(\d{2,5})[_-](\d{2,5})[_-](\d{2,5})(?![\d])")
@@ -85,7 +90,7 @@ def guess_raw(
     reasons = []
     known = dict(given)
     for what, value in known.items():
-        if value is None and name.get(what) is not None:
+        if value is None and name.get(what) is not None and what != "byte_order":
             known[what] = name[what]
             text = " x ".join(map(str, name[what])) if what == "shape" else name[what]
             reasons.append(f"The name says {what.replace('_', ' ')} {text}.")
@@ -97,14 +102,17 @@ def guess_raw(
     else:
         candidates = _candidates(size, known)
         reasons.append(f"It holds {size} bytes" + (" unpacked." if is_gzip(path) else "."))
-    candidates, decided = _judge_by_bytes(candidates, known, sample, reasons)
+    named = name.get("byte_order")
+    candidates, decided = _judge_by_bytes(candidates, known, named, sample, reasons)
     if not candidates:
         if size is not None:
             reasons.append("Nothing that is known fits this size.")
-        kept = {what: known[what] for what in ("shape", "dtype")}
+        header, order = known["header_bytes"] or 0, known["byte_order"]
+        if order is None and known["dtype"] is not None:
+            _, order, _ = _read_as(sample, header, (known["dtype"],), None, named, reasons)
         return RawGuess(
-            kept["shape"], kept["dtype"], known["byte_order"] or "little", known["header_bytes"] or 0,
-            name.get("spacing"), False, tuple(reasons), (), size,
+            known["shape"], known["dtype"], order or "little", header, name.get("spacing"), False, tuple(reasons), (),
+            size,
         )
     best = candidates[0]
     certain = known["shape"] is not None and decided and (known["header_bytes"] is not None or not best.header_bytes)
@@ -157,20 +165,18 @@ def _name_clues(name: str) -> dict:
     cube = _CUBE.search(text)
     if shape and all(int(n) > 0 for n in shape.groups()):
         clues["shape"] = tuple(int(n) for n in shape.groups())
-        text = text[: shape.start()] + " " + text[shape.end() :]
+        text = text[: shape.start()] + "." + text[shape.end() :]
     elif cube:
         clues["shape"] = (int(cube.group(1)),) * 3
-        text = text[: cube.start()] + " " + text[cube.end() :]
+        text = text[: cube.start()] + "." + text[cube.end() :]
     text = text.replace("_", " ")
-    word = _WORD.search(text)
+    word = _TYPE.search(text)
+    behind = _AFTER_TYPE.match(text, word.end()) if word else None
     if word:
         clues["dtype"] = TYPE_WORDS[word.group(1)]
-        if word.group(2):
-            clues["byte_order"] = ORDER_WORDS[word.group(2)]
-    if "byte_order" not in clues:
-        orders = {ORDER_WORDS[w] for w in re.split(r"[^a-z]+", text) if w in ORDER_WORDS}
-        if len(orders) == 1:
-            clues["byte_order"] = orders.pop()
+    orders = {ORDER_WORDS[one or other] for one, other in ([behind.groups()] if behind else _ORDER.findall(text))}
+    if len(orders) == 1:
+        clues["byte_order"] = orders.pop()
     return clues
 
 
@@ -211,10 +217,11 @@ def _shapes_of(voxels: int):
             yield (n, n, slices), 7.0 + abs(math.log2(slices / n))
 
 
-def _judge_by_bytes(candidates, known: dict, sample: bytes, reasons: list):
-    """Settle type and byte order by the bytes where the name is silent; also whether they are now certain.
+def _judge_by_bytes(candidates, known: dict, named, sample: bytes, reasons: list):
+    """Settle type and byte order by the bytes; also whether they are now certain.
 
     Neighbouring voxels differ little, so of all readings of the same bytes the right one has the smallest steps.
+    ``named``: the byte order that the name says, which counts where the bytes do not tell.
     """
     if not candidates:
         return candidates, False
@@ -233,19 +240,32 @@ def _judge_by_bytes(candidates, known: dict, sample: bytes, reasons: list):
         itemsize = itemsizes[0]
         if itemsize == 1:
             return _with(candidates, 1, "uint8", known["byte_order"] or "little"), alike
-        readings = {2: ("uint16", "int16"), 4: ("float32", "uint32", "int32"), 8: ("float64",)}[itemsize]
+        dtypes = {2: ("uint16", "int16"), 4: ("float32", "uint32", "int32"), 8: ("float64",)}[itemsize]
     else:
-        itemsize, readings, alike = np.dtype(known["dtype"]).itemsize, (known["dtype"],), True
-        if itemsize == 1 or known["byte_order"] is not None:
+        itemsize, dtypes, alike = np.dtype(known["dtype"]).itemsize, (known["dtype"],), True
+        if itemsize == 1:
             return candidates, True
-    orders = (known["byte_order"],) if known["byte_order"] else ("little", "big")
-    dtype, order, clear = _smoothest(sample, candidates[0].header_bytes, readings, orders)
-    if len(readings) * len(orders) > 1:
-        reasons.append(
-            f"Read as {dtype}, {order}-endian, its values vary {'by far the' if clear else 'a little'} "
-            f"more smoothly than otherwise.".replace("by far the more", "far more")
-        )
+    header = candidates[0].header_bytes
+    dtype, order, clear = _read_as(sample, header, dtypes, known["byte_order"], named, reasons)
     return _with(candidates, itemsize, dtype, order), alike and clear
+
+
+def _read_as(sample: bytes, skip: int, dtypes, given, named, reasons: list):
+    """(dtype, byte order, clear) of the bytes after ``skip``; adds to the reasons.
+
+    ``given``: the byte order where it is known.  ``named``: what the name says of it, which decides where the bytes do
+    not tell.
+    """
+    orders = (given,) if given else BYTE_ORDERS
+    dtype, order, clear_type, clear_order, told = _smoothest(sample, skip, dtypes, orders)
+    if given is None and named is not None and not told:
+        dtype, order, clear_type, clear_order, _ = _smoothest(sample, skip, dtypes, (named,))
+        reasons.append(f"The name says {named}-endian, and its bytes do not tell.")
+    elif len(dtypes) * len(orders) > 1:
+        smoothly = f"its values vary {'far' if clear_type and clear_order else 'a little'} more smoothly than otherwise"
+        but = f"The name says {named}-endian, but read" if given is None and named not in (None, order) else "Read"
+        reasons.append(f"{but} as {dtype}, {order}-endian, {smoothly}.")
+    return dtype, order, clear_type and clear_order
 
 
 def _with(candidates, itemsize: int, dtype: str, order: str) -> tuple:
@@ -269,7 +289,7 @@ def _likely_itemsize(sample: bytes, itemsizes, wide: bool, order) -> int:
     """The item size among ``itemsizes`` that the bytes speak for: floats only where they make sense as floats."""
     orders = (order,) if order else ("little", "big")
     for size in (8, 4) if wide else ():
-        if size in itemsizes and _roughness(sample, 0, (f"float{8 * size}",), orders):
+        if size in itemsizes and _readings(sample, 0, (f"float{8 * size}",), orders):
             return size
     for size in (2, 4, 1) if wide else (1, 2, 4):
         if size in itemsizes:
@@ -277,24 +297,30 @@ def _likely_itemsize(sample: bytes, itemsizes, wide: bool, order) -> int:
     return itemsizes[0]
 
 
-def _smoothest(sample: bytes, skip: int, readings, orders):
-    """(dtype, order, clear): the reading whose neighbouring values differ least."""
-    roughness = _roughness(sample, skip, readings, orders)
-    if not roughness:
-        return readings[0], orders[0], len(readings) * len(orders) == 1
-    if any(np.dtype(d).kind == "f" for d, _ in roughness):  # passes as float: integers seldom do
-        roughness = {key: r for key, r in roughness.items() if np.dtype(key[0]).kind == "f"}
-    ranked = sorted(roughness, key=roughness.get)
-    best = ranked[0]
-    rival = min((roughness[key] for key in ranked[1:]), default=math.inf)
-    same_values = rival == roughness[best] and all(key[1] == best[1] for key in ranked if roughness[key] == rival)
-    return best[0], best[1], same_values or roughness[best] < CLEARLY_SMOOTHER * rival
+def _smoothest(sample: bytes, skip: int, dtypes, orders):
+    """The reading whose neighbouring values differ least: (dtype, order, whether the type is clear, whether the order
+    is, whether the bytes tell the order).
+
+    Of numbers that fit into one byte the bytes tell no order: in the other one they are the same times 256.
+    """
+    found = _readings(sample, skip, dtypes, orders)
+    if not found:
+        return dtypes[0], orders[0], len(dtypes) == 1, len(orders) == 1, False
+    if any(np.dtype(d).kind == "f" for d, _ in found):  # passes as float: integers seldom do
+        found = {key: reading for key, reading in found.items() if np.dtype(key[0]).kind == "f"}
+    (dtype, order), (step, is_narrow) = min(found.items(), key=lambda item: item[1][0])
+    types = [found[key][0] for key in found if key[1] == order and key[0] != dtype]
+    others = [found[key][0] for key in found if key[1] != order]
+    clear_type = all(other == step for other in types) or step < CLEARLY_SMOOTHER * min(types)
+    clear_order = not others or step < CLEARLY_SMOOTHER * min(others)
+    return dtype, order, clear_type, clear_order, clear_order and not is_narrow
 
 
-def _roughness(sample: bytes, skip: int, readings, orders) -> dict:
-    """Mean step between neighbouring values for each (dtype, order) that the bytes can be."""
-    roughness = {}
-    for dtype in readings:
+def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
+    """(Mean step between neighbouring values, whether all fit into one byte) of each (dtype, order) that the bytes can
+    be."""
+    found = {}
+    for dtype in dtypes:
         for order in orders:
             kind = np.dtype(dtype).newbyteorder("<" if order == "little" else ">")
             start = skip % kind.itemsize
@@ -305,8 +331,10 @@ def _roughness(sample: bytes, skip: int, readings, orders) -> dict:
                     continue
                 if kind.kind == "f" and (np.abs(values[values != 0.0]) < 1e-30).any():
                     continue  # denormal floats are integers misread
-                roughness[dtype, order] = float(np.abs(np.diff(values)).mean())
-    return roughness
+                low, high = values.min(), values.max()
+                is_narrow = kind.kind != "f" and any(least <= low and high < least + 256.0 for least in (0.0, -128.0))
+                found[dtype, order] = float(np.abs(np.diff(values)).mean()), is_narrow
+    return found
 
 
 def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
@@ -316,12 +344,17 @@ def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None)
     """
     if shape is not None and dtype is not None:
         clues = _name_clues(Path(path).name)
-        order = byte_order or clues.get("byte_order")
-        layout = RawLayout(shape, dtype, order or "little", header_bytes or 0)
-        remarks = ()
+        layout, remarks = RawLayout(shape, dtype, byte_order or "little", header_bytes or 0), ()
         if layout.file_dtype.itemsize > 1 and byte_order is None:
-            source = "as the file's name says" if order else "as none was given"
-            remarks = (f"The byte order was taken as {layout.byte_order}, {source}.",)
+            _, sample = _size_and_sample(path, min(layout.total_bytes, SEARCHED_BYTES))
+            reasons = []
+            named = clues.get("byte_order")
+            _, order, clear = _read_as(sample, layout.header_bytes, (layout.dtype,), None, named, reasons)
+            if clear:
+                layout = replace(layout, byte_order=order)
+            else:
+                reasons = ["None was given, and neither its name nor its bytes tell it."]
+            remarks = (" ".join((f"The byte order was taken as {layout.byte_order}.", *reasons)),)
         return layout, remarks, clues.get("spacing")
     guess = guess_raw(path, shape, dtype, byte_order, header_bytes)
     if not guess.certain:

@@ -6,6 +6,7 @@ grid's own transform, in the file's world units.
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -43,8 +44,22 @@ def load_openvdb():
     return openvdb
 
 
-def _label(grid, i: int) -> str:
-    return grid.name or f"[{i}]"  # OpenVDB's own way of naming a grid without a name
+def _labels(grids: list) -> list[str]:
+    """What OpenVDB calls each grid: its name, from the second of one name on with a number, ``smoke[1]``; ``[0]``,
+    ``[1]`` without a name.  ``grids``: in the file's order."""
+    labels, before = [], Counter()
+    for grid in grids:
+        number = before[grid.name]
+        labels.append(f"{grid.name}[{number}]" if number or not grid.name else grid.name)
+        before[grid.name] += 1
+    return labels
+
+
+def _address(grids: list, i: int) -> str:
+    """What OpenVDB is told to read a grid: with a number where it is one of several of its name, or OpenVDB would
+    print a warning on the console."""
+    alike = [number for number, grid in enumerate(grids) if grid.name == grids[i].name]
+    return f"{grids[i].name}[{alike.index(i)}]" if len(alike) > 1 else _labels(grids)[i]
 
 
 def _metadata(openvdb, path) -> list:
@@ -63,14 +78,19 @@ def _damaged(path, problem) -> RleSplatError:
 
 
 def _choose(grids: list, wanted: str | None, path) -> int:
-    """The index of the grid to read: the wanted one, else ``density``, else the first of numbers."""
-    labels = [_label(grid, i) for i, grid in enumerate(grids)]
+    """The index of the grid to read: the wanted one, else ``density``, else the first of numbers.
+
+    A bare name is that of the first grid of numbers so called; ``name[0]``, ``name[1]`` are one by one.
+    """
+    labels = _labels(grids)
     numeric = [i for i, grid in enumerate(grids) if grid.valueTypeName in NUMERIC]
     there = ", ".join(f"{label} ({grid.valueTypeName})" for label, grid in zip(labels, grids)) or "none at all"
     if wanted is not None:
-        if wanted not in labels:
+        found = [i for i, label in enumerate(labels) if wanted in (grids[i].name, label, _address(grids, i))]
+        if not found:
             raise RleSplatError(f"{Path(path).name} has no grid {wanted!r}; its grids are: {there}.")
-        i = next((i for i in numeric if labels[i] == wanted), labels.index(wanted))
+        named = [i for i in found if grids[i].name == wanted] or found
+        i = next((i for i in named if i in numeric), named[0])
         if i not in numeric:
             raise RleSplatError(
                 f"The grid {wanted!r} holds {grids[i].valueTypeName}, not one number per voxel; the grids are: {there}."
@@ -80,7 +100,7 @@ def _choose(grids: list, wanted: str | None, path) -> int:
         raise RleSplatError(
             f"{Path(path).name} has no grid of numbers to show, its grids are: {there}; export one of numbers."
         )
-    return next((i for i in numeric if labels[i] == PREFERRED_GRID), numeric[0])
+    return next((i for i in numeric if grids[i].name == PREFERRED_GRID), numeric[0])
 
 
 def _matrix(transform) -> np.ndarray:
@@ -97,6 +117,7 @@ def read_vdb(
 ) -> Volume:
     """A Volume from one grid of an OpenVDB file: the one called ``grid``, else density, else the first of numbers.
 
+    Of grids with one name, ``grid`` is the first; ``name[1]`` is the second, as OpenVDB calls it.
     Values of inactive voxels inside the box are kept as stored.  int64 becomes int32 where it fits, else float64;
     bool becomes uint8.  Raises RleSplatError when there is no such grid, no active voxel, a transform that is not
     affine, or a damaged file.
@@ -104,13 +125,13 @@ def read_vdb(
     openvdb = load_openvdb()
     grids = _metadata(openvdb, path)
     chosen = _choose(grids, grid, path)
-    label = _label(grids[chosen], chosen)
+    label = _labels(grids)[chosen]
     remarks = []
     if len(grids) > 1:
-        names = ", ".join(_label(g, i) for i, g in enumerate(grids))
+        names = ", ".join(_labels(grids))
         remarks.append(f"The file holds {len(grids)} grids, {names}; {label} was read.")
     try:
-        source = openvdb.read(str(path), label)
+        source = openvdb.read(str(path), _address(grids, chosen))
         voxels, corner = _densify(source, label)
     except OPENVDB_PROBLEMS as problem:
         raise _damaged(path, problem) from None
@@ -127,7 +148,7 @@ def read_vdb(
         value_unit = SIGNED_DISTANCE
         remarks.append(f"The grid {label} is a level set: its values are distances, below zero inside.")
     if modality is None:
-        smoky = source.gridClass == "fog volume" or label.lower() in SMOKE_GRIDS
+        smoky = source.gridClass == "fog volume" or source.name.lower() in SMOKE_GRIDS
         modality = notes.get("modality") or ("SMOKE" if smoky and source.gridClass != "level set" else None)
     return Volume(
         voxels=voxels, affine=_matrix(source.transform) @ shift, unit=unit or notes.get("length_unit") or WORLD_UNIT,

@@ -97,6 +97,57 @@ def test_the_choice_among_several_grids(formats, refusal, tmp_path):
     assert formats.read_volume(write(tmp_path / "b.vdb", *grids[:2])).name == "heat"
 
 
+def test_every_grid_of_one_name_can_be_read(formats, refusal, tmp_path, capfd):
+    """As OpenVDB calls them: the first by its name, the others by ``name[1]``, ``name[2]``."""
+    grids = [points_grid(openvdb.FloatGrid, {(0, 0, 0): float(n)}, "density") for n in range(1, 13)]
+    grids.insert(5, points_grid(openvdb.FloatGrid, {(0, 0, 0): 99.0}, "heat"))
+    path = write(tmp_path / "a.vdb", *grids)
+    capfd.readouterr()
+    for grid, value, name in ((None, 1.0, "density"), ("density", 1.0, "density"), ("density[0]", 1.0, "density"),
+                              ("density[1]", 2.0, "density[1]"), ("density[11]", 12.0, "density[11]"),
+                              ("heat", 99.0, "heat")):  # fmt: skip
+        volume = formats.read_volume(path, grid=grid)
+        assert (volume.voxels.max(), volume.name) == (value, name)
+        assert f"density[10], density[11], heat; {name} was read." in volume.remarks[0]
+    assert "more than one grid" not in "".join(capfd.readouterr()), "OpenVDB warns where it is not told which"
+    assert formats.read_volume(path, grid="density[1]").modality == "SMOKE"
+    with pytest.raises(refusal, match=r"no grid 'density\[12\]'.*density \(float\), density\[1\] \(float\)"):
+        formats.read_volume(path, grid="density[12]")
+
+
+def test_a_bare_name_is_that_of_the_first_grid_of_numbers(formats, refusal, tmp_path):
+    vectors = points_grid(openvdb.Vec3SGrid, {(0, 0, 0): (1.0, 2.0, 3.0)})
+    path = write(tmp_path / "a.vdb", vectors, points_grid(openvdb.FloatGrid, {(0, 0, 0): 4.0}))
+    for grid in (None, "density", "density[1]"):
+        volume = formats.read_volume(path, grid=grid)
+        assert (volume.voxels.max(), volume.name) == (4.0, "density[1]")
+    with pytest.raises(refusal, match=r"'density\[0\]' holds vec3s.*density \(vec3s\), density\[1\] \(float\)"):
+        formats.read_volume(path, grid="density[0]")
+
+
+def test_a_name_that_ends_in_a_number_is_a_name(formats, tmp_path):
+    grids = [points_grid(openvdb.FloatGrid, {(0, 0, 0): value}, name) for value, name in ((3.0, "a[1]"), (4.0, "a"))]
+    path = write(tmp_path / "a.vdb", *grids)
+    assert formats.read_volume(path, grid="a[1]").voxels.max() == 3.0
+
+
+def test_the_command_line_reads_the_second_grid_of_a_name(core, tmp_path, capsys):
+    grids = [points_grid(openvdb.FloatGrid, {(0, 0, 0): value}, "smoke") for value in (3.0, 4.0)]
+    path = write(tmp_path / "a.vdb", *grids)
+    main = core("cli.main").main
+    assert main(["info", str(path), "--grid", "smoke[1]"]) == 0
+    told = capsys.readouterr().out
+    assert "The file holds 2 grids, smoke, smoke[1]; smoke[1] was read." in told and "0 to 4" in told
+    assert main(["info", str(path), "--grid", "smoke[2]"]) == 2
+    assert "has no grid 'smoke[2]'; its grids are: smoke (float), smoke[1] (float)." in capsys.readouterr().err
+
+
+def test_grids_without_a_name_are_read_by_their_number(formats, tmp_path):
+    path = write(tmp_path / "a.vdb", *(points_grid(openvdb.FloatGrid, {(0, 0, 0): v}, "") for v in (2.0, 3.0)))
+    assert formats.read_volume(path).voxels.max() == formats.read_volume(path, grid="[0]").voxels.max() == 2.0
+    assert formats.read_volume(path, grid="[1]").voxels.max() == 3.0
+
+
 def test_a_grid_without_a_name_is_read(formats, tmp_path):
     path = write(tmp_path / "a.vdb", points_grid(openvdb.FloatGrid, {(0, 0, 0): 2.0}, ""))
     assert formats.read_volume(path).voxels.max() == 2.0

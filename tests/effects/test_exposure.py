@@ -1,5 +1,7 @@
 """What a lens and a shutter blur: against the thin lens's formula, how far things move, and means of sharp pictures."""
 
+import sys
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ from rle_splat.effects.analyse import analyse
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
 from rle_splat.exposure import exposures
+from rle_splat.kept import Kept
 from rle_splat.render import render
 from rle_splat.scene import Camera, Pose, Quality, RleSplatError, Scene
 from rle_splat.view.eye import index_view
@@ -274,6 +277,30 @@ def test_lens_and_shutter_share_their_pictures():
 
 def test_a_long_way_takes_no_more_pictures_than_the_most():
     assert motion_pictures(moving(100.0)) == MOST_PICTURES
+
+
+@pytest.mark.parametrize("blurred", [speck(3.0), moving(0.3)], ids=["depth of field", "motion blur"])
+@pytest.mark.parametrize("classification", ["pre", "post"])
+def test_what_all_pictures_of_a_blur_have_in_common_is_made_once(blurred, classification, monkeypatch):
+    """Where whoever calls passes no stage cache, as the command line."""
+    stores, quality = [], Quality(classification=classification)
+
+    class Noted(Kept):
+        def __init__(self, *room):
+            super().__init__(*room)
+            stores.append(self)
+
+    monkeypatch.setattr(sys.modules["rle_splat.render"], "Kept", Noted)  # the package has a function of the same name
+    found = render(blurred, quality)
+    made = sum((Counter(store.made) for store in stores), Counter())
+    assert len(exposures(blurred)) > 4 and {"pre": "visible", "post": "scalars"}[classification] in made
+    assert set(made.values()) == {1}, made
+    given = Kept(0)
+    again = render(blurred, quality, kept=given)
+    assert np.array_equal(found.rgba, again.rgba) and max(given.made.values()) == len(exposures(blurred))
+    stores.clear()
+    render(pinhole(replace(blurred, motion=())), quality)
+    assert [store.keeps for store in stores] == [False], "a single picture keeps nothing"
 
 
 def test_a_single_pose_is_refused():
