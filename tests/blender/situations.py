@@ -27,7 +27,7 @@ SITUATIONS = {
     "B14": ("a volume is copied by Alt-D", "the copy has pictures of its own, and the backdrop stays the first's"),
     "B15": ("a scene is copied in full", "each of the two has pictures of its own"),
     "B16": ("a scene is copied with linked objects", "each of the two has pictures of its own"),
-    # What is deleted: test_situations_deletion.py
+    # What is deleted or hidden: test_situations_deletion.py
     "B17": ("the volume of a backdrop that follows is deleted", "the camera shows no backdrop, and the panel says that "
             "the volume was deleted"),
     "B18": ("the only volume is deleted", "no picture can be asked for any more"),
@@ -36,18 +36,18 @@ SITUATIONS = {
     "B21": ("one of two volumes is deleted", "only its own backdrop goes"),
     "B22": ("a volume composited into renders is deleted", "the message says so, and no picture of before is laid "
             "over the render"),
-    "B23": ("a channel is deleted", "it is no longer drawn"),  # held by the branch of F12: test_messages.py
-    "B24": ("a clip object is deleted", "it no longer cuts"),  # held by the branch of F12: test_messages.py
+    "B23": ("a channel is deleted", "it is no longer drawn"),  # test_messages.py
+    "B24": ("a clip object is deleted", "it no longer cuts"),  # test_messages.py
     "B25": ("a volume is in the scene through an instanced collection alone", "it does not count as deleted: it is "
             "drawn, or the message says why not"),
     "B26": ("the volume is in a collection that is hidden in the window", "Render Image and renders show it where "
             "it is now"),
     "B27": ("the volume's collection is hidden from renders, and shown again", "renders go with it"),
     "B28": ("a mesh is looked at in local view", "Render Image and renders still show the volume"),
-    # View layers, held by test_view_layers.py
+    # View layers: test_view_layers.py
     "B29": ("the volume is excluded from the first of two view layers", "each layer shows what it has"),
     "B30": ("meshes are excluded from one of two view layers", "they hide the volume in the other layer alone"),
-    # Messages of renders, held by test_messages.py
+    # Messages of renders: test_messages.py
     "B31": ("a file is missing at one frame of an animation", "the first error and the failed frames stay in the "
             "message"),
     "B32": ("a frame cannot be drawn", "a placeholder takes the place of the volume"),
@@ -56,7 +56,7 @@ SITUATIONS = {
     "B35": ("the Alpha Over of the compositor is unlinked", "the message says that the render lacks the volume"),
     "B36": ("the picture is taken out of its compositor node", "the message says that the render lacks the volume"),
     "B37": ("compositing is switched off in the render settings", "the message says that the render lacks the volume"),
-    # Linked data, held by test_linked.py
+    # Linked data: test_linked.py
     "B38": ("window and opacity are set on a library override", "they survive a reload"),
     "B39": ("the file of an overridden volume has a relative path", "it is read from beside the file that says so"),
     "B40": ("an operator would edit a linked volume", "it is refused in a sentence"),
@@ -73,13 +73,13 @@ SITUATIONS = {
     "B50": ("the mode or the quality is changed under a backdrop that follows", "the backdrop shows it"),
     "B51": ("the size of the render is changed under a backdrop that follows", "the backdrop has the new size"),
     "B52": ("a mesh is moved in front of a backdrop that follows", "the backdrop shows it"),
-    # Switches, held by test_switches.py and test_motion.py
+    # Switches: test_switches.py; B55 and B57: test_motion.py
     "B53": ("Meshes Occlude, and Render Image", "a mesh in front hides the volume as in renders"),
     "B54": ("Meshes Occlude, and Shadow Pass", "a mesh in front hides the volume as in renders"),
     "B55": ("motion blur", "Render Image and renders show the same"),
     "B56": ("the Mist pass is switched on", "the picture stays the same"),
     "B57": ("motion blur beside handlers of other add-ons", "its poses do not run them"),
-    # Import, and what an edit leaves behind; all but B58 are held by other branches
+    # Import, and what an edit leaves behind: test_situations_edits.py, test_switches.py, test_linked.py, test_vdb.py
     "B58": ("a name of a file speaks of big and little, but not of bytes", "the bytes decide"),
     "B59": ("a clip object is added while its collection is excluded", "it is refused in a sentence, or added; nothing "
             "is left behind by halves"),
@@ -111,8 +111,8 @@ SITUATIONS = {
     "B81": ("Behind or In Front is chosen", "the camera's backdrop changes at once"),
     "B82": ("a maximum error is set while shadows are on", "the panel says that shadows are left out, and so does the "
             "report"),
-    "B83": ("Remove Backdrop, in a window", "the picture is gone from the screen at once"),  # held by window.py
-    "B84": ("Measure Accuracy ends, in a window", "the panel shows its rows at once"),  # held by window.py
+    "B83": ("Remove Backdrop, in a window", "the picture is gone from the screen at once"),  # window.py
+    "B84": ("Measure Accuracy ends, in a window", "the panel shows its rows at once"),  # window.py
     "B85": ("Camera Backdrop, where no view looks through the camera", "the report says so"),
     # Renders: test_situations_renders.py
     "B86": ("EEVEE", "the volume is laid over the render as in Cycles"),
@@ -126,4 +126,7 @@ SITUATIONS = {
     "B93": ("the compositor is shared with another scene (5.x) or was switched off (4.5)", "the volume is laid over "
             "this scene's render; the other and its nodes stay"),
     "B94": ("the scene of the render is not that of the window", "the volume of the rendered scene is drawn"),
+    # Found since: test_situations_copies.py
+    "B95": ("a camera with a backdrop is copied by Shift-D", "the copy's next backdrop takes the place of what it "
+            "shows, and the first camera's stays"),
 }

@@ -124,3 +124,22 @@ def test_B11_two_scenes_that_follow_one_volume(addon, tmp_path):
         middle = scenes.shown_at(large)
         assert middle == pytest.approx((12.0 + 2.0 * (frame - 1), 12.0), abs=1.0)
         assert scenes.shown_at(small) == pytest.approx((middle - 12.0) * 16 / 24 + (8.0, 6.0), abs=0.5)
+
+
+def test_B95_a_camera_copied_by_shift_d(shown):
+    """With its data, and so with an entry that shows the first camera's picture."""
+    owner, first = shown
+    before = scenes.backdrop_of(first)
+    scenes.activate(first)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.object
+    assert copy.data != first.data and len(scenes.backdrops(copy)) == 1
+    bpy.context.scene.camera = copy
+    copy.location.x += 2.0
+    scenes.activate(owner)
+    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    for frame in (2, 3):
+        np.testing.assert_allclose(
+            scenes.shown_at(scenes.backdrop_of(copy)) - scenes.shown_at(before), (-4.0, 0.0), atol=0.1)
+        np.testing.assert_array_equal(scenes.backdrop_of(first), before)
+        scenes.to_frame(frame)

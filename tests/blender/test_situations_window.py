@@ -15,9 +15,14 @@ def owner(addon, tmp_path):
     return scenes.cube_scene(tmp_path)
 
 
-def words(monkeypatch):
-    """All that the panels say, in one line, small letters."""
-    return " ".join(texts(draw_all(monkeypatch)).lower().split())
+@pytest.fixture
+def said(monkeypatch):
+    """``said()``: the lines of text in all panels."""
+    return lambda: texts(draw_all(monkeypatch)).lower().splitlines()
+
+
+def is_marked(lines) -> bool:
+    return OUT_OF_DATE in " ".join(lines)  # which a narrow panel breaks
 
 
 def edit_location(owner):
@@ -48,18 +53,18 @@ def add_plane(owner):
 @pytest.mark.parametrize(
     "edit", [scenes.lower_curve, edit_location, edit_quality, edit_camera, edit_window, edit_size, add_plane])
 @pytest.mark.parametrize("make", ["render_image", "set_backdrop"])
-def test_B80_an_edit_marks_the_picture(owner, monkeypatch, make, edit):
+def test_B80_an_edit_marks_the_picture(owner, said, make, edit):
     getattr(bpy.ops.rle_splat, make)()
     scenes.update()
-    assert OUT_OF_DATE not in words(monkeypatch)
+    assert not is_marked(said())
     edit(owner)
     scenes.update()
-    assert OUT_OF_DATE in words(monkeypatch)
+    assert is_marked(said())
     getattr(bpy.ops.rle_splat, make)()
-    assert OUT_OF_DATE not in words(monkeypatch)
+    assert not is_marked(said())
 
 
-def test_B77_undo_after_preset_and_backdrop(owner, monkeypatch):
+def test_B77_undo_after_preset_and_backdrop(owner, said):
     """The picture fits what the settings are now, or it is said that it does not."""
     name = owner.name
     bpy.ops.rle_splat.set_backdrop()
@@ -71,11 +76,11 @@ def test_B77_undo_after_preset_and_backdrop(owner, monkeypatch):
         bpy.ops.ed.undo()  # while pictures are steps of their own
     assert bpy.data.objects[name].rle_splat.transfer_name == "one colour"
     scenes.update()
-    said = OUT_OF_DATE in words(monkeypatch)
+    marked = is_marked(said())
     camera = bpy.context.scene.camera
     shown = scenes.backdrop_of(camera) if scenes.backdrops(camera) else None
     fits = shown is None or np.allclose(shown, scenes.set_anew(camera), atol=1e-6)
-    assert said != fits  # neither silent nor a false alarm
+    assert marked != fits  # neither silent nor a false alarm
 
 
 def test_B81_behind_or_in_front(owner):
@@ -88,15 +93,15 @@ def test_B81_behind_or_in_front(owner):
         assert entry.display_depth == place
 
 
-def test_B82_a_maximum_error_drops_shadows(owner, monkeypatch):
+def test_B82_a_maximum_error_drops_shadows(owner, said):
     light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     bpy.context.scene.collection.objects.link(light)
     settings = bpy.context.scene.rle_splat
     settings.use_shadows = True
-    before = set(texts(draw_all(monkeypatch)).splitlines())
+    before = set(said())
     settings.max_error = 4.0
-    told = set(texts(draw_all(monkeypatch)).splitlines()) - before
-    assert any("shadow" in line.lower() for line in told), told
+    told = set(said()) - before
+    assert any("shadow" in line for line in told), told
     scenes.picture_of()
     lines = [line for line in settings.last_report.lower().splitlines() if not line.endswith(" ms")]
     assert any("shadow" in line for line in lines), lines
