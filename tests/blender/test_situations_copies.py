@@ -71,14 +71,21 @@ def two_scenes(first, second, tmp_path):
         assert scenes.picture_of(first)[0] == image
 
 
-@pytest.mark.parametrize("kind", ["FULL_COPY", "LINK_COPY"], ids=["B15", "B16"])
-def test_a_copied_scene(addon, tmp_path, kind):
+def copied_scene(tmp_path, kind):
     scenes.cube_scene(tmp_path)
     first = bpy.context.scene
     bpy.ops.rle_splat.composite()
     scenes.picture_of()
-    bpy.ops.scene.new(type=kind)
+    assert bpy.ops.scene.new(type=kind) == {"FINISHED"}
     two_scenes(first, bpy.context.scene, tmp_path)
+
+
+def test_B15_a_scene_copied_in_full(addon, tmp_path):
+    copied_scene(tmp_path, "FULL_COPY")
+
+
+def test_B16_a_scene_copied_with_linked_objects(addon, tmp_path):
+    copied_scene(tmp_path, "LINK_COPY")
 
 
 def test_B10_a_camera_switched_by_a_marker(addon, tmp_path):

@@ -7,13 +7,12 @@ from devtools.catalogue import PAGE, situations
 from tests.blender.situations import SITUATIONS
 
 TESTS = Path(__file__).resolve().parents[1] / "blender"
-NAMES = re.compile(r'^def (?:test|check)_((?:B\d+_)+)|ids=\[([^\]]*"B\d+"[^\]]*)\]', re.MULTILINE)
+NAMES = re.compile(r"^def (?:test|check)_(B\d+)_", re.MULTILINE)
 
 
 def named() -> set[str]:
     """The ids that tests of this folder have in their names, and checks of those that run in a window."""
-    return {name for path in TESTS.glob("*.py") for found in NAMES.finditer(path.read_text(encoding="utf-8"))
-            for name in re.findall(r"B\d+", found.group())}
+    return {name for path in TESTS.glob("*.py") for name in NAMES.findall(path.read_text(encoding="utf-8"))}
 
 
 def test_each_situation_has_a_test_and_each_test_a_situation():
