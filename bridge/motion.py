@@ -39,7 +39,8 @@ class _NotReadError(Exception):
 def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...], str]:
     """(poses while the shutter is open about the depsgraph's frame, why there are none).
 
-    ``camera``: a camera object in place of the active one.  Without motion there are no poses, and the reason stands behind "off"; with poses it is "".
+    ``camera``: a camera object in place of the active one.  Without motion there are no poses, and the reason stands
+    behind "off"; with poses it is "".
     """
     scene, render = depsgraph.scene, depsgraph.scene.render
     if not render.use_motion_blur:

@@ -1,9 +1,11 @@
-"""docs/stability.md, written from what the tests of the catalogue measured."""
+"""docs/stability.md, written from what the tests of the catalogue measured, and from the table of situations."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+
+from tests.blender.situations import SITUATIONS
 
 from .places import ROOT, Failure
 
@@ -34,6 +36,15 @@ What is done with numbers at the edge, whatever the classification:
 | id | case | what is bounded | at most | float32 | float64 |
 |---|---|---|---|---|---|
 """
+SITUATIONS_HEAD = """
+## Blender situations
+
+Each line is held by tests in `tests/blender` that carry its id, and `python3 dev.py test` runs all of them in Blender
+4.5, 5.0 and 5.2.
+
+| id | situation | what holds |
+|---|---|---|
+"""
 
 
 def _number(value: float) -> str:
@@ -47,6 +58,16 @@ def _cell(row, width: str) -> str:
     if "either" in figures:
         return f"{_number(figures['either'])} ({row['why']})"
     return row["why"]
+
+
+def _row(cells) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def situations() -> str:
+    """The page's section on situations in Blender."""
+    lines = [_row((name, *texts)) for name, texts in SITUATIONS.items()]
+    return SITUATIONS_HEAD + "\n".join(lines) + "\n"
 
 
 def table(figures: Path) -> str:
@@ -64,5 +85,5 @@ def table(figures: Path) -> str:
                 f"{row['id']}, {row['claim']}: measured in {' and '.join(row['figures'])} only; record the other "
                 "width too, or say why not."
             )
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return HEAD + "\n".join(lines) + "\n"
+        lines.append(_row(cells))
+    return HEAD + "\n".join(lines) + "\n" + situations()

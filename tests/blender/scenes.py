@@ -1,5 +1,7 @@
 """Small scenes for the tests: a volume of a few voxels, a camera, meshes, and what a render of them holds."""
 
+import json
+
 import bpy
 import numpy as np
 
@@ -149,3 +151,99 @@ def add_white_floor(half: float):
     material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
     floor.data.materials.append(material)
     return floor
+
+
+SIDE = 7  # voxels of the uniform cube that the tests of situations show
+RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)
+
+
+def add_cube(folder, name="cube", color=RED, value=100, **transfer):
+    """Import a uniform cube of SIDE voxels a side about (3, 3, 3), of one colour, unshaded; returns its object.
+
+    ``transfer``: of its file, in place of those values.
+    """
+    owner = import_raw(folder, np.full((SIDE, SIDE, SIDE), value, np.uint8), name=name)
+    load_color(folder, color, **transfer)
+    return owner
+
+
+def load_color(folder, color, alpha=0.3, **transfer):
+    """Give the active volume one colour and opacity, by the operator that reads a file."""
+    function = {
+        "name": "one colour", "unit": None, "opacity": [[0.0, 0.0], [50.0, alpha], [255.0, alpha]],
+        "color": [[0.0, *color], [255.0, *color]], "opacity_unit_distance": 1.0, "shade": False, **transfer}
+    path = folder / "one_color.json"
+    path.write_text(json.dumps(function))
+    assert bpy.ops.rle_splat.load_transfer(filepath=str(path)) == {"FINISHED"}
+
+
+def cube_scene(folder, size=(24, 24), **cube):
+    """A cube as ``add_cube`` makes it in Cycles, seen from above, a world unit of two pixels; returns its object."""
+    scene = use_cycles(size)
+    owner = add_cube(folder, **cube)
+    add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=12.0)
+    scene.rle_splat.quality = "standard"
+    return owner
+
+
+def activate(*objects):
+    """Select these objects and no other, the first of them active."""
+    for one in bpy.context.view_layer.objects:
+        one.select_set(one in objects)
+    bpy.context.view_layer.objects.active = objects[0]
+
+
+def in_scene(scene):
+    """A context as of a window that shows ``scene``."""
+    return bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0])
+
+
+def picture_of(scene=None, **options):
+    """Render Image of the active volume; returns (the image, its pixels)."""
+    assert bpy.ops.rle_splat.render_image(**options) == {"FINISHED"}
+    image = (scene or bpy.context.scene).rle_splat.image
+    return image, image_pixels(image)
+
+
+def backdrops(camera):
+    """The images that a camera object shows behind or in front of the scene."""
+    return [entry.image for entry in camera.data.background_images]
+
+
+def backdrop_of(camera):
+    """The pixels of the one image that a camera shows."""
+    images = backdrops(camera)
+    assert len(images) == 1 and images[0] is not None, images
+    return image_pixels(images[0])
+
+
+def set_anew(camera):
+    """The pixels of the backdrop as Camera Backdrop makes it now."""
+    assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
+    return backdrop_of(camera)
+
+
+def lower_curve(owner):
+    """Make a volume transparent through its opacity curve, as a script does."""
+    for point in owner.rle_splat.transfer.nodes["Opacity"].mapping.curves[0].points:
+        point.location = (point.location[0], 0.0)
+
+
+def shown_at(pixels):
+    """(column, row) of the middle of what a picture shows, which must be something."""
+    assert pixels[..., 3].max() > 0.1, "the picture is blank"
+    return centroid(pixels[..., 3])
+
+
+def update():
+    """What Blender does after every edit."""
+    bpy.context.view_layer.update()
+
+
+def to_frame(frame):
+    bpy.context.scene.frame_set(frame)
+
+
+def save_and_reload(path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.open_mainfile(filepath=str(path))

@@ -224,6 +224,45 @@ def check_following():
     np.testing.assert_array_equal(pixels_of(image), refined)
 
 
+def redraws(region, act):
+    """Wait until the 3D view rests, act as a script does in it, and wait until that region of it is drawn again."""
+    drawn, before = [], -1
+    handler = bpy.types.SpaceView3D.draw_handler_add(lambda: drawn.append(True), (), region, "POST_PIXEL")
+    while before != len(drawn):
+        before = len(drawn)
+        yield
+    with in_the_view():
+        act()
+    yield from until(lambda: len(drawn) > before, seconds=5.0)
+    bpy.types.SpaceView3D.draw_handler_remove(handler, region)
+
+
+def check_B83_remove_backdrop_redraws():
+    """From a script, which Blender does not redraw anything for by itself."""
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
+    yield from redraws("WINDOW", bpy.ops.rle_splat.remove_backdrop)
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
+
+
+def check_B84_measure_accuracy_redraws():
+    """The sidebar, when measuring little by little has ended."""
+    jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+    area.spaces.active.show_region_ui = True
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    with in_the_view():
+        assert bpy.ops.rle_splat.measure_accuracy("INVOKE_DEFAULT", probes=2, repeats=1) == {"RUNNING_MODAL"}
+    drawn, rows = [], scene.rle_splat.accuracy_rows
+    handler = bpy.types.SpaceView3D.draw_handler_add(lambda: drawn.append(len(rows)), (), "UI", "POST_PIXEL")
+    yield from until(lambda: not jobs._running, seconds=200.0)
+    yield from until(lambda: drawn and drawn[-1] == len(rows), seconds=5.0)
+    bpy.types.SpaceView3D.draw_handler_remove(handler, "UI")
+    assert len(rows)
+
+
 def steps():
     install()
     watch_renders()
@@ -232,8 +271,8 @@ def steps():
         import_cube(FOLDER)
     yield
     for check in (
-        check_f12, check_animation, check_blurred_f12, check_render_image, check_escape, check_previews,
-        check_following):
+        check_f12, check_animation, check_blurred_f12, check_render_image, check_B83_remove_backdrop_redraws,
+        check_B84_measure_accuracy_redraws, check_escape, check_previews, check_following):
         yield from check()
         print(f"{check.__name__} passed", flush=True)
         passed.append(check)
