@@ -86,7 +86,7 @@ def _check(entry, value, where: str) -> None:
         names = {item.identifier for item in entry.enum_items}
         values = value if entry.is_enum_flag else {value}
         assert values <= names, f"{where} is {value!r}, which Blender {bpy.app.version_string} does not know"
-    else:
+    elif value is not None or entry.type != "STRING" or entry.is_never_none:
         assert isinstance(value, KINDS[entry.type]), f"{where} is {value!r} and no {entry.type}"
 
 
@@ -160,7 +160,7 @@ def draw_all(module: str, context) -> list:
     preferences = context.preferences.addons[module].preferences
     for base in (bpy.types.Panel, bpy.types.Menu, bpy.types.Header, bpy.types.Operator, bpy.types.AddonPreferences):
         for cls in subclasses(base):
-            if cls.__module__.startswith(module) and _shows(cls, context):
+            if cls.__module__.startswith(module) and shows(cls, context):
                 data = preferences if base is bpy.types.AddonPreferences else None
                 data = operator_properties(cls.bl_idname) if base is bpy.types.Operator else data
                 _draw(cls, log, context, data)
@@ -178,11 +178,11 @@ def _draw(cls, log, context, data) -> None:
             getattr(cls, name)(Drawn(cls, log, data), context)
 
 
-def _shows(cls, context) -> bool:
+def shows(cls, context) -> bool:
     """Whether a panel's own poll and its parents' let it be drawn; operators' dialogs are drawn whatever poll says."""
     parent = getattr(cls, "bl_parent_id", "")
     if issubclass(cls, bpy.types.Operator):
         return True
-    if parent and not _shows(getattr(bpy.types, parent), context):
+    if parent and not shows(getattr(bpy.types, parent), context):
         return False
     return not hasattr(cls, "poll") or cls.poll(context)

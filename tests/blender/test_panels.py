@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tests.blender import layout_recorder
+from tests.blender.broken_panels import BROKEN, broken_panel
 from tests.blender.panel_states import STATES
 
 
@@ -65,46 +66,12 @@ def test_everything_that_draws_is_drawn(volume_object, draw_all, addon):
     assert drawn == with_draw | {"draw_menu_entry"}
 
 
-def _with_value(layout):
-    layout.operator("rle_splat.window_level").preset = "NO SUCH WINDOW"
-
-
-# What a draw function does wrong, and words of what is said of it.
-BROKEN = {
-    "icon": (lambda layout: layout.label(text="A", icon="NO_SUCH_ICON"), "NO_SUCH_ICON"),
-    "keyword": (lambda layout: layout.label(text="A", size=2), "no argument size"),
-    "missing argument": (lambda layout: layout.prop(bpy.context.scene), "needs the argument property"),
-    "method": (lambda layout: layout.rows(), "a layout has no rows"),
-    "attribute": (lambda layout: setattr(layout, "disabled", True), "no attribute disabled"),
-    "enum value": (lambda layout: setattr(layout, "alignment", "MIDDLE"), "'MIDDLE'"),
-    "type": (lambda layout: layout.label(text=None), "text is None"),
-    "property": (lambda layout: layout.prop(bpy.context.scene.rle_splat, "nothing"), "no property nothing"),
-    "no data": (lambda layout: layout.prop(None, "name"), "data is None"),
-    "no struct": (lambda layout: layout.prop("scene", "name"), "is a str"),
-    "item": (lambda layout: layout.prop_enum(bpy.context.scene.rle_splat, "quality", "best"), "never best"),
-    "operator": (lambda layout: layout.operator("rle_splat.nothing"), "no operator rle_splat.nothing"),
-    "operator's property": (lambda layout: setattr(layout.operator("rle_splat.render_image"), "n", 1), "no property n"),
-    "operator's value": (_with_value, "NO SUCH WINDOW"),
-    "menu": (lambda layout: layout.menu("RLE_SPLAT_MT_nothing"), "no menu RLE_SPLAT_MT_nothing"),
-    "panel for a menu": (lambda layout: layout.menu("RLE_SPLAT_PT_volume"), "no menu RLE_SPLAT_PT_volume"),
-    "curve": (lambda layout: layout.template_curve_mapping(bpy.context.scene.rle_splat, "quality"), "holds none"),
-    "exception": (lambda layout: 1 // 0, "division"),
-}
-
-
 @pytest.mark.parametrize("flaw", BROKEN)
 def test_a_broken_panel_is_noticed(flaw, addon, draw_all):
     """The recorder refuses what a window would refuse or complain of."""
-    wrong, words = BROKEN[flaw]
-    broken = type("RLE_SPLAT_PT_broken", (bpy.types.Panel,), {
-        "__module__": f"{addon.__name__}.panels.broken", "bl_label": "Broken", "bl_idname": "RLE_SPLAT_PT_broken",
-        "bl_space_type": "VIEW_3D", "bl_region_type": "UI", "draw": lambda self, _context: wrong(self.layout.column())})
-    bpy.utils.register_class(broken)
-    try:
-        with pytest.raises((AssertionError, AttributeError, TypeError, ZeroDivisionError), match=words):
+    with broken_panel(flaw):
+        with pytest.raises((AssertionError, AttributeError, TypeError, ZeroDivisionError), match=BROKEN[flaw][1]):
             draw_all()
-    finally:
-        bpy.utils.unregister_class(broken)
 
 
 @pytest.fixture

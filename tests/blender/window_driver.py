@@ -26,10 +26,17 @@ from tests.blender.real_blender import MODULE, install
 
 PAUSE = 0.3  # seconds between steps
 SHOTS = "RLE_SPLAT_SHOTS"
+TAB = "RLE Splat"
+WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
 
-# What a failing draw function or a layout that was given nonsense leaves on the console.
-PROBLEM = re.compile(r"Traceback|Error|WARN|[Ww]arning|not found|unknown|rna_|[Ii]nvalid")
-TIMES = re.compile(r"^\w+: \d+ . Draw Window.*\n", re.MULTILINE | re.IGNORECASE)  # of a forced redraw
+# What a failing draw function, or a layout that was given nonsense, leaves on the console.
+PROBLEM = re.compile(r"Traceback|Error: Python|\bWARN|rna_|unknown|not found")
+# The time of a forced redraw, the add-on's messages, and what a small system lacks: /proc, languages, the network.
+HARMLESS = re.compile(
+    r"^(\w+: \d+ . Draw Window.*|RLE Splat: .*|.*mounted file-systems|.*'PreferencesView', .*'language'"
+    r"|Repository data: .*)\n", re.MULTILINE | re.IGNORECASE)
+
+LONG_LINE = re.compile(r"(.{400}).+")
 
 
 class Console:
@@ -52,17 +59,19 @@ class Console:
         """What was printed since the last call."""
         self._flush()
         size = os.fstat(self._file.fileno()).st_size
-        text = os.pread(self._file.fileno(), size - self._read, self._read)
+        text = os.pread(self._file.fileno(), size - self._read, self._read).decode(errors="replace")
         self._read = size
-        os.write(self._terminal, text)
-        return TIMES.sub("", text.decode(errors="replace"))
+        text = LONG_LINE.sub(r"\1 ...", text)  # the list of all icons
+        os.write(self._terminal, text.encode())
+        return HARMLESS.sub("", text)
 
 
 class Run:
-    """What is going on: the console, and the checks that passed."""
+    """What is going on: the console, the checks that passed, and the file that new ones begin with."""
 
     console: Console
     passed: list
+    start = ""
 
 
 def drive(scenario) -> None:
@@ -75,7 +84,10 @@ def drive(scenario) -> None:
 
     def tick():
         try:
+            drawn = Run.console.news()  # since the last step
+            assert not PROBLEM.search(drawn), f"Blender printed:\n{drawn}"
             next(running)
+            Run.console.news()
             return PAUSE
         except StopIteration:
             failed = 0
@@ -87,6 +99,7 @@ def drive(scenario) -> None:
         os._exit(failed)  # quitting in the ordinary way would ask to save
 
     bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.system.viewport_aa = "OFF"  # software draws it
     bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
 
 
@@ -99,7 +112,6 @@ def passed(name: str) -> None:
     """Count a check that passed."""
     Run.passed.append(name)
     print(f"{name} passed", flush=True)
-    Run.console.news()
 
 
 def window():
@@ -135,6 +147,7 @@ def open_panels(*idnames: str) -> None:
 
     Blender keeps whether a panel is open from when it is first drawn, so this acts on files opened later.
     """
+    Run.start = ""
     panels = import_module(f"{MODULE}.panels")
     panels.unregister()
     for module in panels.MODULES:
@@ -146,17 +159,17 @@ def open_panels(*idnames: str) -> None:
 
 
 def new_file():
-    """An empty file with two areas: the 3D view with the add-on's tab, and Properties > Render with the add-on's
-    panels alone."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    """An empty, unsaved file with two areas: the 3D view with the add-on's tab, and Properties > Render with the
+    add-on's panels alone."""
+    if not Run.start:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        yield from show_panels()
+        path = Path(tempfile.mkdtemp(prefix="rle_splat_window_")) / "start.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+        Run.start = str(path)
+    bpy.ops.wm.read_homefile(filepath=Run.start)
     assert MODULE in bpy.context.preferences.addons
-    yield from show_panels()
-
-
-def open_file(path):
-    """A .blend, shown as by ``new_file``."""
-    bpy.ops.wm.open_mainfile(filepath=str(path))
-    yield from show_panels()
+    yield
 
 
 def show_panels():
@@ -168,21 +181,22 @@ def show_panels():
     for cls in bpy.types.Panel.__subclasses__():
         if getattr(cls, "bl_context", "") == "render" and not cls.__module__.startswith(MODULE):
             cls.COMPAT_ENGINES = set()  # Blender's own, which would push ours out of sight
-    area_of("PROPERTIES").spaces.active.context = "RENDER"
-    view = area_of("VIEW_3D")
+    properties, view = area_of("PROPERTIES"), area_of("VIEW_3D")
+    properties.spaces.active.context = "RENDER"
+    with bpy.context.temp_override(window=window(), area=properties):
+        bpy.ops.screen.area_move(x=properties.x - 1, y=properties.height // 2, delta=properties.width - WIDE)
     view.spaces.active.show_region_ui = True
     yield  # a region has no tabs before it was drawn
-    region_of(view, "UI").active_panel_category = "RLE Splat"
+    region_of(view, "UI").active_panel_category = TAB
     yield
 
 
 def redraw() -> None:
-    """Draw the window now; an AssertionError with what Blender printed meanwhile or, of problems, since last time."""
-    before = Run.console.news()
+    """Draw the window now; an AssertionError with what Blender printed meanwhile."""
+    Run.console.news()
     bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
-    during = Run.console.news()
-    assert not during, f"while drawing Blender printed:\n{during}"
-    assert not PROBLEM.search(before), f"Blender printed:\n{before}"
+    said = Run.console.news()
+    assert not said, f"while drawing Blender printed:\n{said}"
 
 
 def photograph(name: str):
