@@ -38,13 +38,17 @@ drawn: set = set()  # panels, since it was cleared
 
 
 def watch_draws() -> None:
-    """Have each panel of the add-on put itself into ``drawn``."""
+    """Have each panel of the add-on put itself into ``drawn``, once it is registered anew."""
     for cls in of_addon(bpy.types.Panel):
-        def draw(self, context, draw=cls.draw, cls=cls):
-            drawn.add(cls)
-            draw(self, context)
+        cls.draw = watched(cls, cls.draw)
 
-        cls.draw = draw
+
+def watched(cls, draw):
+    def draw_and_note(self, context):
+        drawn.add(cls)
+        draw(self, context)
+
+    return draw_and_note
 
 
 def check_state(name: str):
@@ -112,8 +116,8 @@ def check_flaws():
 
 
 def scenario():
-    open_panels()
     watch_draws()
+    open_panels()
     for name in STATES:
         yield from check_state(name)
         passed(name)
