@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+from pathlib import Path
 
 from .places import ROOT, Failure, clean_environ, say
 
@@ -73,11 +74,11 @@ def _blender(known, rest) -> int:
     from .real_blender import set_up
 
     set_up()
-    if not known.test:
-        return 0
-    from .testing import test_real_blender
+    from .testing import photograph, test_real_blender
 
-    return test_real_blender()
+    if known.photograph:
+        return photograph(known.photograph)
+    return test_real_blender() if known.test else 0
 
 
 def _lock(known, rest) -> int:
@@ -123,6 +124,10 @@ def _parser() -> argparse.ArgumentParser:
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
     blender = add("blender", _blender, "set up a real Blender executable for the tests (Debian, as root)")
     blender.add_argument("--test", action="store_true", help="and run the whole of tests/blender inside it")
+    blender.add_argument(
+        "--photograph", type=Path, metavar="SCENARIO",
+        help="and photograph its window as a scenario of tests/blender/window_driver.py says",
+    )
     add("lock", _lock, "resolve the requirements anew (maintainers); arguments name the sets", open_ended=True)
     return parser
 

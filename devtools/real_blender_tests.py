@@ -1,11 +1,12 @@
 """The tests in a real Blender executable: the short scripts of every run, without and with a window, and the whole of
-tests/blender on demand."""
+tests/blender on demand.  And photographs of its window, of any scenario."""
 
 from __future__ import annotations
 
 import hashlib
 import shutil
 import subprocess
+import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -18,12 +19,19 @@ from .wheels import this_platform
 
 SHORT = "real_blender.py"
 WINDOW = "window.py"
+PANELS = "window_panels.py"
 WHOLE = "whole_suite.py"
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
+SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
-SECONDS = {SHORT: 300, WINDOW: 300, WHOLE: 1200}
+SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, WHOLE: 1200}
+SCENARIO_SECONDS = 600  # of one that is given
+
+# Pixels; every panel of the sidebar is on the screen at once.
+SCREENS = {WINDOW: (1280, 800), PANELS: (800, 3600)}
+USUAL_SCREEN = (800, 3600)
 
 
 def _lent_pytest() -> Path:
@@ -39,12 +47,11 @@ def _lent_pytest() -> Path:
     return folder
 
 
-def _workplace(blender: Blender, zip_path: Path, with_pytest: bool) -> Path:
-    """A folder that the Blender can see, with the tests and the zip that fits its Python."""
-    if blender.python not in PYTHONS:  # Debian's Blender runs on the system's Python
+def _workplace(blender: Blender, zip_path: Path | None, with_pytest: bool) -> Path:
+    """A folder that the Blender can see, with the tests and a zip that fits its Python: the given one, or a new one."""
+    if zip_path is None or blender.python not in PYTHONS:  # Debian's Blender runs on the system's Python
         zip_path = build((this_platform(),), (blender.python,), BUILD / f"zip-{blender.python}")[this_platform()]
-    folder = (blender.root or BUILD) / "rle_splat_test"
-    shutil.rmtree(folder, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
     shutil.copytree(TESTS, folder / "tests/blender", ignore=shutil.ignore_patterns("__pycache__"))
     if with_pytest:
         shutil.copytree(_lent_pytest(), folder / "pytest")
@@ -52,13 +59,16 @@ def _workplace(blender: Blender, zip_path: Path, with_pytest: bool) -> Path:
     shutil.copy(TESTS.parent / "conftest.py", folder / "tests")
     shutil.copy(zip_path, folder / "extension.zip")
     (folder / "user").mkdir()
+    (folder / "shots").mkdir()
     return folder
 
 
 @contextmanager
-def _virtual_screen(blender: Blender):
+def _virtual_screen(blender: Blender, size: tuple[int, int]):
     """An X server without a screen, on a number that is free; yields what DISPLAY has to be."""
-    command = [*blender.command[:-1], "Xvfb", "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    command = [
+        *blender.command[:-1], "Xvfb", "-displayfd", "1", "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp",
+    ]  # fmt: skip
     try:
         server = subprocess.Popen(
             command, env=environ_for(blender), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
@@ -75,45 +85,60 @@ def _virtual_screen(blender: Blender):
         server.wait()
 
 
-def window_stage(zip_path: Path) -> Stage:
-    """What only a window does (F12 off the main thread, work from a timer, Esc), on a virtual screen."""
+def window_stage(zip_path: Path | None, script: Path = TESTS / WINDOW, label: str = "window") -> Stage:
+    """A script that needs a window, on a virtual screen: what only a window does (F12 off the main thread, work from a
+    timer, Esc), or how panels are drawn."""
+    size = SCREENS.get(script.name, USUAL_SCREEN)
     try:
         blender = find_blender()
-        with _virtual_screen(blender) as display:
-            return real_blender_stage(zip_path, WINDOW, display)
+        with _virtual_screen(blender, size) as display:
+            place = ["--enable-event-simulate", "--window-geometry", "0", "0", *map(str, size)]
+            return _run(blender, zip_path, script, f", {label}", place, DISPLAY=display)
     except Failure as problem:
-        return skipped("real blender, window", str(problem))
+        return skipped(f"real blender, {label}", str(problem))
 
 
-def real_blender_stage(zip_path: Path, script_name: str = SHORT, display: str = "") -> Stage:
-    """A script of tests/blender in a real executable, with the extension's zip; in a window where there is a
-    ``display`` for it, else in the background."""
+def real_blender_stage(zip_path: Path, script: Path = TESTS / SHORT) -> Stage:
+    """A script of tests/blender in a real executable, in the background, with the extension's zip."""
     try:
-        blender = find_blender()
+        return _run(find_blender(), zip_path, script, "", ["--background"])
     except Failure as problem:
         return skipped("real blender", str(problem))
-    name = f"real blender {blender.version[0]}.{blender.version[1]}" + (", window" if display else "")
+
+
+def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, place: list[str], **environ: str) -> Stage:
+    """Run a script in a folder of its own with the tests of Blender beside it; keep its photographs."""
+    name = f"real blender {blender.version[0]}.{blender.version[1]}{label}"
     try:
-        folder = _workplace(blender, zip_path, script_name == WHOLE)
+        folder = _workplace(blender, zip_path, script.name == WHOLE)
     except Failure as problem:
         return broken(name, str(problem))
+    copy = folder / "tests/blender" / script.name
+    importable = f"import sys; sys.path.insert(0, {blender.inside(folder)!r})"  # scripts import tests.blender
+    shutil.copyfile(script, copy)  # where it is one of the tests, over itself
     environ = environ_for(
         blender,
         RLE_SPLAT_EXTENSION_ZIP=blender.inside(folder / "extension.zip"),
         RLE_SPLAT_PYTEST=blender.inside(folder / "pytest"),
         RLE_SPLAT_JUNIT=blender.inside(folder / "report.xml"),
+        RLE_SPLAT_SHOTS=blender.inside(folder / "shots"),
         BLENDER_USER_RESOURCES=blender.inside(folder / "user"),
         LIBGL_ALWAYS_SOFTWARE="1",
-        **({"DISPLAY": display} if display else {}),
+        **environ,
     )
-    place = "--enable-event-simulate" if display else "--background"
-    script = blender.inside(folder / "tests/blender" / script_name)
-    command = [*blender.command, place, "--factory-startup", "--python-exit-code", "1", "--python", script]
+    command = [*blender.command, *place, "--factory-startup", "--python-exit-code", "1"]
+    command += ["--python-expr", importable, "--python", blender.inside(copy)]
     say(f"\n=== {name} ({blender.label}, Python {blender.python})")
-    if script_name != WHOLE:
-        stage = counted(name, command, SECONDS[script_name], environ)
+    seconds = SECONDS.get(script.name, SCENARIO_SECONDS)
+    if script.name != WHOLE:
+        stage = counted(name, command, seconds, environ)
     else:
-        stage = judged(name, command, SECONDS[script_name], environ, folder / "report.xml")
+        stage = judged(name, command, seconds, environ, folder / "report.xml")
     stage.remarks.insert(0, f"{blender.label}, Python {blender.python}")
+    shots = SHOTS / script.stem
+    shutil.rmtree(shots, ignore_errors=True)
+    if any((folder / "shots").iterdir()):
+        shutil.copytree(folder / "shots", shots)
+        stage.remarks.append(f"photographs in {shots.relative_to(ROOT)}")
     shutil.rmtree(folder, ignore_errors=True)
     return stage

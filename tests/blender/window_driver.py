@@ -1,0 +1,214 @@
+"""Drives a real Blender's window: steps from a timer, what Blender prints while it draws, and photographs.
+
+A scenario is a generator function; at each ``yield`` the window does its own work for a moment.  It runs by
+
+    from tests.blender.window_driver import drive, in_the_view, new_file, photograph
+    drive(scenario)
+
+in a script given to Blender with ``--python``.  RLE_SPLAT_EXTENSION_ZIP names the zip to install, RLE_SPLAT_SHOTS the
+folder for photographs.
+"""
+
+import ctypes
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import traceback
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+
+from tests.blender.real_blender import MODULE, install
+
+PAUSE = 0.3  # seconds between steps
+SHOTS = "RLE_SPLAT_SHOTS"
+TAB = "RLE Splat"
+WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
+
+# What a failing draw function, or a layout that was given nonsense, leaves on the console.
+PROBLEM = re.compile(r"Traceback|Error: Python|\bWARN|rna_|unknown|not found")
+# The time of a forced redraw, the add-on's messages, and what a small system lacks: /proc, languages, the network.
+HARMLESS = re.compile(
+    r"^(\w+: \d+ . Draw Window.*|RLE Splat: .*|.*mounted file-systems|.*'PreferencesView', .*'language'"
+    r"|Repository data: .*)\n", re.MULTILINE | re.IGNORECASE)
+
+LONG_LINE = re.compile(r"(.{400}).+")
+
+
+class Console:
+    """Everything the process prints, Blender's own C code included, kept in a file and passed on by ``close``."""
+
+    def __init__(self):
+        self._flush()
+        self._terminal = os.dup(1)
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the process)
+        os.dup2(self._file.fileno(), 1)
+        os.dup2(self._file.fileno(), 2)
+        self._read = 0
+
+    def _flush(self) -> None:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        ctypes.CDLL(None).fflush(None)
+
+    def news(self) -> str:
+        """What was printed since the last call."""
+        self._flush()
+        size = os.fstat(self._file.fileno()).st_size
+        text = os.pread(self._file.fileno(), size - self._read, self._read).decode(errors="replace")
+        self._read = size
+        text = LONG_LINE.sub(r"\1 ...", text)  # the list of all icons
+        os.write(self._terminal, text.encode())
+        return HARMLESS.sub("", text)
+
+
+class Run:
+    """What is going on: the console, the checks that passed, and the file that new ones begin with."""
+
+    console: Console
+    passed: list
+    start = ""
+
+
+def drive(scenario) -> None:
+    """Install the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
+
+    The last line says how many checks passed: those named by ``passed``.
+    """
+    Run.console, Run.passed = Console(), []
+    running = _steps(scenario)
+
+    def tick():
+        try:
+            drawn = Run.console.news()  # since the last step
+            assert not PROBLEM.search(drawn), f"Blender printed:\n{drawn}"
+            next(running)
+            Run.console.news()
+            return PAUSE
+        except StopIteration:
+            failed = 0
+        except Exception as problem:
+            traceback.print_exception(problem)
+            failed = 1
+        print(f"{len(Run.passed)} passed, {failed} failed, 0 skipped", flush=True)
+        Run.console.news()
+        os._exit(failed)  # quitting in the ordinary way would ask to save
+
+    bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.system.viewport_aa = "OFF"  # software draws it
+    bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
+
+
+def _steps(scenario):
+    install()
+    yield from scenario()
+
+
+def passed(name: str) -> None:
+    """Count a check that passed."""
+    Run.passed.append(name)
+    print(f"{name} passed", flush=True)
+
+
+def window():
+    return bpy.context.window_manager.windows[0]
+
+
+def area_of(kind: str):
+    """The largest area of a type."""
+    return max((area for area in window().screen.areas if area.type == kind), key=lambda area: area.width * area.height)
+
+
+def region_of(area, kind: str):
+    return next(region for region in area.regions if region.type == kind)
+
+
+def in_the_view():
+    """What an operator needs to be run as from the 3D view."""
+    area = area_of("VIEW_3D")
+    return bpy.context.temp_override(window=window(), area=area, region=region_of(area, "WINDOW"))
+
+
+def until(condition, seconds=60.0):
+    """Step back into the window's own loop until the condition holds."""
+    for _ in range(int(seconds / PAUSE)):
+        if condition():
+            return
+        yield
+    raise AssertionError(f"waited {seconds} s in vain")
+
+
+def open_panels(*idnames: str) -> None:
+    """Have the add-on's panels of these names open from the start, and the others closed; without names, all open.
+
+    Blender keeps whether a panel is open from when it is first drawn, so this acts on files opened later.
+    """
+    Run.start = ""
+    panels = import_module(f"{MODULE}.panels")
+    panels.unregister()
+    for module in panels.MODULES:
+        for cls in module.CLASSES:
+            if issubclass(cls, bpy.types.Panel):
+                others = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
+                cls.bl_options = others if not idnames or cls.bl_idname in idnames else others | {"DEFAULT_CLOSED"}
+    panels.register()
+
+
+def new_file():
+    """An empty, unsaved file with two areas: the 3D view with the add-on's tab, and Properties > Render with the
+    add-on's panels alone."""
+    if not Run.start:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        yield from show_panels()
+        path = Path(tempfile.mkdtemp(prefix="rle_splat_window_")) / "start.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+        Run.start = str(path)
+    bpy.ops.wm.read_homefile(filepath=Run.start)
+    assert MODULE in bpy.context.preferences.addons
+    yield
+
+
+def show_panels():
+    """Show the add-on's panels in both places, and close every other area."""
+    for area in [area for area in window().screen.areas if area.type not in ("VIEW_3D", "PROPERTIES")]:
+        with bpy.context.temp_override(window=window(), area=area):
+            bpy.ops.screen.area_close()
+        yield
+    for cls in bpy.types.Panel.__subclasses__():
+        if getattr(cls, "bl_context", "") == "render" and not cls.__module__.startswith(MODULE):
+            cls.COMPAT_ENGINES = set()  # Blender's own, which would push ours out of sight
+    properties, view = area_of("PROPERTIES"), area_of("VIEW_3D")
+    properties.spaces.active.context = "RENDER"
+    with bpy.context.temp_override(window=window(), area=properties):
+        bpy.ops.screen.area_move(x=properties.x - 1, y=properties.height // 2, delta=properties.width - WIDE)
+    view.spaces.active.show_region_ui = True
+    yield  # a region has no tabs before it was drawn
+    region_of(view, "UI").active_panel_category = TAB
+    yield
+
+
+def redraw() -> None:
+    """Draw the window now; an AssertionError with what Blender printed meanwhile."""
+    Run.console.news()
+    bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
+    said = Run.console.news()
+    assert not said, f"while drawing Blender printed:\n{said}"
+
+
+def photograph(name: str):
+    """Draw everything, check that Blender has no complaint, and keep a picture of the screen as NAME.png."""
+    for area in window().screen.areas:
+        area.tag_redraw()
+    yield
+    redraw()
+    yield
+    program = shutil.which("import")
+    if program is None:
+        print("no pictures are kept: ImageMagick's import is not on PATH", flush=True)
+        return
+    path = Path(os.environ[SHOTS]) / f"{name}.png"
+    subprocess.run([program, "-window", "root", str(path)], check=True, timeout=60)

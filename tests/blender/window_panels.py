@@ -1,0 +1,129 @@
+"""Every panel, menu and dialog of the extension drawn by a real Blender, on a virtual screen, in every state.
+
+dev.py test runs it.  It fails for an exception, and for whatever else Blender prints while it draws: an unknown icon,
+property, operator or menu.  Its photographs are to be looked at.
+"""
+
+import tempfile
+from pathlib import Path
+
+import bpy
+
+from tests.blender.broken_panels import BROKEN, broken_panel
+from tests.blender.layout_recorder import shows, subclasses
+from tests.blender.panel_states import STATES, add_volume
+from tests.blender.window_driver import (
+    MODULE,
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    redraw,
+    window,
+)
+
+
+def folder() -> Path:
+    return Path(tempfile.mkdtemp(prefix="rle_splat_panels_"))
+
+
+def of_addon(base) -> list:
+    return [cls for cls in subclasses(base) if cls.__module__.startswith(MODULE)]
+
+
+drawn: set = set()  # panels, since it was cleared
+
+
+def watch_draws() -> None:
+    """Have each panel of the add-on put itself into ``drawn``, once it is registered anew."""
+    for cls in of_addon(bpy.types.Panel):
+        cls.draw = watched(cls, cls.draw)
+
+
+def watched(cls, draw):
+    def draw_and_note(self, context):
+        drawn.add(cls)
+        draw(self, context)
+
+    return draw_and_note
+
+
+def check_state(name: str):
+    """Every panel that shows itself is drawn, in both places, without a word from Blender."""
+    yield from new_file()
+    with in_the_view():
+        STATES[name](folder())
+    yield
+    drawn.clear()
+    yield from photograph(name)
+    with in_the_view():
+        assert drawn == {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
+
+
+def close_popup():
+    for value in ("PRESS", "RELEASE"):
+        window().event_simulate(type="ESC", value=value)
+    yield
+
+
+def check_popups():
+    """The menus, the line in File > Import, and the import dialog of a raw file and of a VDB."""
+    yield from new_file()
+    with in_the_view():
+        add_volume(folder())
+    yield
+    for name in (*(cls.bl_idname for cls in of_addon(bpy.types.Menu)), "TOPBAR_MT_file_import"):
+        with in_the_view():
+            bpy.ops.wm.call_menu(name=name)
+        yield from photograph(name)
+        yield from close_popup()
+    raw = folder() / "head_8x8x8_uint8.raw"
+    raw.write_bytes(bytes(range(256)) * 2)
+    for path in (raw, raw.with_suffix(".vdb")):
+        with in_the_view():
+            bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(path))
+        yield from photograph(f"import_dialog{path.suffix.replace('.', '_')}")
+        yield from close_popup()
+
+
+def check_preferences():
+    """The extension in the preferences, unfolded."""
+    yield from new_file()
+    bpy.context.preferences.active_section = "ADDONS"
+    area_of("VIEW_3D").type = "PREFERENCES"
+    bpy.context.window_manager.addon_search = "RLE Splat"
+    yield
+    bpy.ops.preferences.addon_expand(module=MODULE)
+    yield from photograph("preferences")
+
+
+def check_flaws():
+    """Each kind of broken panel is noticed, so that the other checks mean something."""
+    yield from new_file()
+    unnoticed = []
+    for flaw in BROKEN:
+        with broken_panel(flaw):
+            try:
+                redraw()
+            except AssertionError:
+                continue
+            unnoticed.append(flaw)
+    redraw()
+    assert not unnoticed, f"Blender does not complain of panels with these flaws: {unnoticed}"
+
+
+def scenario():
+    watch_draws()
+    open_panels()
+    for name in STATES:
+        yield from check_state(name)
+        passed(name)
+    for check in (check_popups, check_preferences, check_flaws):
+        yield from check()
+        passed(check.__name__)
+
+
+drive(scenario)
