@@ -1,0 +1,241 @@
+"""What a user sees where something would once have been lost or gone blank without a word: a photograph of each case.
+
+    python3 dev.py blender --photograph tests/blender/window_trust.py
+
+keeps them in build/window-shots/window_trust.  Each step also asserts the sentence, where it is a property.
+"""
+
+import tempfile
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender import panel_states, scenes
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import drive, in_the_view, new_file, open_panels, passed, photograph, until, window
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_trust_"))
+SIDE = 40
+
+
+def add_ball(name: str, x: float = 0.0):
+    """A shaded ball of SIDE voxels, active and selected."""
+    z, y, x_ = np.mgrid[:SIDE, :SIDE, :SIDE] - (SIDE - 1) / 2
+    voxels = np.clip(300.0 - 16.0 * np.sqrt(x_**2 + y**2 + z**2), 0.0, 255.0).astype(np.uint8)
+    owner = scenes.import_raw(FOLDER, voxels, name=name)
+    owner.location.x = x
+    return owner
+
+
+def scene_with_camera():
+    """An empty file with a camera that sees the ball, which the 3D view looks through."""
+    yield from new_file()
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 320, 240
+    scene.render.engine = "BLENDER_WORKBENCH"
+    middle = (SIDE - 1) / 2
+    scenes.add_camera((middle, middle, 150.0), type="ORTHO", ortho_scale=2.2 * SIDE, clip_end=400.0)
+    for area in window().screen.areas:
+        if area.type == "VIEW_3D":
+            area.spaces.active.region_3d.view_perspective = "CAMERA"
+
+
+def backdrop(**options):
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop(**options) == {"FINISHED"}
+
+
+def settings():
+    return bpy.context.scene.rle_splat
+
+
+def picture_is_mine():
+    """1: the user's image of our name is left alone, and the backdrop has its own."""
+    yield from scene_with_camera()
+    own = bpy.data.images.new("ball Splat Backdrop", 8, 8)
+    add_ball("ball")
+    backdrop()
+    assert tuple(own.size) == (8, 8) and settings().image != own
+    yield from photograph("01-identity")
+
+
+def deleted_volume():
+    """2: X takes the volume away; its backdrop goes too, with a sentence."""
+    yield from scene_with_camera()
+    add_ball("ball")
+    backdrop(follow=True)
+    yield
+    with in_the_view():
+        bpy.ops.object.delete()
+    yield from until(lambda: settings().message)
+    assert settings().message == "The volume 'ball' was deleted, so its backdrop was removed."
+    yield from photograph("02-deletion")
+
+
+def hidden_layer():
+    """3: a render of a view layer that excludes the volume says so."""
+    yield from scene_with_camera()
+    owner = add_ball("ball")
+    collection = bpy.data.collections.new("scan")
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(owner)
+    bpy.context.scene.collection.objects.unlink(owner)
+    with in_the_view():
+        bpy.ops.rle_splat.composite()
+    bpy.context.view_layer.layer_collection.children["scan"].exclude = True
+    bpy.ops.render.render()
+    assert "excluded from view layer" in settings().message, settings().message
+    yield from photograph("03-view-layer")
+
+
+def failed_frame():
+    """4: the file is missing at one of three frames: the message outlives the frames after it."""
+    yield from scene_with_camera()
+    owner = add_ball("ball")
+    with in_the_view():
+        bpy.ops.rle_splat.composite()
+    right, scene = owner.rle_splat.filepath, bpy.context.scene
+
+    def change_file(scene, *_):
+        bpy.data.objects["ball"].rle_splat.filepath = right if scene.frame_current != 2 else str(FOLDER / "gone.raw")
+
+    scene.frame_start, scene.frame_end = 1, 3
+    scene.render.filepath = str(FOLDER / "frame_")
+    bpy.app.handlers.frame_change_pre.append(change_file)
+    bpy.ops.render.render(animation=True)
+    bpy.app.handlers.frame_change_pre.remove(change_file)
+    assert settings().failed_frames == "2" and "gone.raw" in settings().message, settings().message
+    show_image(bpy.data.images.load(str(FOLDER / "frame_0002.png")))
+    yield from photograph("04-failed-frame")
+
+
+def linked_volume():
+    """5: a linked volume: what would be lost on reload cannot be edited."""
+    yield from new_file()
+    panel_states.linked(FOLDER)
+    try:
+        bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    except RuntimeError as refusal:
+        assert "library override" in str(refusal)
+    else:
+        raise AssertionError("a linked volume was edited")
+    yield from photograph("05-linked")
+
+
+def edited_by_a_script():
+    """6: a curve moved from Python, which no event tells of, is followed."""
+    yield from scene_with_camera()
+    owner = add_ball("ball")
+    backdrop(follow=True)
+    yield from photograph("06-before-a-scripts-edit")
+    before = scenes.image_pixels(settings().image)
+    ramp = owner.rle_splat.transfer.nodes["Color"].color_ramp
+    for element in ramp.elements:
+        element.color = (0.1, 0.4, 1.0, 1.0)
+    yield from until(lambda: np.abs(scenes.image_pixels(settings().image) - before).max() > 0.1)
+    yield from photograph("06-after-a-scripts-edit")
+
+
+def meshes_occlude():
+    """7: Render Image obeys Meshes Occlude, as the backdrop and renders do."""
+    yield from scene_with_camera()
+    add_ball("ball")
+    plane = scenes.add_mesh([(-50, -50, 90), (20, -50, 90), (20, 90, 90), (-50, 90, 90)], [(0, 1, 2, 3)])
+    plane.select_set(False)
+    with in_the_view():
+        bpy.ops.rle_splat.render_image()
+    show_image(settings().image)
+    yield from photograph("07-meshes-occlude")
+
+
+def guessed_name():
+    """8: the import dialog of a little-endian file whose name begins with "big"."""
+    yield from new_file()
+    values = np.linspace(0, 900, 32**3).astype("<u2").reshape(32, 32, 32)
+    path = FOLDER / "big_head_32x32x32_uint16.raw"
+    path.write_bytes(values.tobytes())
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("EXEC_DEFAULT", filepath=str(path))
+    owner = bpy.context.object
+    assert owner.rle_splat.value_high == 900.0
+    yield from photograph("08-guessing")
+
+
+def undone_settings():
+    """9 and 11: undo takes settings back but not pixels, and the panel says so."""
+    yield from scene_with_camera()
+    owner = add_ball("ball")
+    with in_the_view():
+        bpy.ops.ed.undo_push(message="imported")
+        owner.rle_splat.opacity_scale = 0.05
+        bpy.ops.ed.undo_push(message="opacity")
+        bpy.ops.rle_splat.set_backdrop()
+        bpy.ops.ed.undo_push(message="backdrop")
+        bpy.context.object.rle_splat.opacity_scale = 2.0
+        bpy.ops.ed.undo_push(message="opacity again")
+        bpy.ops.rle_splat.set_backdrop()
+        bpy.ops.ed.undo()
+    freshness = import_module(f"{MODULE}.bridge.freshness")
+    yield from until(lambda: freshness.out_of_date(bpy.context.scene))
+    yield from photograph("09-undone-settings")
+
+
+def preferences():
+    """9: where pictures are kept."""
+    yield from new_file()
+    bpy.ops.screen.userpref_show()
+    yield
+    bpy.context.preferences.active_section = "ADDONS"
+    bpy.context.window_manager.addon_search = "RLE Splat"
+    bpy.ops.preferences.addon_expand(module=MODULE)
+    yield
+    yield from photograph("09-preferences")
+    extra = bpy.context.window_manager.windows[-1]
+    with bpy.context.temp_override(window=extra):
+        bpy.ops.wm.window_close()
+    yield
+
+
+def broken_transfer():
+    """10: a node of the transfer function was deleted."""
+    yield from scene_with_camera()
+    owner = add_ball("ball")
+    tree = owner.rle_splat.transfer
+    tree.nodes.remove(tree.nodes["Opacity"])
+    yield from photograph("10-transfer-function-without-a-node")
+
+
+def without_shadows():
+    """11: a maximum error says what it leaves out."""
+    yield from scene_with_camera()
+    add_ball("ball")
+    light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    bpy.context.scene.collection.objects.link(light)
+    settings().max_error = 4.0
+    yield from photograph("11-maximum-error")
+
+
+def show_image(image) -> None:
+    """Show an image in place of the 3D view's picture area: in an Image Editor split off it."""
+    view = next(area for area in window().screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window(), area=view):
+        bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.75)
+    areas = [area for area in window().screen.areas if area.type == "VIEW_3D"]
+    editor = max(areas, key=lambda area: area.y)
+    editor.type = "IMAGE_EDITOR"
+    editor.spaces.active.image = image
+
+
+def scenario():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_quality", "RLE_SPLAT_PT_picture")
+    for step in (
+        picture_is_mine, deleted_volume, hidden_layer, failed_frame, linked_volume, edited_by_a_script, meshes_occlude,
+        guessed_name, undone_settings, preferences, broken_transfer, without_shadows,
+    ):
+        yield from step()
+        passed(step.__name__)
+
+
+drive(scenario)
