@@ -9,7 +9,7 @@ import numpy as np
 from ..memory import available_bytes
 from ..memory_estimate import SHEET_PIXEL, SPARE, WARPED
 from ..scene import Quality
-from .candidates import candidates
+from .candidates import DEPTH_RULES, candidates
 from .doubt import Doubt, RayCost
 from .features import LEVELS, Features
 from .model import ErrorBudget, Model
@@ -106,7 +106,8 @@ def choose_with_rays(
     """As ``choose``, where pixels that a plan would get wrong are had by rays: the plan and the rays that are expected
     to be quickest together; ``only``: with the sheets of this plan.  ``keeps`` is False where the rays themselves are
     expected to err more than is allowed."""
-    base = replace(base, termination=termination_for(tolerance, features.largest_color))
+    # The rule is that of no plan yet; the base's own may be slice-2, a draft's, which can never be promised.
+    base = replace(base, termination=termination_for(tolerance, features.largest_color), depth_rule=DEPTH_RULES[0])
     densest = _densest_that_fits(features)
     bounds = model.errors(features, base).bounds
     allowed = SAFETY * tolerance - bounds

@@ -14,7 +14,7 @@ from rle_splat.kept import Kept
 from rle_splat.plan.doubt import RayCost
 from rle_splat.plan.model import CALIBRATION, Model
 from rle_splat.render import render, truth_of
-from rle_splat.scene import Quality, RleSplatError, Scene
+from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, Scene
 from rle_splat.tolerance import render_within
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -68,6 +68,18 @@ def plan_of(rendering, quality: Quality) -> Quality:
     told = rendering.report["plan"]
     knobs = {knob: told[knob] for knob in ("depth_rule", "sheet_density", "warp_filter", "termination")}
     return replace(quality, **knobs)
+
+
+@pytest.mark.parametrize("classification", CALIBRATED)
+def test_a_tolerance_does_not_depend_on_the_quality_beside_it(classification):
+    """In Blender's panel both stand side by side; a draft's own depth rule is none that can be promised."""
+    scene, kept = scene_of("wide", False, 24), Kept()
+    pictures = [
+        render_within(scene, 2.0, Quality.preset(name, classification=classification), kept=kept, probes=0)
+        for name in QUALITY_PRESETS
+    ]
+    assert all(picture.report["error"]["kept"] for picture in pictures)
+    assert len({picture.report["error"]["budget"]["termination"] for picture in pictures}) == 1
 
 
 def test_the_report_has_what_was_foretold_and_what_was_found():
