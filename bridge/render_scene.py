@@ -27,8 +27,8 @@ from .world import read_world
 
 KEPT = Kept()  # keyed by content, so it may outlive files and undo
 
-# What a picture held to a truth has not, and why.
-SHADOWS, UNSHADED = ("shadows", "ambient occlusion"), "pictures to a maximum error have none"
+# What a picture to a maximum error is made without, as the truths have none of it, and why.
+WITHOUT_TRUTH, NO_TRUTH = ("shadows", "ambient occlusion", "motion blur"), "pictures to a maximum error have none"
 
 
 def forget_stages() -> None:
@@ -52,8 +52,8 @@ def read_scene(
 
     ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them, and no maximum
     error is set, for the truths have none.  ``in_region``: only what a cropped render region keeps of the frame.
-    ``moving``: blur what moves while the shutter is open, if the scene wants it.  ``warn``: called with a sentence for
-    what is odd.
+    ``moving``: blur what moves while the shutter is open, if the scene wants it and no maximum error is set.  ``warn``:
+    called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
@@ -64,7 +64,7 @@ def read_scene(
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
     has_truth = settings.tolerance_of(scene) is not None
     in_shadow = with_shadows and not has_truth
-    motion, still_because = read_motion(depsgraph, volume_object) if moving else ((), "")
+    motion, still_because = read_motion(depsgraph, volume_object) if moving and not has_truth else ((), "")
     triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene)) if with_meshes else None
     plain = Scene(
         volume=volume,
@@ -86,7 +86,7 @@ def read_scene(
         motion=motion,
         effects=overrides_of(scene),
         reasons_off=({"motion blur": still_because} if still_because else {})
-        | (dict.fromkeys(SHADOWS, UNSHADED) if has_truth else {}),
+        | (dict.fromkeys(WITHOUT_TRUTH, NO_TRUTH) if has_truth else {}),
         volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,
         # A headlight stands for all the light of a scene that has none.
         world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,
