@@ -73,14 +73,9 @@ def _bounds(corners: np.ndarray) -> tuple[str, np.ndarray]:
 
 
 def check_can_add(scene, view_layer) -> None:
-    """Raise RleSplatError where an object added to the scene's collection of clip objects could not be kept in it, or
-    would not be in the view layer."""
-    holder = scene.rle_splat.clip_objects or scene.collection
-    if not holder.is_editable or holder.override_library is not None:
-        raise RleSplatError(
-            f"The collection {holder.name!r} is linked from another file, so nothing can be added to it; choose "
-            "another collection of clip objects."
-        )
+    """Raise RleSplatError where an object added to the scene's clip objects would not be in the view layer."""
+    given = scene.rle_splat.clip_objects
+    holder = given if given is not None and linked.is_own(given) else scene.collection
     if not _is_included(view_layer.layer_collection, holder):
         raise RleSplatError(
             f"The collection {holder.name!r} is excluded from the view layer {view_layer.name!r}, or not in the scene; "

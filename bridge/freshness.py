@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,7 @@ _out_of_date: set[int] = set()  # session ids of the images that were last found
 
 def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> MadeFrom:
     """What a picture of plain data is made from; ``meshes``: whether they were asked to hide the volume."""
+    plain = replace(plain, reasons_off={})  # words for reports
     return MadeFrom(_digest((plain, quality, tolerance)), _digest(plain.transfer_function), meshes)
 
 

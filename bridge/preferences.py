@@ -13,20 +13,20 @@ BESIDE, PACKED = "BESIDE", "PACKED"
 class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     bl_idname = EXTENSION
 
-    keep_pictures: EnumProperty(
+    pictures: EnumProperty(
         name="Pictures", description="Where pictures are kept when the .blend is saved", default=BESIDE,
         items=[(BESIDE, "Beside the .blend", "As EXR files in a folder beside it, packed only where that fails"),
                (PACKED, "In the .blend", "Packed: one file holds everything, and grows with each picture")])
 
     def draw(self, _context):
         self.layout.use_property_split = True
-        self.layout.prop(self, "keep_pictures")
+        self.layout.prop(self, "pictures")
 
 
 def pictures_are_packed() -> bool:
     """Whether pictures are kept inside the .blend."""
     addon = bpy.context.preferences.addons.get(EXTENSION)
-    return addon is not None and addon.preferences is not None and addon.preferences.keep_pictures == PACKED
+    return addon is not None and addon.preferences is not None and addon.preferences.pictures == PACKED
 
 
 def register():

@@ -11,7 +11,7 @@ from ..rle_splat.kept import Kept
 from ..rle_splat.named_systems.progressive import progressive_steps
 from ..rle_splat.render import render_steps
 from ..rle_splat.scene import RleSplatError, Scene
-from ..rle_splat.tolerance import tolerance_steps
+from ..rle_splat.tolerance import LEFT_OUT, tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .channels import read_channels
@@ -27,8 +27,7 @@ from .world import read_world
 
 KEPT = Kept()  # keyed by content, so it may outlive files and undo
 
-# What a picture held to a truth has not, and why.
-SHADOWS, UNSHADED = ("shadows", "ambient occlusion"), "pictures to a maximum error have none"
+# What a picture to a maximum error is made without, as the truths have none of it, and why.
 
 
 def forget_stages() -> None:
@@ -42,10 +41,9 @@ def read_scene(
 ):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
-    ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them, and no maximum
-    error is set, for the truths have none.  ``in_region``: only what a cropped render region keeps of the frame.
-    ``moving``: blur what moves while the shutter is open, if the scene wants it.  ``camera``: a camera object in place
-    of the active one.  ``warn``: called with a sentence for what is odd.
+    ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them.  ``in_region``: only what a cropped render region keeps of the frame.
+    ``moving``: blur what moves while the shutter is open, if the scene wants it and no maximum error is set.
+    ``camera``: a camera object in place of the active one.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.
     """
     scene = depsgraph.scene_eval
@@ -60,8 +58,9 @@ def read_scene(
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
     has_truth = settings.tolerance_of(scene) is not None
-    in_shadow = with_shadows and not has_truth
-    motion, still_because = read_motion(depsgraph, volume_object, camera) if moving else ((), "")
+    motion, still_because = (), LEFT_OUT if has_truth else ""
+    if moving and not has_truth:
+        motion, still_because = read_motion(depsgraph, volume_object, camera)
     triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene)) if with_meshes else None
     plain = Scene(
         volume=volume,
@@ -82,12 +81,11 @@ def read_scene(
         mist=read_mist(depsgraph),
         motion=motion,
         effects=overrides_of(scene),
-        reasons_off=({"motion blur": still_because} if still_because else {})
-        | (dict.fromkeys(SHADOWS, UNSHADED) if has_truth else {}),
-        volume_shadows=in_shadow and bool(lights) and scene.rle_splat.use_shadows,
+        reasons_off={"motion blur": still_because} if still_because else {},
+        volume_shadows=with_shadows and bool(lights) and scene.rle_splat.use_shadows,
         # A headlight stands for all the light of a scene that has none.
         world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,
-        ambient_occlusion=scene.rle_splat.ambient_occlusion if in_shadow else 0.0,
+        ambient_occlusion=scene.rle_splat.ambient_occlusion if with_shadows else 0.0,
     )
     return plain, settings.quality_of(scene)
 
@@ -110,6 +108,7 @@ def steps(
     to a tolerance has none.
     """
     if tolerance is not None:
-        return tolerance_steps(plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view)
+        return tolerance_steps(
+            plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True)
     make = progressive_steps if previews else render_steps
     return make(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)

@@ -3,8 +3,10 @@
 import bpy
 
 from ..bridge import effects, freshness, render_scene, volumes
+from ..bridge.settings import tolerance_of
 from ..rle_splat.effects.analyse import analyse
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.tolerance import without_shadows_of
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
@@ -26,6 +28,8 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
                 volumes.volume_object(context), context.evaluated_depsgraph_get(),
                 with_meshes=settings.meshes_occlude,
                 warn=lambda sentence: self.report({"WARNING"}, sentence))
+            if tolerance_of(context.scene) is not None:
+                plain, _ = without_shadows_of(plain, quality)
             found = analyse(plain, quality)
         except RleSplatError as problem:
             return refuse(self, problem)

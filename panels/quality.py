@@ -14,14 +14,16 @@ KNOBS = (
 PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade")
 
 
-def loses_shadows(scene) -> bool:
-    """Whether the scene asks for shadows or ambient occlusion that its Maximum Error takes away."""
+def taken_away(scene) -> list[str]:
+    """What the scene asks for that pictures to a Maximum Error have not."""
     settings = scene.rle_splat
-    if not settings.max_error:
-        return False
-    cast = settings.use_shadows and settings.lighting == "SCENE" and any(
+    casts = settings.use_shadows and settings.lighting == "SCENE" and any(
         one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)
-    return cast or settings.ambient_occlusion > 0.0
+    asked = {
+        "shadows": casts, "ambient occlusion": settings.ambient_occlusion > 0.0,
+        "motion blur": scene.render.use_motion_blur,
+    }  # fmt: skip
+    return [name for name, is_asked in asked.items() if is_asked]
 
 
 class QualityPanel:
@@ -41,8 +43,8 @@ class QualityPanel:
             paragraph(context, box, f"Pictures take many times as long. {NUMBA_PROBLEM}")
         layout.prop(settings, "mode")
         layout.prop(settings, "max_error")
-        if loses_shadows(context.scene):
-            paragraph(context, layout, "Pictures to a Maximum Error have no shadows and no ambient occlusion.", "INFO")
+        if settings.max_error and (lost := taken_away(context.scene)):
+            paragraph(context, layout, f"Pictures to a Maximum Error have no {' and no '.join(lost)}.", "INFO")
         row = layout.row()
         row.active = not settings.max_error or settings.quality in ("paper", "custom")  # some of their knobs count
         row.prop(settings, "quality")

@@ -40,7 +40,7 @@ MOST_ESCALATIONS = 3
 CLEAR = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # of a frame's expected time
-LEFT_OUT = "left out of a picture to a largest error"  # why an effect is off, after its "off"
+LEFT_OUT = "pictures to a maximum error have none"  # why an effect is off, after its "off"
 STRICTEST = 0.05  # levels; float32 sheets and an eye see no less
 # Shares of the work after which the pilots and each of the rounds end.
 PILOTED = 0.2
@@ -116,8 +116,7 @@ def tolerance_steps(
     tolerance = check_tolerance(tolerance)
     left_out = []
     if leave_out_shadows:
-        effects = analyse(scene, quality)
-        scene, left_out = without_shadows(scene), [name for name in SHADOW_EFFECTS if effects[name].on]
+        scene, left_out = without_shadows_of(scene, quality)
     check_measurable(scene, quality)
     kept = Kept() if kept is None else kept
     model = Model.of(quality.classification)
@@ -137,6 +136,17 @@ def tolerance_steps(
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
     return _finished(seen, tolerance, quality, features, rounds, spent, left_out)
+
+
+def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]]:
+    """The scene without shadows and ambient occlusion, of which no truth has any, and which of them it called for.
+
+    The scene that is returned gives the reason for reports.
+    """
+    effects = analyse(scene, quality)
+    left_out = [name for name in SHADOW_EFFECTS if effects[name].on]
+    reasons = {**scene.reasons_off, **dict.fromkeys(left_out, LEFT_OUT)}
+    return replace(without_shadows(scene), reasons_off=reasons), left_out
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,14 +364,11 @@ def _finished(
     remarks = [*rendering.report["remarks"], *_remarks(scene, tolerance, quality, error)]
     if left_out:
         remarks.append(
-            f"A picture to a largest error has no {' and no '.join(left_out)}, as the truth that it is measured "
+            f"A picture to a maximum error has no {' and no '.join(left_out)}, as the truth that it is measured "
             "against has none; render by a quality alone to see what is missing."
         )
     found = {"plan": {**rendering.report["plan"], "name": best.plan}, "error": error, "remarks": remarks}
     found["stages_ms"] = with_rays(rendering.report["stages_ms"], best.rays_ms)
-    found["effects"] = [
-        {**row, "reason": LEFT_OUT} if row["name"] in left_out else row for row in rendering.report["effects"]
-    ]
     found["rays"] = {name: error["rays"][name] for name in rendering.report["rays"]}
     return replace(rendering, report={**rendering.report, **found})
 

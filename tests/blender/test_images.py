@@ -76,9 +76,9 @@ def test_an_image_is_reused_and_resized(bridge):
 def kept(addon, request):
     """Where the user prefers pictures to be kept."""
     preferences = bpy.context.preferences.addons[addon.__name__].preferences
-    preferences.keep_pictures = request.param
+    preferences.pictures = request.param
     yield request.param
-    preferences.keep_pictures = "BESIDE"
+    preferences.pictures = "BESIDE"
 
 
 @pytest.mark.parametrize("depth", [False, True])
