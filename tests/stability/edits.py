@@ -151,8 +151,8 @@ def shots(draw) -> Shot:
     camera = drawn_camera(draw, volume.affine, volume.shape_xyz)
     scene = Scene(volume, look, camera, WIDTH, HEIGHT, headlight=draw(st.booleans()))
     lights = tuple(drawn_light(draw, scene) for _ in range(draw(st.sampled_from((0, 1, 1, 2)))))
-    scene = replace(scene, lights=lights, volume_shadows=draw(st.integers(0, 2)) > 0)
-    kind = draw(st.sampled_from((*CLASSIFICATIONS, "pool")))
+    scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()))
+    kind = draw(st.sampled_from(("post", "post", "post", "pre", "refined", "pool")))
     name = draw(st.sampled_from(("draft", "standard", "fine")))
     shot = Shot(scene, Quality.preset(name, "pre" if kind == "pool" else kind, threads=1))
     return further_off(shot.with_quality(minification=kind), 4.0) if kind == "pool" else shot
@@ -196,7 +196,7 @@ def gradient_opacity(draw, shot: Shot) -> Shot:
     """Another one; one of its ends alone; or none."""
     ends = shot.scene.transfer_function.gradient_opacity
     drawn = drawn_gradients(draw, shot.scene.volume)
-    kind = draw(st.sampled_from(("other", "low", "high", "none")))
+    kind = draw(st.sampled_from(("other", "low", "low", "high", "high", "none")))
     if kind == "none":
         drawn = None
     elif ends is not None and kind == "low":
@@ -218,10 +218,6 @@ def shading(draw, shot: Shot) -> Shot:
     if shade is None or draw(st.integers(0, 6)) == 0:
         return shot.with_function(shade=Shade() if shade is None else None)
     return shot.with_function(shade=one_changed(draw, shade, SHADES))
-
-
-def function_name(draw, shot: Shot) -> Shot:
-    return shot.with_function(name=draw(st.sampled_from(("one", "two"))))
 
 
 def one_changed(draw, whole, choices: dict):
@@ -246,15 +242,6 @@ def voxels(draw, shot: Shot) -> Shot:
     return shot.with_scene(volume=replace(volume, voxels=changed))
 
 
-def meaning_of_values(draw, shot: Shot) -> Shot:
-    volume = shot.scene.volume
-    slope, intercept = volume.slope, volume.intercept
-    if draw(st.booleans()):
-        return shot.with_scene(volume=replace(volume, slope=slope * draw(st.sampled_from((0.8, 1.25)))))
-    low, high = value_range(volume)
-    return shot.with_scene(volume=replace(volume, intercept=intercept + 0.1 * (high - low)))
-
-
 def stretched(draw) -> np.ndarray:
     """(4, 4): one axis longer or shorter, or none; all turned a little, or not; moved a little, or not."""
     matrix = np.eye(4)
@@ -267,9 +254,15 @@ def stretched(draw) -> np.ndarray:
     return turn @ matrix
 
 
-def spacing(draw, shot: Shot) -> Shot:
-    volume = shot.scene.volume
-    return shot.with_scene(volume=replace(volume, affine=volume.affine @ stretched(draw)))
+def meaning_of_voxels(draw, shot: Shot) -> Shot:
+    """What their numbers stand for, or where they lie."""
+    volume, kind = shot.scene.volume, draw(st.sampled_from(("slope", "intercept", "affine")))
+    if kind == "slope":
+        return shot.with_scene(volume=replace(volume, slope=volume.slope * draw(st.sampled_from((0.8, 1.25)))))
+    if kind == "affine":
+        return shot.with_scene(volume=replace(volume, affine=volume.affine @ stretched(draw)))
+    low, high = value_range(volume)
+    return shot.with_scene(volume=replace(volume, intercept=volume.intercept + 0.1 * (high - low)))
 
 
 def about(middle, linear) -> np.ndarray:
@@ -280,15 +273,13 @@ def about(middle, linear) -> np.ndarray:
 
 
 def matrix_of_volume(draw, shot: Shot) -> Shot:
-    """Turned or stretched about its middle, or moved by a tenth of its size."""
+    """Turned or stretched about its middle, and moved by a tenth of its size; or the scene's scale."""
+    if draw(st.integers(0, 3)) == 0:
+        return shot.with_scene(scene_scale=shot.scene.scene_scale * draw(st.sampled_from((0.9, 1.1))))
     middle, reach = reach_of(shot.scene)
     matrix = about(middle, stretched(draw)) @ shot.scene.volume_matrix
     matrix[:3, 3] += draw(st.sampled_from((0.0, 0.2))) * reach * draw(UNIT)
     return shot.with_scene(volume_matrix=matrix)
-
-
-def scene_scale(draw, shot: Shot) -> Shot:
-    return shot.with_scene(scene_scale=shot.scene.scene_scale * draw(st.sampled_from((0.9, 1.1))))
 
 
 # --- the camera and the picture -------------------------------------------------------------------------------
@@ -307,11 +298,6 @@ def further_off(shot: Shot, times: float) -> Shot:
     return shot.with_camera(lens=camera.lens / times, ortho_scale=camera.ortho_scale * times)
 
 
-def another_camera(draw, shot: Shot) -> Shot:
-    scene = shot.scene
-    return shot.with_scene(camera=drawn_camera(draw, scene.index_to_world, scene.volume.shape_xyz))
-
-
 def orbit(draw, shot: Shot) -> Shot:
     """The camera turned about the volume, so that other light is mirrored and other principal axes are nearest."""
     middle, _ = reach_of(shot.scene)
@@ -325,10 +311,13 @@ def orbit(draw, shot: Shot) -> Shot:
 
 
 def knob_of_camera(draw, shot: Shot) -> Shot:
-    camera = shot.scene.camera
-    factor = draw(st.sampled_from((0.8, 1.25)))
-    if draw(st.booleans()):
-        return shot.with_camera(lens=camera.lens * factor, ortho_scale=camera.ortho_scale / factor)
+    """Another camera; or one knob of it."""
+    camera, scene = shot.scene.camera, shot.scene
+    kind = draw(st.sampled_from(("other", "further off", "nearer", "knob")))
+    if kind == "other":
+        return shot.with_scene(camera=drawn_camera(draw, scene.index_to_world, scene.volume.shape_xyz))
+    if kind != "knob":
+        return further_off(shot, 1.25 if kind == "nearer" else 0.8)
     return shot.with_scene(camera=one_changed(draw, camera, CAMERAS))
 
 
@@ -341,17 +330,12 @@ def picture(draw, shot: Shot) -> Shot:
     return shot.with_scene(width=width, height=height, crop=crop)
 
 
-def lens(draw, shot: Shot) -> Shot:
-    """One that blurs, or none."""
-    if shot.scene.camera.aperture_radius > 0.0 and draw(st.booleans()):
-        return shot.with_camera(aperture_radius=0.0)
-    return replace(shot, scene=GIVEN["depth of field"](draw, shot.scene, None))
-
-
-def shutter(draw, shot: Shot) -> Shot:
-    """A volume or a camera that moves by a few pixels; or nothing that does."""
-    if shot.scene.motion and draw(st.booleans()):
-        return shot.with_scene(motion=())
+def blur(draw, shot: Shot) -> Shot:
+    """A lens; or a shutter, with a volume or a camera that moves; or neither, where there was one."""
+    if is_blurred(shot):
+        return shot.with_scene(motion=()).with_camera(aperture_radius=0.0)
+    if draw(st.booleans()):
+        return replace(shot, scene=GIVEN["depth of field"](draw, shot.scene, None))
     _, reach = reach_of(shot.scene)
     moves, along = draw(st.sampled_from(("camera_matrix", "volume_matrix"))), draw(st.integers(0, 2))
     moved = Pose(shot.scene.camera.matrix_world, shot.scene.volume_matrix)
@@ -367,8 +351,11 @@ def limited_blur(shot: Shot) -> Shot:
         shot = shot.with_camera(aperture_radius=shot.scene.camera.aperture_radius * BLUR / blur)
     if distance_moved(shot.scene) > BLUR:
         shot = shot.with_scene(motion=())
-    blurred = shot.scene.motion or shot.scene.camera.aperture_radius > 0.0
-    return shot.with_quality(backend="auto") if blurred else shot
+    return shot.with_quality(backend="auto") if is_blurred(shot) else shot
+
+
+def is_blurred(shot: Shot) -> bool:
+    return bool(shot.scene.motion) or shot.scene.camera.aperture_radius > 0.0
 
 
 # --- light ----------------------------------------------------------------------------------------------------
@@ -509,7 +496,8 @@ def mode(draw, shot: Shot) -> Shot:
 
 
 def forced_effects(draw, shot: Shot) -> Shot:
-    """One effect turned off by hand, or left to the scene again."""
+    """One effect turned off by hand, or left to the scene again, as is the function's name."""
+    shot = shot.with_function(name=draw(st.sampled_from(("one", "two"))))
     name = draw(st.sampled_from(sorted(GIVEN)))
     forced = {other: on for other, on in shot.scene.effects.items() if other != name}
     return shot.with_scene(effects=forced if draw(st.booleans()) else {**forced, name: False})
@@ -560,19 +548,26 @@ def knob_of_plan(draw, shot: Shot) -> Shot:
     return replace(shot, quality=one_changed(draw, shot.quality, knobs))
 
 
-def threads(draw, shot: Shot) -> Shot:
-    return shot.with_quality(threads=3 - shot.quality.threads)
-
-
-def backend(draw, shot: Shot) -> Shot:
+def machine(draw, shot: Shot) -> Shot:
+    """One thread or two; kernels or their numpy twins."""
+    if draw(st.booleans()):
+        return shot.with_quality(threads=3 - shot.quality.threads)
     return shot.with_quality(backend="auto" if shot.quality.backend == "numpy" else "numpy")
 
 
+def without_extras(draw, shot: Shot) -> Shot:
+    """A plain scene again: much of what effects do hides what others do."""
+    plain = dict(labels=None, channels=(), mode="composite", mist=None, motion=(), crop=None, effects={}, clips=())
+    drawn = draw(st.booleans())
+    lit = shot.with_scene(**plain, triangles=None, volume_shadows=drawn, ambient_occlusion=0.0)
+    return lit.with_camera(aperture_radius=0.0)
+
+
 EDITS = (
-    heights_of_opacity, window, colors_of_values, opacity_distance, gradient_opacity, shading, function_name, voxels,
-    meaning_of_values, spacing, matrix_of_volume, scene_scale, another_camera, orbit, knob_of_camera, picture,
-    lens, shutter, lights, headlight, volume_shadows, world, ambient_occlusion, mist, clips, meshes, labels, channels,
-    mode, forced_effects, classification, preset, knob_of_plan, threads, backend,
+    heights_of_opacity, window, colors_of_values, opacity_distance, gradient_opacity, shading, voxels,
+    meaning_of_voxels, matrix_of_volume, orbit, knob_of_camera, picture, blur, lights, headlight, volume_shadows, world,
+    ambient_occlusion, mist, clips, meshes, labels, channels, mode, forced_effects, classification, preset,
+    knob_of_plan, machine, without_extras,
 )  # fmt: skip
 
 

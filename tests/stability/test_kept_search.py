@@ -7,18 +7,25 @@ one refuses, the other does in the same sentence.  Edits may be undone, and two 
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from unittest.mock import patch
 
+import numpy as np
 from hypothesis import event, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
+from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.jit import compiled
 from rle_splat.kept import MOST_RESULTS, Kept
 from rle_splat.render import render
-from rle_splat.scene import RleSplatError
+from rle_splat.scene import Light, Quality, RleSplatError, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
 from tests.stability.edits import EDITS, Shot, limited_blur, shots, taken_over
+from tests.stability.effect_strategies import reach_of
 from tests.stability.fuzz import examples
+from tests.stability.strategies import field_of, rotation, stored
 from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 
 SEARCHES, STEPS = (60, 30) if compiled() else (6, 20)
@@ -119,3 +126,33 @@ def test_P5_what_is_kept_never_outlives_what_it_was_made_from(record):
     never = [stage for stage in MOST_RESULTS if stage not in OF_PREVIEWS and not REUSED[stage]]
     event(f"never found again: {never}")
     assert not never
+
+
+def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
+    """A filter with negative lobes is held to the brightest light of any voxel: that of the brightest one kept, which
+    may have been kept for a wider range than is shown, let colours through that a fresh start did not."""
+    wrong = reused = 0
+    for seed in (8, 10, 21, 24, 32):
+        random = np.random.default_rng(seed)
+        volume = Volume(stored(field_of("ramp", (10, 11, 12), random), "uint8"), np.eye(4))
+        camera, matrix = turntable(volume, 37.0 + 9.0 * seed, 24.0, width=24, height=20)
+        colors = (0.0, 1.0, 0.1, 0.1), (250.0, 1.0, 1.0, 1.0)
+        wide, narrow = (
+            TransferFunction("", None, ((low - 1, 0.0), (low, 0.9), (high, 0.9), (high + 1, 0.0)), colors)
+            for low, high in ((41.0, 220.0), (81.0, 170.0))
+        )
+        scene = Scene(volume, wide, camera, 24, 20, matrix, headlight=False)
+        middle, reach = reach_of(scene)
+        pose = np.eye(4)
+        pose[:3, 3] = middle + 0.9 * reach * rotation(random)[:, 0]
+        shot = Shot(
+            replace(scene, lights=(Light("POINT", energy=20.0 * reach**2, matrix_world=pose),)),
+            Quality.preset("fine", "post", threads=1, rays=0.0),
+        )
+        kept = Kept()
+        picture(shot, kept)
+        shot = shot.with_scene(transfer_function=narrow)
+        wrong += bits_apart(picture(shot, kept), picture(shot, Kept(0)))
+        reused += kept.made["relevant"] == 1
+    assert reused == 5
+    record("P5", "numbers that differ where voxels are lit that another range kept", wrong, 0, "either", "whole numbers")
