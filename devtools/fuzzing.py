@@ -24,7 +24,7 @@ def asked_for() -> bool:
 def fuzz(seconds: float, arguments=()) -> int:
     """Run each file of fuzzing tests in turn with a new seed each time, every one for its share of the time at least
     once; stops at the first failure and says how to see it again."""
-    files = sorted(TESTS.glob("test_*fuzz*.py"))
+    files = sorted({*TESTS.glob("test_*fuzz*.py"), *TESTS.glob("test_*search*.py")})
     python, end, finished, cut_short = ensure(CORE), time.monotonic() + seconds, 0, 0
     environ = clean_environ(**{FUZZ_VARIABLE: "1", "RLE_SPLAT_CACHE": str(KERNELS)})
     share = max(seconds / len(files), LEAST_SECONDS)

@@ -19,22 +19,31 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 
 COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
-VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, TWINS = (
+MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
+VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, TWINS, KEPT = (
     f"tests/stability/test_{group}.py"
-    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "twins")
+    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "twins", "kept_search")
 )
+LENS = "tests/truths/test_lens.py"
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
 
 
 @dataclass(frozen=True)
 class Mutant:
     """``changes``: (file under rle_splat, stable form, naive form), each form occurring exactly once.  ``tests``:
-    what must go red, as arguments of pytest."""
+    what must go red, as arguments of pytest.  ``compiles``: whether any kernel is made of what is changed; mutants
+    without share the kernels that the first of them compiles."""
 
     name: str
     case: str
     changes: tuple[tuple[str, str, str], ...]
     tests: tuple[str, ...]
+    compiles: bool = True
+
+
+def _left_out(what: str, file: str, key: str, without: str) -> Mutant:
+    """A key of the store of stages without one of the things that the stage's result depends on."""
+    return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (KEPT,), compiles=False)
 
 
 MUTANTS = (
@@ -183,19 +192,74 @@ MUTANTS = (
         ),),
         (ACCUMULATION, "-k", "A15 and float32"),
     ),
+    _left_out(
+        "the gradient opacity of thinned light", "scalar_medium.py",
+        "light_key = (light_key, key, tf.gradient_opacity)", "light_key = (light_key, key)",
+    ),
+    _left_out(
+        "the light of thinned light", "scalar_medium.py",
+        "light_key = (light_key, key, tf.gradient_opacity)", "light_key = (key, tf.gradient_opacity)",
+    ),
+    _left_out(
+        "the length that opacities refer to", "scalar_medium.py",
+        '"table", (voxels_key, tf.classification_key, length)', '"table", (voxels_key, tf.classification_key)',
+    ),
+    _left_out(
+        "whether a wider range covers the one that is shown", "scalar_medium.py",
+        "if between or key[0] != voxels_key or not held.reach.covers(reach):", "if between or key[0] != voxels_key:",
+    ),
+    _left_out(
+        "shadows, of post-classified light,", "scalar_medium.py",
+        "light_key = (key, *lighting_key(scene, matrix, falling), shadows_key)",
+        "light_key = (key, *lighting_key(scene, matrix, falling))",
+    ),
+    _left_out(
+        "the extinction that casts shadows", "medium.py",
+        "scene.triangles, scene.clips, looks_key, boxed=False,",
+        "scene.triangles, scene.clips, visible_key, boxed=False,",
+    ),
+    _left_out(
+        "the eye that sees highlights", "medium.py",
+        "array_key(falling.rows, falling.material), seen_from)", "array_key(falling.rows, falling.material))",
+    ),
+    _left_out(
+        "the model of records", "medium.py",
+        "return (look.key, quality.model, quality.record, axis)", "return (look.key, quality.record, axis)",
+    ),
+    _left_out(
+        "clips that cast no shadow", "effects/shadows.py",
+        "return self.look, self.matrix.tobytes(), triangles, clips, self.boxed",
+        "return self.look, self.matrix.tobytes(), triangles, self.boxed",
+    ),
+    _left_out(
+        "the strength of ambient occlusion", "kept_shadows.py",
+        "keys.append((scene.ambient_occlusion, matter.key))", "keys.append(matter.key)",
+    ),
+    _left_out(
+        "the functions of labels and channels", "classify/mixture.py",
+        "(part.volume.key, [f and f.key for f in part.functions])", "(part.volume.key, len(part.functions))",
+    ),
+    Mutant(
+        "an orthographic lens whose slant is 2 % off", "depth of field",
+        ((
+            "effects/lens.py", "slant=tuple(-offset / camera.focus_distance)",
+            "slant=tuple(-1.02 * offset / camera.focus_distance)",
+        ),),
+        (LENS, "-k", "ORTHO"), compiles=False,
+    ),
 )  # fmt: skip
 
 
-def _run(python: Path, folder: Path, tests, environ) -> tuple[int | None, str]:
+def _run(python: Path, folder: Path, tests, environ, seconds: float = SECONDS) -> tuple[int | None, str]:
     """(pytest's exit code, None when the time ran out; the last line it printed)."""
     command = [str(python), "-m", "pytest", "-q", "-x", "--tb=no", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(
-            command, cwd=folder, env=environ, timeout=SECONDS, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            command, cwd=folder, env=environ, timeout=seconds, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True, errors="replace",
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return None, f"stopped after {SECONDS} s"
+        return None, f"stopped after {seconds} s"
     return done.returncode, (done.stdout.strip().splitlines() or ["nothing printed"])[-1]
 
 
@@ -226,13 +290,19 @@ def mutations(only: str = "") -> int:
             shutil.copytree(source, folder / name, ignore=ignored) if source.is_dir() else shutil.copy(source, folder)
         whole = clean_environ(RLE_SPLAT_CACHE=str(KERNELS))
         broken = clean_environ(RLE_SPLAT_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
+        shared = broken | {"RLE_SPLAT_CACHE": str(Path(place) / "shared")}
+        without: dict[tuple, tuple] = {}  # tests -> what they came to without a mutation
         for mutant in chosen:
             begun = time.monotonic()
             # Without the mutation they must be green, or red would prove nothing.
-            code, told = _run(python, ROOT, mutant.tests, whole)
+            if mutant.tests not in without:
+                # Here kernels are compiled for all mutants that share them, so that no time runs out on account of it.
+                how = (ROOT, mutant.tests, whole) if mutant.compiles else (folder, mutant.tests, shared, MOST_SECONDS)
+                without[mutant.tests] = _run(python, *how)
+            code, told = without[mutant.tests]
             if code == GREEN:
                 before = _mutate(folder, mutant)
-                code, told = _run(python, folder, mutant.tests, broken)
+                code, told = _run(python, folder, mutant.tests, broken if mutant.compiles else shared)
                 for path, text in before.items():
                     path.write_text(text, encoding="utf-8")
                 verdict = "killed" if code in (RED, None) else "SURVIVED"

@@ -43,7 +43,8 @@ _ZERO = np.float32(0.0)
 class VoxelLight:
     """``codes``: (m, channels) uint16, light and then highlight of each voxel, 1 or 3 channels each; no highlight where
     nothing is specular.  ``unit``: a code's float32 bits, shifted, times this are the number it stands for.
-    ``most_light``, ``most_highlight``: the largest of any voxel.
+    ``most_light``, ``most_highlight``: bounds of the largest of any voxel, by the lights alone: pictures are held to
+    them, and must not depend on which voxels are kept.
     """
 
     codes: np.ndarray
@@ -82,22 +83,19 @@ def voxel_light(
     each = 1 if white else 3
     ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
     strongest = float((strengths / _nearest(falling, voxels.shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
-    bound = refuse_too_bright(max(1.0, ambient + diffuse * strongest, specular * strongest))
-    scale = 2.0 ** math.ceil(math.log2(bound))
+    most_light, most_highlight = max(1.0, float(ambient + diffuse * strongest)), float(specular * strongest)
+    scale = 2.0 ** math.ceil(math.log2(refuse_too_bright(max(most_light, most_highlight))))
     codes = empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
     _, ny, nz = voxels.shape_xyz
-    most = np.zeros((max(nz, 1), 2), np.uint16)
     if compiled(backend):
         near = falling.near
         light = (read_only(np.asfortranarray(normals)), falling.material, None if near else falling.rays(), near)
         rows = (ny, read_only(voxels.row_start), read_only(voxels.column))
         with parallel_call(threads):
-            _code_light(rows, *light, each, 1.0 / scale, codes, most)
+            _code_light(rows, nz, *light, each, 1.0 / scale, codes)
     else:
-        _code_light_numpy(voxels, normals, falling, each, scale, codes, most)
-    unit = float(UNBIAS) * scale
-    largest = (most.max(axis=0).astype(np.uint32) << np.uint32(12)).view(np.float32) * unit
-    return VoxelLight(codes, unit, float(largest[0]), float(largest[1]))
+        _code_light_numpy(voxels, normals, falling, each, scale, codes)
+    return VoxelLight(codes, float(UNBIAS) * scale, most_light, most_highlight)
 
 
 def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
@@ -116,14 +114,14 @@ def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
 
 
 @kernel
-def _code_light(rows, normals, material, rays, near, each, inverse, codes, most):
+def _code_light(rows, n_planes, normals, material, rays, near, each, inverse, codes):
     """``rows``: ny, row_start, column of the voxels.  ``rays`` and ``near``: see ``shading._write_records``.  ``each``:
-    channels of light, and of highlight; ``inverse``: one over their scale.  ``most`` (nz, 2): largest codes."""
-    share_out(_code_planes, most.shape[0], (rows, normals, material, rays, near, each, inverse, codes, most))
+    channels of light, and of highlight; ``inverse``: one over their scale."""
+    share_out(_code_planes, n_planes, (rows, normals, material, rays, near, each, inverse, codes))
 
 
 @kernel(inner=True)
-def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse, codes, most):
+def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse, codes):
     n_y, row_start, column = rows
     s = np.empty(SCRATCH, np.float32)
     for plane in range(begin, end):
@@ -146,16 +144,12 @@ def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse,
             for part in range(codes.shape[1] // each):
                 for channel in range(each):
                     light = s[(SR if part else DR) + channel * LANES :]
-                    largest = np.uint16(0)
                     for i in range(count):
-                        code = np.uint16(code_of(light[i] * inverse))
-                        codes[at + i, part * each + channel] = code
-                        largest = max(largest, code)
-                    most[plane, part] = max(most[plane, part], largest)
+                        codes[at + i, part * each + channel] = np.uint16(code_of(light[i] * inverse))
             at += count
 
 
-def _code_light_numpy(voxels, normals, falling, each, scale, codes, most):
+def _code_light_numpy(voxels, normals, falling, each, scale, codes):
     """Twin of ``_code_light``, in chunks of voxels."""
     for begin in range(0, len(voxels), CHUNK):
         part = slice(begin, min(begin + CHUNK, len(voxels)))
@@ -166,4 +160,3 @@ def _code_light_numpy(voxels, normals, falling, each, scale, codes, most):
         for kind, light in enumerate(found):
             made = codes_numpy(np.clip(light[:, :each] / scale, 0.0, 1.0)).astype(np.uint16)
             codes[part, kind * each : (kind + 1) * each] = made
-            most[0, kind] = max(most[0, kind], made.max(initial=0))
