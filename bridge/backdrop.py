@@ -33,6 +33,7 @@ def show(camera, image, place: str):
     entry.show_background_image = True
     camera.data.show_background_images = True
     image.use_view_as_render = True  # the scene's view transform, so that it looks as it will in the render
+    camera.data.update_tag()  # or views go on drawing what the evaluated camera had
     return entry
 
 
@@ -56,6 +57,7 @@ def restore(scene, camera, earlier: tuple) -> None:
             setattr(entry, name, value)
         entry.image = image
     camera.data.show_background_images = background_images
+    camera.data.update_tag()
 
 
 def hide(scene, camera) -> bool:
@@ -63,6 +65,7 @@ def hide(scene, camera) -> bool:
     entry = find(scene, camera)
     if entry is not None:
         camera.data.background_images.remove(entry)
+        camera.data.update_tag()
     return entry is not None
 
 

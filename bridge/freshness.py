@@ -46,8 +46,8 @@ def note(image, made_from: MadeFrom) -> None:
 
 
 def made_from(image) -> MadeFrom | None:
-    """What an image was made from; None when it is not known."""
-    if image.session_uid not in _made_from and MADE_FROM in image:
+    """What an image was made from; None when it is not known, or its pixels were lost with their file."""
+    if image.session_uid not in _made_from and MADE_FROM in image and image.size[0] > 0:
         _made_from[image.session_uid] = MadeFrom(*json.loads(image[MADE_FROM]))
     return _made_from.get(image.session_uid)
 

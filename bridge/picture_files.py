@@ -21,11 +21,11 @@ def _before_save(blend_file, *_):
     pictures.settle_copies()
     taken: set[str] = set()
     composited = {image for scene in bpy.data.scenes for image in compositor.images_of(scene)}  # see over_render.py
-    for image in bpy.data.images:
-        if images.MARK in image and image.library is None and image not in composited:
-            freshness.store(image)
-            if image.size[0] > 0:
-                _keep(image, blend_file, taken)
+    made = [one for one in bpy.data.images if images.MARK in one and one.library is None and one not in composited]
+    # Asking for its size reads an image in: a user's copy of a picture shows the file that is written over next.
+    for image in [one for one in made if one.size[0] > 0]:
+        freshness.store(image)
+        _keep(image, blend_file, taken)
 
 
 HANDLERS = (("save_pre", _before_save),)

@@ -41,7 +41,8 @@ def read_scene(
 ):
     """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
 
-    ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them.  ``in_region``: only what a cropped render region keeps of the frame.
+    ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them.
+    ``in_region``: only what a cropped render region keeps of the frame.
     ``moving``: blur what moves while the shutter is open, if the scene wants it and no maximum error is set.
     ``camera``: a camera object in place of the active one.  ``warn``: called with a sentence for what is odd.
     Raises RleSplatError for every mistake the user can mend.

@@ -84,9 +84,13 @@ def test_a_headlight_casts_none_and_a_maximum_error_leaves_them_out(ball, bridge
     plain = read(bridge, ball)
     assert plain.volume_shadows and plain.ambient_occlusion == 0.5
     without = read(bridge, ball, with_shadows=False)
+    assert not without.volume_shadows and without.ambient_occlusion == 0.0
     settings.max_error = 2.0
-    for scene in (without, read(bridge, ball)):
-        assert not scene.volume_shadows and scene.ambient_occlusion == 0.0
+    scenes.add_camera((0.0, 0.0, 30.0))
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    report = json.loads(settings.last_report_json)
+    assert any("no shadows and no ambient occlusion" in remark for remark in report["remarks"])
+    assert {row["name"]: row["on"] for row in report["effects"]}["shadows"] is False
 
 
 def test_the_world_is_read_where_it_is_one_colour(ball, bridge):

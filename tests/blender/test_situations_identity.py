@@ -16,7 +16,9 @@ LONG = "sub-01_ses-02_acq-highres_run-01_desc-prep_"  # what T1w and T2w of one 
 def users_image(name):
     """An image that the user painted and looks at."""
     image = bpy.data.images.new(name, 5, 3, float_buffer=True)
-    image.pixels.foreach_set(np.linspace(0.0, 1.0, 60, dtype=np.float32))
+    painted = np.linspace(0.0, 1.0, 60, dtype=np.float32)
+    painted[3::4] = 1.0  # it has no alpha
+    image.pixels.foreach_set(painted)
     image.use_fake_user = True
     image.pack()
     return image
@@ -65,6 +67,7 @@ def test_B2_an_image_of_the_users_with_our_pictures_name(addon, tmp_path):
 def test_B3_a_copy_of_our_picture_is_the_users(addon, tmp_path):
     scenes.cube_scene(tmp_path)
     image, pixels = scenes.picture_of()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))  # Blender copies no pixels that were not saved
     copy = image.copy()
     camera = bpy.context.scene.camera
     entry = camera.data.background_images.new()
@@ -76,6 +79,10 @@ def test_B3_a_copy_of_our_picture_is_the_users(addon, tmp_path):
     assert bpy.ops.rle_splat.remove_backdrop() == {"FINISHED"}
     assert scenes.backdrops(camera) == [copy]
     assert not bpy.ops.rle_splat.remove_backdrop.poll()
+    scenes.picture_of()
+    scenes.save_and_reload(tmp_path / "saved.blend")
+    shown = bpy.context.scene.camera.data.background_images[0].image
+    np.testing.assert_array_equal(scenes.image_pixels(shown), pixels)
 
 
 def two_pictures(first, second):
