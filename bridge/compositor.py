@@ -182,6 +182,19 @@ def drop(image) -> None:
         bpy.data.images.remove(image)
 
 
+def fit(image, width: int, height: int) -> None:
+    """Give a picture the size of the frame, blank.
+
+    An image that Blender 5.2 read from a packed file keeps that file's display window when it is scaled, and the
+    compositor then shifts it by half the difference.  A generated image has no display window.
+    """
+    if tuple(image.size) != (width, height):
+        image.generated_color = (0.0, 0.0, 0.0, 0.0)
+        image.source = "GENERATED"
+        image.use_generated_float = True
+        image.generated_width, image.generated_height = width, height
+
+
 def _is_ours(image) -> bool:
     """Whether an image is a picture that this extension made."""
     return image is not None and images.MARK in image

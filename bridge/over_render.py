@@ -163,6 +163,8 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             volume_object, depsgraph, with_meshes=settings.meshes_occlude and layer.use_solid, in_region=True)
         rendering = drain(render_scene.steps(
             plain, quality, tolerance=tolerance_of(depsgraph.scene_eval), refuse_empty_view=False))
+        height, width = rendering.depth.shape
+        compositor.fit(image, width, height)
         pictures.show(image, rendering)
         log.report = {**rendering.report, "view_layer": layer.name}
         if not rendering.rgba[..., 3].any():
@@ -178,7 +180,8 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
 def _show_placeholder(image, render) -> None:
     left, top, right, bottom = frame_crop(render) or (0, 0, *image_size(render))
     width, height = max(1, right - left), max(1, bottom - top)
-    images.write_color(images.ensure_image(image, image.name, width, height), placeholder(width, height))
+    compositor.fit(image, width, height)
+    images.write_color(image, placeholder(width, height))
 
 
 def _why_hidden(volume_object, depsgraph) -> str | None:

@@ -36,6 +36,8 @@ class RLE_SPLAT_OT_composite(bpy.types.Operator):
             return refuse(self, problem)
 
         def make_image(earlier, layer):
+            if earlier is not None:
+                compositor.fit(earlier, width, height)
             parts = [volume_object.name[:LONGEST_NAME], "Splat Composite", layer]
             image = images.ensure_image(earlier, " ".join(filter(None, parts)), width, height)
             images.clear(image)
