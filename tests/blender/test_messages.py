@@ -417,7 +417,8 @@ os._exit(0)
 
 
 def test_a_file_rendered_without_the_extension_shows_no_saved_picture(volume, tmp_path):
-    """Nor a shifted one with it, at whatever size.  Saved after a render, with the picture in the session untouched and nothing left to ask about."""
+    """Nor a shifted one with it, at whatever size.  The session keeps its picture when it is saved, and Blender has no
+    unsaved picture to ask about."""
     settings = composite()
     scenes.rendered(tmp_path / "seen.exr")
     image, path = settings.composite_image, tmp_path / "saved.blend"
