@@ -13,7 +13,7 @@ MARK = "rle_splat_kind"
 
 
 def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = False):
-    """A float image of this size: ``wanted`` itself (resized if need be), or a new one when it is None.
+    """A float image of this size: ``wanted`` itself, blank where its size had to change, or a new one when it is None.
 
     Color images are "Linear Rec.709" with premultiplied alpha, depth images "Non-Color".
     """
@@ -27,13 +27,13 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
         image.alpha_mode = alpha_mode
     if image.colorspace_settings.name != color_space:
         image.colorspace_settings.name = color_space
-    if image.size[0] == 0:
-        # Its pixels are lost (unpacked, and the file is gone): start again under the same name and users.
+    if tuple(image.size) != (width, height):  # of none, where its file is gone
+        # Not scaled: an image that Blender 5.2 read from a file keeps that file's display window when it is, and the
+        # compositor then shifts it by half the difference.
+        image.generated_color = (0.0, 0.0, 0.0, 0.0)
         image.source = "GENERATED"
         image.use_generated_float = True
         image.generated_width, image.generated_height = width, height
-    elif tuple(image.size) != (width, height):
-        image.scale(width, height)
     image[MARK] = "depth" if depth else "color"
     return image
 

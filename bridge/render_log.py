@@ -43,7 +43,6 @@ class RenderLog:
 
     def begin_frame(self, scene) -> None:
         """A frame is rendered from here on."""
-        self.is_in_force = scene.rle_splat.use_composite
         self._stops = scene.rle_splat.on_failed_frame == "STOP"
         self._is_in_frame = True
         self._frames.append(scene.frame_current)

@@ -7,6 +7,8 @@ medium (0 <= z <= N - 1) it meets N - 1/2 - z: half a unit in the ramp above the
 """
 
 import json
+import shutil
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -286,13 +288,15 @@ def test_a_hidden_volume_is_not_composited(volume, tmp_path):
     assert np.abs(scenes.rendered(tmp_path / "hidden.exr")).max() == 0.0
 
 
-def test_removing_a_composite_leaves_no_picture_behind(volume):
-    images = len(bpy.data.images)
+def test_removing_a_composite_leaves_no_picture_behind(volume, bridge):
+    def pictures():
+        return [image for image in bpy.data.images if bridge("images").MARK in image]
+
     for _ in range(3):
         bpy.ops.rle_splat.composite()
-        assert len(bpy.data.images) == images + 1
+        assert len(pictures()) == 1
         bpy.ops.rle_splat.remove_composite()
-        assert len(bpy.data.images) == images
+        assert pictures() == []
 
 
 def test_without_a_composite_renders_are_left_alone(volume, tmp_path):
@@ -307,3 +311,20 @@ def test_over_a_world(volume, tmp_path):
     bpy.ops.rle_splat.composite()
     picture = scenes.rendered(tmp_path / "out.exr")
     np.testing.assert_allclose(picture[32, 32], over(N, (0.5, 0.5, 0.5), 1.0), atol=TOLERANCE)
+
+
+def test_a_compositor_saved_by_version_0_1_0_goes_on(bridge, tmp_path):
+    """Its picture is found through its node and drawn, and Composite makes no other."""
+    shutil.copytree(Path(__file__).parent / "data", tmp_path / "data")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "data/saved_by_0_1_0.blend"))
+    scene = scenes.use_cycles((16, 16))
+    tree, image = bridge("versions").compositor_tree(scene), scene.rle_splat.composite_image
+    before = scenes.rendered(tmp_path / "out.exr")
+    assert scene.rle_splat.message == "" and 0.0 < before[..., 3].max() <= 1.0
+    np.testing.assert_allclose(scenes.image_pixels(image), before, atol=1e-6)
+    nodes = len(tree.nodes)
+    bpy.context.view_layer.objects.active = scene.rle_splat.composite_object
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert len(tree.nodes) == nodes and scene.rle_splat.composite_image == image
+    np.testing.assert_array_equal(scenes.rendered(tmp_path / "out.exr"), before)
+    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"} and not bridge("compositor").is_inserted(scene)

@@ -171,6 +171,25 @@ def test_nothing_is_stopped_where_all_is_well(volume, tmp_path):
     assert list(animated(tmp_path)) == [1, 2, 3]
 
 
+def test_a_scene_strip_keeps_the_errors_of_all_its_frames(volume, tmp_path, at_frame, capfd):
+    """The sequencer renders a scene strip frame by frame, each as a render of its own within the render."""
+    settings = composite()
+    edit = bpy.data.scenes.new("edit")
+    editor = edit.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strips.new_scene("strip", bpy.context.scene, 1, 1)
+    edit.frame_start, edit.frame_end = 1, 3
+    edit.render.resolution_x = edit.render.resolution_y = 16
+    edit.render.filepath = str(tmp_path / "edit_")
+    away = away_at(tmp_path / "cube.raw", 2)
+    at_frame(away)
+    bpy.ops.render.render(animation=True, scene="edit")
+    assert settings.failed_frames == "2"
+    assert settings.message.startswith("1 of 3 frames could not be drawn: 2. The file of 'cube'")
+    assert edit.rle_splat.message == ""
+    assert capfd.readouterr().out.count("RLE Splat: ") == 2
+
+
 # --- what makes a picture empty -----------------------------------------------------------------------------------
 
 
@@ -397,7 +416,8 @@ os._exit(0)
 
 
 def test_a_file_rendered_without_the_extension_shows_no_saved_picture(volume, tmp_path):
-    """Saved after a render, with the picture in the session untouched and nothing left to ask about."""
+    """Nor a shifted one with it, at whatever size.  The session keeps its picture when it is saved, and Blender has no
+    unsaved picture to ask about."""
     settings = composite()
     scenes.rendered(tmp_path / "seen.exr")
     image, path = settings.composite_image, tmp_path / "saved.blend"
@@ -410,4 +430,10 @@ def test_a_file_rendered_without_the_extension_shows_no_saved_picture(volume, tm
         env={"BLENDER_USER_RESOURCES": str(tmp_path / "nobody"), "PATH": "/usr/bin:/bin"})
     assert np.abs(scenes.load_pixels(tmp_path / "without.exr")).max() == 0.0
     bpy.ops.wm.open_mainfile(filepath=str(path))
-    np.testing.assert_allclose(scenes.rendered(tmp_path / "again.exr")[8, 8, 3], FULL, atol=1 / 255)
+    for percentage in (100, 200, 100):
+        bpy.context.scene.render.resolution_percentage = percentage
+        np.testing.assert_allclose(scenes.rendered(tmp_path / "again.exr")[..., 3], FULL, atol=1 / 255)
+        composite()
+        np.testing.assert_allclose(scenes.rendered(tmp_path / "again.exr")[..., 3], FULL, atol=1 / 255)
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+        bpy.ops.wm.open_mainfile(filepath=str(path))
