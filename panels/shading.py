@@ -29,7 +29,7 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         column.active = settings.lighting == "SCENE"
         column.prop(settings, "use_shadows")
         column.prop(settings, "use_world")
-        layout.prop(settings, "ambient_occlusion")
+        layout.prop(settings, "ambient_occlusion", text="Occlusion")  # the whole name is cut off
         layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
         column = layout.column(align=True)
         column.active = properties.use_shading

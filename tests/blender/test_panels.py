@@ -7,16 +7,26 @@ touches no file; window_panels.py draws them for real.
 import builtins
 import inspect
 import sys
+from importlib import import_module
 from itertools import pairwise
+from types import SimpleNamespace
 
+import blf
 import bpy
 import numpy as np
 import pytest
 
 from tests.blender import layout_recorder
 from tests.blender.broken_panels import BROKEN, broken_panel
-from tests.blender.panel_states import STATES
+from tests.blender.panel_states import SENTENCE, STATES
 from tests.blender.real_blender import MODULE
+
+SENTENCES = (
+    SENTENCE,
+    "The voxels of 'THORAX_VENOUS' are not those that were imported: //CT/THORAX_VENOUS.nii has changed since.",
+    "Against T2, the exact integral of the classified interpolated scalar, which is what a ray caster shows: largest "
+    "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
+)
 
 
 def draw_all(monkeypatch) -> list:
@@ -68,6 +78,49 @@ def test_a_broken_panel_is_noticed(flaw, addon, monkeypatch):
     with broken_panel(flaw):
         with pytest.raises((AssertionError, AttributeError, TypeError, ZeroDivisionError), match=BROKEN[flaw][1]):
             draw_all(monkeypatch)
+
+
+def test_a_deleted_channel_is_marked(monkeypatch, tmp_path):
+    STATES["channels"](tmp_path)
+    assert "deleted" not in texts(draw_all(monkeypatch))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    STATES["other_objects_deleted"](tmp_path)
+    log = draw_all(monkeypatch)
+    assert ("alert", True) in log
+    assert "The volume channel was deleted; remove" in texts(log)
+
+
+@pytest.mark.parametrize(("state", "icon"), [
+    ("one", "OUTLINER_OB_VOLUME"), ("linked", "LIBRARY_DATA_DIRECT"), ("overridden", "LIBRARY_DATA_OVERRIDE")])
+def test_a_volume_of_another_file_has_the_icon_of_one(state, icon, monkeypatch, tmp_path):
+    STATES[state](tmp_path)
+    assert ("icon", icon) in draw_all(monkeypatch)
+
+
+def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
+    STATES["without_transfer"](tmp_path)
+    assert bpy.context.object.rle_splat.transfer_name
+    assert ("text", bpy.context.object.rle_splat.transfer_name) not in draw_all(monkeypatch)
+
+
+def test_effects_have_titles(volume_object, monkeypatch):
+    assert {"Gradient Opacity", "Depth of Field"} <= set(texts(draw_all(monkeypatch)).split("\n"))
+
+
+@pytest.mark.parametrize("width", [280, 380])
+@pytest.mark.parametrize("icon", ["NONE", "ERROR"])
+def test_paragraphs_fill_their_panel_and_fit_it(width, icon, addon):
+    """Measured in the interface's font, in a region as wide as the sidebar, or as Properties."""
+    places = import_module(f"{MODULE}.panels.places")
+    context = SimpleNamespace(
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)), region=SimpleNamespace(width=width))
+    room = width - 48 - (20 if icon != "NONE" else 0)  # seen in the window
+    blf.size(0, 11.0)
+    for sentence in SENTENCES:
+        log = []
+        places.paragraph(context, layout_recorder.Recorder(log), sentence, icon)
+        lines = [blf.dimensions(0, text)[0] for kind, text in log if kind == "label"]
+        assert 0.8 * room < max(lines) <= room
 
 
 @pytest.fixture
