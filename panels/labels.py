@@ -5,7 +5,6 @@ import bpy
 from ..bridge import volumes
 from .places import BelowTransfer
 
-
 SWATCH = 1.2  # width of a color, in buttons: the names beside it need the rest
 
 
