@@ -58,8 +58,8 @@ def _workplace(blender: Blender, zip_path: Path | None, with_pytest: bool) -> Pa
     shutil.copy(ROOT / "pyproject.toml", folder)
     shutil.copy(TESTS.parent / "conftest.py", folder / "tests")
     shutil.copy(zip_path, folder / "extension.zip")
-    (folder / "user").mkdir()
-    (folder / "shots").mkdir()
+    for name in ("user", "shots", "tmp"):
+        (folder / name).mkdir()
     return folder
 
 
@@ -123,6 +123,7 @@ def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, plac
         RLE_SPLAT_JUNIT=blender.inside(folder / "report.xml"),
         RLE_SPLAT_SHOTS=blender.inside(folder / "shots"),
         BLENDER_USER_RESOURCES=blender.inside(folder / "user"),
+        TMPDIR=blender.inside(folder / "tmp"),
         LIBGL_ALWAYS_SOFTWARE="1",
         **environ,
     )

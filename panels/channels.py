@@ -3,7 +3,8 @@
 import bpy
 
 from ..bridge import volumes
-from .places import BelowTransfer
+from ..bridge.presence import is_deleted
+from .places import BelowTransfer, paragraph
 
 
 class RLE_SPLAT_PT_channels(BelowTransfer, bpy.types.Panel):
@@ -13,10 +14,15 @@ class RLE_SPLAT_PT_channels(BelowTransfer, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         for index, channel in enumerate(volumes.volume_object(context).rle_splat.channels):
+            deleted = channel.source is not None and is_deleted(channel.source)
             row = layout.row(align=True)
+            row.alert = deleted
             row.prop(channel, "show", text="")
             row.prop(channel, "source", text="")
             row.operator("rle_splat.remove_channel", text="", icon="X").index = index
+            if deleted:
+                sentence = f"The volume {channel.source.name} was deleted; remove this channel."
+                paragraph(context, layout, sentence, icon="ERROR")
         layout.operator("rle_splat.add_channels", icon="ADD")
 
 

@@ -23,12 +23,17 @@ class EffectsPanel:
             row = settings.effect_rows.get(name)
             box = layout.box().column(align=True)
             split = box.split(factor=NAME_SHARE)
-            split.label(text=name.capitalize(), icon=UNKNOWN if row is None else ON if row.on else OFF)
+            split.label(text=title(name), icon=UNKNOWN if row is None else ON if row.on else OFF)
             split.prop(settings.effect_overrides, property_of(name), text="")
             if row is not None:
                 paragraph(context, box, row_text(row))
         if settings.effects_note:
             paragraph(context, layout, settings.effects_note)
+
+
+def title(name: str) -> str:
+    """An effect's name as a label: Depth of Field."""
+    return name.title().replace(" Of ", " of ")
 
 
 def row_text(row) -> str:

@@ -5,6 +5,8 @@ import bpy
 from ..bridge import volumes
 from .places import BelowTransfer
 
+SWATCH = 1.2  # width of a color, in buttons: the names beside it need the rest
+
 
 class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
     bl_label = "Labels"
@@ -25,7 +27,9 @@ class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
             look.prop(label, "look", text="")
             look.prop(label, "use_color", text="")
             if label.use_color:
-                look.prop(label, "color", text="")
+                swatch = look.row(align=True)
+                swatch.ui_units_x = SWATCH
+                swatch.prop(label, "color", text="")
 
 
 CLASSES = (RLE_SPLAT_PT_labels,)

@@ -4,8 +4,10 @@ import textwrap
 
 from ..bridge import volumes
 
-PIXELS_A_LETTER = 7.0  # of the interface's font at scale 1, rounded up
-MARGIN = 60  # pixels taken by the panel's borders and an icon
+# At interface scale 1, in pixels.
+PIXELS_A_LETTER = 6.0  # sentences have 5.2 on average; a line of mostly wide letters must fit, too
+MARGIN = 50  # taken by the panel's borders and the tabs
+ICON = 20
 
 
 class Sidebar:
@@ -39,7 +41,8 @@ def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
     """A text of any length in labels as wide as the region; Blender's labels do not wrap."""
     scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
     width = context.region.width if context.region is not None else 300
-    letters = max(16, int((width - MARGIN * scale) / (PIXELS_A_LETTER * scale)))
+    room = width / scale - MARGIN - (ICON if icon != "NONE" else 0)
+    letters = max(16, int(room / PIXELS_A_LETTER))
     column = layout.column(align=True)
     column.scale_y = 0.8
     for line in textwrap.wrap(text, letters):

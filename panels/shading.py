@@ -33,7 +33,7 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         column.prop(settings, "use_world")
         row = layout.row()
         row.active = not settings.max_error
-        row.prop(settings, "ambient_occlusion")
+        row.prop(settings, "ambient_occlusion", text="Occlusion")  # the whole name is cut off
         layout.prop(settings, "use_mist")
         layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
         column = layout.column(align=True)

@@ -49,11 +49,13 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
         layout = self.layout
         owner = volumes.volume_object(context)
         properties = owner.rle_splat
-        row = layout.row(align=True)
-        row.menu("RLE_SPLAT_MT_presets", text=properties.transfer_name or "Presets", icon="PRESET")
-        row.operator("rle_splat.keyframe_transfer", text="", icon="KEY_HLT")
         tree = properties.transfer
-        if tree is None or not transfer_nodes.is_transfer_tree(tree):
+        is_there = tree is not None and transfer_nodes.is_transfer_tree(tree)
+        row = layout.row(align=True)
+        name = properties.transfer_name if is_there else ""
+        row.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
+        row.operator("rle_splat.keyframe_transfer", text="", icon="KEY_HLT")
+        if not is_there:
             layout.label(text="No transfer function: apply a preset", icon="ERROR")
             return
         if transfer.is_shared(owner):

@@ -21,7 +21,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             layout.operator("rle_splat.import_volume", icon="IMPORT")
             return
         properties = owner.rle_splat
-        layout.label(text=owner.name, icon="OUTLINER_OB_VOLUME")
+        layout.label(text=owner.name, icon=_icon(owner))
         column = layout.column(align=True)
         for line in properties.facts.split("\n"):
             name, _, value = line.partition(": ")
@@ -34,6 +34,13 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
         row.prop(properties, "filepath", text="")
         row.operator("rle_splat.relocate", text="Relocate")
         layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+
+
+def _icon(owner) -> str:
+    """As in the outliner: why the buttons of a linked volume are grey."""
+    if owner.library is not None:
+        return "LIBRARY_DATA_DIRECT"
+    return "OUTLINER_OB_VOLUME" if owner.override_library is None else "LIBRARY_DATA_OVERRIDE"
 
 
 CLASSES = (RLE_SPLAT_PT_volume,)

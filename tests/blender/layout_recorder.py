@@ -32,7 +32,8 @@ def operator_properties(name: str):
 
 
 class Recorder:
-    """A layout whose log gets (function, main argument), and (name, value) where an attribute of the layout is set."""
+    """A layout whose log gets (function, main argument), then ("text", ...) and ("icon", ...) where they are given;
+    and (name, value) where an attribute of the layout is set."""
 
     def __init__(self, log):
         object.__setattr__(self, "log", log)
@@ -67,6 +68,7 @@ class Recorder:
         _check_names(function.identifier, arguments)
         main = next((arguments[name] for name in MAIN if name in arguments), None)
         self.log.append((function.identifier, main))
+        self.log.extend((name, arguments[name]) for name in ("text", "icon") if arguments.get(name))
         made = [self._output(entry, arguments) for entry in function.parameters if entry.is_output]
         return made[0] if len(made) == 1 else tuple(made) or None
 

@@ -110,7 +110,7 @@ def test_the_panel_shows_a_row_with_an_override_for_each_effect(scene, core, mon
     effects = core("effects.analyse").EFFECTS
     log = draw_all(monkeypatch)
     for name in effects:
-        assert ("prop", name.replace(" ", "_")) in log and name.capitalize() in texts(log)
+        assert ("prop", name.replace(" ", "_")) in log and name in texts(log).lower()
     picture(scene)
     shown = texts(draw_all(monkeypatch))
     assert f"On, {rows(scene)['shading'].ms:.1f} ms: diffuse" in shown and "Off: the scene has no meshes" in shown

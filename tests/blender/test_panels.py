@@ -7,71 +7,120 @@ touches no file; window_panels.py draws them for real.
 import builtins
 import inspect
 import sys
+from importlib import import_module
 from itertools import pairwise
+from types import SimpleNamespace
 
+import blf
 import bpy
 import numpy as np
 import pytest
 
 from tests.blender import layout_recorder
 from tests.blender.broken_panels import BROKEN, broken_panel
-from tests.blender.panel_states import STATES
+from tests.blender.panel_states import SENTENCE, STATES
+from tests.blender.real_blender import MODULE
+
+SENTENCES = (
+    SENTENCE,
+    "The voxels of 'THORAX_VENOUS' are not those that were imported: //CT/THORAX_VENOUS.nii has changed since.",
+    "Against T2, the exact integral of the classified interpolated scalar, which is what a ray caster shows: largest "
+    "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
+)
 
 
-@pytest.fixture
-def draw_all(addon, monkeypatch):
-    """``draw_all()``: everything of the add-on that Blender would draw now; opening a file while drawing is an
-    error."""
+def draw_all(monkeypatch) -> list:
+    """Draw everything of the add-on that Blender would draw now; opening a file while drawing is an error."""
 
     def no_files(*_args, **_options):
         raise AssertionError("a panel opened a file")
 
-    def draw():
-        with monkeypatch.context() as patch:
-            patch.setattr(builtins, "open", no_files)
-            return layout_recorder.draw_all(addon.__name__, bpy.context)
-
-    return draw
+    with monkeypatch.context() as patch:
+        patch.setattr(builtins, "open", no_files)
+        return layout_recorder.draw_all(MODULE, bpy.context)
 
 
 def texts(log) -> str:
     return "\n".join(str(value) for kind, value in log if kind == "label")
 
 
-def of_addon(addon, *bases):
+def of_addon(*bases):
     """The classes of the add-on that are registered under these of Blender's."""
     found = [cls for base in bases for cls in layout_recorder.subclasses(base)]
-    return [cls for cls in found if cls.__module__.startswith(addon.__name__)]
+    return [cls for cls in found if cls.__module__.startswith(MODULE)]
 
 
 def test_panels_are_in_the_sidebar_and_in_the_render_tab(addon):
     places = {(cls.bl_space_type, getattr(cls, "bl_category", ""), getattr(cls, "bl_context", ""))
-              for cls in of_addon(addon, bpy.types.Panel)}
+              for cls in of_addon(bpy.types.Panel)}
     assert places == {("VIEW_3D", "RLE Splat", ""), ("PROPERTIES", "", "render")}
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_every_state_is_drawn(state, draw_all, tmp_path):
+def test_every_state_is_drawn(state, monkeypatch, tmp_path):
     """Only icons, properties, operators and arguments that this Blender has, and no exception."""
     STATES[state](tmp_path)
-    assert texts(draw_all())
+    assert texts(draw_all(monkeypatch))
 
 
-def test_everything_that_draws_is_drawn(volume_object, draw_all, addon):
+def test_everything_that_draws_is_drawn(volume_object, monkeypatch, addon):
     """Every panel and menu, every dialog and the preferences, and the line in File > Import."""
-    drawn = {name for kind, name in draw_all() if kind == "draws"}
+    drawn = {name for kind, name in draw_all(monkeypatch) if kind == "draws"}
     kinds = (bpy.types.Panel, bpy.types.Menu, bpy.types.Header, bpy.types.Operator, bpy.types.AddonPreferences)
-    with_draw = {cls.__name__ for cls in of_addon(addon, *kinds) if inspect.isfunction(getattr(cls, "draw", None))}
+    with_draw = {cls.__name__ for cls in of_addon(*kinds) if inspect.isfunction(getattr(cls, "draw", None))}
     assert {"RLE_SPLAT_PT_transfer", "RLE_SPLAT_MT_presets", "RLE_SPLAT_OT_import_volume"} <= with_draw
     assert drawn == with_draw | {"draw_menu_entry"}
 
 
 @pytest.mark.parametrize("flaw", BROKEN)
-def test_a_broken_panel_is_noticed(flaw, addon, draw_all):
+def test_a_broken_panel_is_noticed(flaw, addon, monkeypatch):
     """The recorder refuses what a window would refuse or complain of."""
     with broken_panel(flaw):
         with pytest.raises((AssertionError, AttributeError, TypeError, ZeroDivisionError), match=BROKEN[flaw][1]):
-            draw_all()
+            draw_all(monkeypatch)
+
+
+def test_a_deleted_channel_is_marked(monkeypatch, tmp_path):
+    STATES["channels"](tmp_path)
+    assert "deleted" not in texts(draw_all(monkeypatch))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    STATES["other_objects_deleted"](tmp_path)
+    log = draw_all(monkeypatch)
+    assert ("alert", True) in log
+    assert "The volume channel was deleted; remove" in texts(log)
+
+
+@pytest.mark.parametrize(("state", "icon"), [
+    ("one", "OUTLINER_OB_VOLUME"), ("linked", "LIBRARY_DATA_DIRECT"), ("overridden", "LIBRARY_DATA_OVERRIDE")])
+def test_a_volume_of_another_file_has_the_icon_of_one(state, icon, monkeypatch, tmp_path):
+    STATES[state](tmp_path)
+    assert ("icon", icon) in draw_all(monkeypatch)
+
+
+def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
+    STATES["without_transfer"](tmp_path)
+    assert bpy.context.object.rle_splat.transfer_name
+    assert ("text", bpy.context.object.rle_splat.transfer_name) not in draw_all(monkeypatch)
+
+
+def test_effects_have_titles(volume_object, monkeypatch):
+    assert {"Gradient Opacity", "Depth of Field"} <= set(texts(draw_all(monkeypatch)).split("\n"))
+
+
+@pytest.mark.parametrize("width", [280, 380])
+@pytest.mark.parametrize("icon", ["NONE", "ERROR"])
+def test_paragraphs_fill_their_panel_and_fit_it(width, icon, addon):
+    """Measured in the interface's font, in a region as wide as the sidebar, or as Properties."""
+    places = import_module(f"{MODULE}.panels.places")
+    context = SimpleNamespace(
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)), region=SimpleNamespace(width=width))
+    room = width - 48 - (20 if icon != "NONE" else 0)  # seen in the window
+    blf.size(0, 11.0)
+    for sentence in SENTENCES:
+        log = []
+        places.paragraph(context, layout_recorder.Recorder(log), sentence, icon)
+        lines = [blf.dimensions(0, text)[0] for kind, text in log if kind == "label"]
+        assert 0.8 * room < max(lines) <= room
 
 
 @pytest.fixture
@@ -83,59 +132,59 @@ def import_dialog(phantom):
         properties.property_unset(name)
 
 
-def test_the_import_dialog_is_drawn_for_each_kind_of_file(import_dialog, draw_all, phantom):
+def test_the_import_dialog_is_drawn_for_each_kind_of_file(import_dialog, monkeypatch, phantom):
     """A raw file with what was guessed of it, several files, and a VDB with its grid."""
     import_dialog.filepath, import_dialog.guess_text = str(phantom[0]), "The name gives no shape.\nIts size does."
     import_dialog.shape, import_dialog.dtype = (7, 6, 5), "uint8"
-    log = draw_all()
+    log = draw_all(monkeypatch)
     assert "In memory: 210 bytes" in texts(log) and "Its size does." in texts(log) and ("prop", "header_bytes") in log
 
     import_dialog.directory = str(phantom[0].parent)
     for name in ("a.nii", "b.nii"):
         import_dialog.files.add().name = name
-    log = draw_all()
+    log = draw_all(monkeypatch)
     assert "2 files" in texts(log) and ("prop", "header_bytes") not in log
 
     import_dialog.files.clear()
     import_dialog.filepath = "smoke.vdb"
-    log = draw_all()
+    log = draw_all(monkeypatch)
     assert ("prop", "grid") in log and ("prop", "header_bytes") not in log
 
 
-def test_empty_scene_offers_the_import(draw_all):
-    log = draw_all()
+def test_empty_scene_offers_the_import(monkeypatch):
+    log = draw_all(monkeypatch)
     assert ("operator", "rle_splat.import_volume") in log
     assert ("template_color_ramp", "color_ramp") not in log
 
 
-def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, draw_all, bridge):
+def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, bridge):
     bridge("volumes").forget_all()  # as after a reload: nothing in memory
-    log = draw_all()
+    log = draw_all(monkeypatch)
     assert "7 × 6 × 5, uint8" in texts(log)
     for wanted in (
         ("template_curve_mapping", "mapping"), ("template_color_ramp", "color_ramp"), ("prop", "window_center"),
-        ("prop", "window_width"), ("prop", "quality"), ("operator", "rle_splat.render_image"), ("operator", "rle_splat.set_backdrop"),
-        ("operator", "rle_splat.composite"), ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
+        ("prop", "window_width"), ("prop", "quality"), ("operator", "rle_splat.render_image"),
+        ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"), ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
     ):
         assert wanted in log, wanted
 
 
-def test_custom_quality_shows_every_knob(volume_object, draw_all, bridge):
+def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
     settings = bpy.context.scene.rle_splat
-    assert ("prop", "depth_rule") not in draw_all()
+    assert ("prop", "depth_rule") not in draw_all(monkeypatch)
     settings.quality = "custom"
-    log = draw_all()
+    log = draw_all(monkeypatch)
     for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
                  "termination", "axis_fade", "model"):
         assert ("prop", name) in log
     assert ("prop", "refinement") not in log  # only where there is a finer grid
     settings.classification, settings.refinement = "refined", "3"
-    assert ("prop", "refinement") in draw_all()
+    assert ("prop", "refinement") in draw_all(monkeypatch)
     quality = bridge("settings").quality_of(bpy.context.scene)
     assert (quality.classification, quality.refinement) == ("refined", 3)
 
 
-def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, draw_all, bridge):
+def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, monkeypatch, bridge):
     """Post is the default; knobs that it has one value of are greyed out, and choosing another value chooses pre."""
     scene, of_pre = bpy.context.scene, bridge("settings").OF_PRE
     settings, quality_of = scene.rle_splat, bridge("settings").quality_of
@@ -143,13 +192,13 @@ def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_ob
     others = {"record": "8", "kernel": "bspline3", "minification": "widen", "model": "opacity"}
     assert set(others) == set(of_pre)
     settings.quality = "custom"
-    log = draw_all()
+    log = draw_all(monkeypatch)
     greyed = {what[1] for before, what in pairwise(log) if before == ("active", False)}
     assert greyed & {*of_pre, "depth_rule", "sheet_density", "warp_filter", "termination"} == set(of_pre)
     for name, value in others.items():
         setattr(settings, name, value)
         assert settings.classification == "pre" and str(getattr(quality_of(scene), name)) == value
-        assert (("active", False), ("prop", name)) not in pairwise(draw_all())
+        assert (("active", False), ("prop", name)) not in pairwise(draw_all(monkeypatch))
         settings.classification = "post"  # which takes it back
         assert quality_of(scene).classification == "post" and getattr(settings, name) != value
     settings.quality, settings.kernel = "fine", "bspline3"  # of no account to a quality
@@ -161,20 +210,20 @@ def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_ob
     settings.classification = "refined"
     assert quality_of(scene).depth_rule == "simpson"
     settings.quality = "paper"
-    assert ("prop", "classification") not in draw_all() and quality_of(scene).classification == "pre"
+    assert ("prop", "classification") not in draw_all(monkeypatch) and quality_of(scene).classification == "pre"
 
 
-def test_messages_and_reports_are_shown(volume_object, draw_all):
+def test_messages_and_reports_are_shown(volume_object, monkeypatch):
     settings = bpy.context.scene.rle_splat
     settings.message = "The volume was deleted."
     settings.last_report = "Splat: 12 ms\nKept voxels: 17"
-    shown = texts(draw_all())
+    shown = texts(draw_all(monkeypatch))
     assert "The volume was deleted." in shown and "Splat: 12 ms" in shown and "Kept voxels: 17" in shown
 
 
-def test_missing_numba_is_said_loudly(volume_object, draw_all, monkeypatch, addon):
+def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):
     monkeypatch.setattr(sys.modules[f"{addon.__name__}.panels.quality"], "NUMBA_PROBLEM", "ImportError: no numba")
-    shown = texts(draw_all())
+    shown = texts(draw_all(monkeypatch))
     assert "SLOW FALLBACK" in shown and "no numba" in shown
 
 

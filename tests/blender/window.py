@@ -1,25 +1,17 @@
 """The extension in a real Blender with a window, on a virtual screen: what only a window does.
 
-    blender --factory-startup --enable-event-simulate --python-exit-code 1 --python tests/blender/window.py
-
-F12 renders off the main thread there, long work runs from a timer, and Esc stops it.  RLE_SPLAT_EXTENSION_ZIP names
-the zip to install.  Steps run from a timer, since a window does its work between them.
+F12 renders off the main thread there, long work runs from a timer, and Esc stops it.  dev.py test runs it.
 """
 
-import os
-import shutil
-import sys
 import tempfile
 import threading
-import traceback
 from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parent))
-from real_blender import (
+from tests.blender.real_blender import (
     MODULE,
     SIZE,
     TOLERANCE,
@@ -27,26 +19,17 @@ from real_blender import (
     add_strip,
     column_of,
     import_cube,
-    install,
     over,
     pixels_of,
     set_up_scene,
     write_exr,
 )
+from tests.blender.window_driver import drive, in_the_view, passed, until, window
 
-PAUSE = 0.3  # seconds between steps
 LARGE = 4096  # pixels a side of a picture that takes longer than a step
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_window_"))
 on_main_thread: list[bool] = []  # of each splatting for a render
 completed: list[bool] = []
-
-
-def in_the_view():
-    """What an operator needs to be run as from the 3D view."""
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    return bpy.context.temp_override(window=window, area=area, region=region)
 
 
 def watch_renders() -> None:
@@ -59,15 +42,6 @@ def watch_renders() -> None:
 
     handlers.splat_over_render = watched
     bpy.app.handlers.render_complete.append(lambda *_: completed.append(True))
-
-
-def until(condition, seconds=60.0):
-    """Step back into the window's own loop until the condition holds."""
-    for _ in range(int(seconds / PAUSE)):
-        if condition():
-            return
-        yield
-    raise AssertionError(f"waited {seconds} s in vain")
 
 
 def check_f12():
@@ -156,7 +130,7 @@ def check_render_image():
 
 def check_escape():
     """Esc stops a large picture and leaves the one of before."""
-    scene, window = bpy.context.scene, bpy.context.window_manager.windows[0]
+    scene = bpy.context.scene
     before = pixels_of(scene.rle_splat.image).copy()
     scene.render.resolution_x = scene.render.resolution_y = LARGE
     scene.rle_splat.quality = "strict"
@@ -164,8 +138,8 @@ def check_escape():
     with in_the_view():
         assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
     assert operators._running
-    window.event_simulate(type="ESC", value="PRESS")
-    window.event_simulate(type="ESC", value="RELEASE")
+    window().event_simulate(type="ESC", value="PRESS")
+    window().event_simulate(type="ESC", value="RELEASE")
     yield from until(lambda: not operators._running)
     np.testing.assert_array_equal(pixels_of(scene.rle_splat.image), before)
 
@@ -264,7 +238,6 @@ def check_B84_measure_accuracy_redraws():
 
 
 def steps():
-    install()
     watch_renders()
     with in_the_view():
         set_up_scene()
@@ -274,28 +247,8 @@ def steps():
         check_f12, check_animation, check_blurred_f12, check_render_image, check_B83_remove_backdrop_redraws,
         check_B84_measure_accuracy_redraws, check_escape, check_previews, check_following):
         yield from check()
-        print(f"{check.__name__} passed", flush=True)
-        passed.append(check)
+        passed(check.__name__)
         yield
 
 
-passed: list = []
-running = steps()
-
-
-def tick():
-    try:
-        next(running)
-        return PAUSE
-    except StopIteration:
-        failed = 0
-    except Exception as problem:
-        traceback.print_exception(problem)
-        failed = 1
-    print(f"{len(passed)} passed, {failed} failed, 0 skipped", flush=True)
-    shutil.rmtree(FOLDER, ignore_errors=True)
-    os._exit(failed)  # quitting in the ordinary way would ask to save
-
-
-bpy.context.preferences.view.show_splash = False
-bpy.app.timers.register(tick, first_interval=1.0)
+drive(steps)

@@ -45,7 +45,7 @@ class Console:
     def __init__(self):
         self._flush()
         self._terminal = os.dup(1)
-        self._file = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the process)
+        self._file = tempfile.TemporaryFile()
         os.dup2(self._file.fileno(), 1)
         os.dup2(self._file.fileno(), 2)
         self._read = 0

@@ -5,7 +5,7 @@ from threading import Event
 
 import pytest
 
-from devtools import testing
+from devtools import real_blender_tests, testing
 from devtools.places import Failure
 from devtools.stages import Stage
 
@@ -16,6 +16,16 @@ def test_extras_are_skipped_in_one_line_where_their_environment_cannot_be_made(c
     stage = testing._extras(Failure("pip could not."), [])
     assert (stage.verdict, stage.skipped, stage.remarks) == ("SKIPPED", 1, ["pip could not."])
     assert capsys.readouterr().out.count("\n") == 2  # an empty line before it
+
+
+def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypatch, tmp_path):
+    def none():
+        raise Failure("no blender in $BLENDER")
+
+    monkeypatch.setattr(real_blender_tests, "find_blender", none)
+    stages = testing._windows(tmp_path / "extension.zip")
+    assert [stage.name for stage in stages] == ["real blender, window", "real blender, panels"]
+    assert {(stage.verdict, *stage.remarks) for stage in stages} == {("SKIPPED", "no blender in $BLENDER")}
 
 
 @pytest.fixture
