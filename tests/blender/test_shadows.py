@@ -1,6 +1,7 @@
 """Shadows and light in Blender: what is read of lights and world, and falloff as Cycles has it on a mesh in the same
 place."""
 
+import json
 import math
 
 import bpy

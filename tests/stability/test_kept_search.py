@@ -155,4 +155,5 @@ def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
         wrong += bits_apart(picture(shot, kept), picture(shot, Kept(0)))
         reused += kept.made["relevant"] == 1
     assert reused == 5
-    record("P5", "numbers that differ where voxels are lit that another range kept", wrong, 0, "either", "whole numbers")
+    claim = "numbers that differ where voxels are lit that another range kept"
+    record("P5", claim, wrong, 0, "either", "whole numbers")
