@@ -33,8 +33,9 @@ _logs: dict[int, RenderLog] = {}
 @persistent
 def _on_render_init(scene, *_arguments):
     following.stop()
-    if _logs and next(iter(_logs)) == scene.session_uid:
-        _logs.clear()  # the render before was broken off without a word
+    started = next(iter(_logs.values()), None)
+    if started is not None and not started.is_in_frame:
+        _logs.clear()  # of a render that Blender gave up before its first frame, which has no event at its end
     if scene.session_uid not in _logs:
         _logs[scene.session_uid] = RenderLog(scene)
 

@@ -19,7 +19,7 @@ class RenderLog:
         self.is_in_force = scene.rle_splat.use_composite
         self.stopped_at = None
         self.report = {}
-        self._is_in_frame = self._stops = False
+        self.is_in_frame = self._stops = False  # in a frame: between Blender's render_pre and render_post
         self._layers: list[str] = []  # of the frame, as they are begun
         self._frames: list[int] = []
         self._failed: list[int] = []
@@ -44,14 +44,14 @@ class RenderLog:
     def begin_frame(self, scene) -> None:
         """A frame is rendered from here on."""
         self._stops = scene.rle_splat.on_failed_frame == "STOP"
-        self._is_in_frame = True
+        self.is_in_frame = True
         self._frames.append(scene.frame_current)
         self._layers = []
         self.pictures, self.drawn, self.hidden = [], [], []
 
     def begin_layer(self, layer: str) -> bool:
         """Whether a view layer is rendered that was not yet begun in this frame."""
-        if not self._is_in_frame or layer in self._layers:
+        if not self.is_in_frame or layer in self._layers:
             return False
         self._layers.append(layer)
         return True
@@ -75,7 +75,7 @@ class RenderLog:
 
     def end_frame(self, scene) -> None:
         """The frame is rendered: say so where none of its view layers shows the volume."""
-        self._is_in_frame = False
+        self.is_in_frame = False
         if not (self.is_in_force and self._layers):
             return
         if self.pictures and not self.drawn:

@@ -171,6 +171,19 @@ def test_nothing_is_stopped_where_all_is_well(volume, tmp_path):
     assert list(animated(tmp_path)) == [1, 2, 3]
 
 
+def test_a_render_that_had_no_end_is_forgotten(volume, bridge, tmp_path):
+    """Blender announces an animation before it opens the movie file, and says nothing more where it cannot."""
+    settings = composite()
+    bridge("over_render")._on_render_init(bpy.data.scenes.new("other"))
+    path = tmp_path / "cube.raw"
+    away_at(path, 1)(1)
+    scenes.rendered(tmp_path / "out.exr")
+    assert settings.failed_frames == "1"
+    away_at(path)(1)
+    scenes.rendered(tmp_path / "out.exr")
+    assert settings.message == settings.failed_frames == ""
+
+
 def test_a_scene_strip_keeps_the_errors_of_all_its_frames(volume, tmp_path, at_frame, capfd):
     """The sequencer renders a scene strip frame by frame, each as a render of its own within the render."""
     settings = composite()
