@@ -77,7 +77,7 @@ def _blender(known, rest) -> int:
     from .testing import photograph, test_real_blender
 
     if known.photograph:
-        return photograph(known.photograph)
+        return photograph(known.photograph, known.size)
     return test_real_blender() if known.test else 0
 
 
@@ -128,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
         "--photograph", type=Path, metavar="SCENARIO",
         help="and photograph its window as a scenario of tests/blender/window_driver.py says",
     )
+    blender.add_argument("--size", default="1280x1600", metavar="WxH", help="of the photographed screen, in pixels")
     add("lock", _lock, "resolve the requirements anew (maintainers); arguments name the sets", open_ended=True)
     return parser
 

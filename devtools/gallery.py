@@ -8,7 +8,7 @@ import time
 
 from .blender_job import run_job
 from .environments import any_bpy
-from .places import OUT, ROOT, Failure, say
+from .places import OUT, ROOT, Failure, pixels, say
 
 FOLDER = OUT / "gallery"
 SECONDS = 400  # of one scene
@@ -28,13 +28,11 @@ def gallery(names=(), size: str = "960x720") -> int:
     unknown = [name for name in names if name not in SCENES]
     if unknown:
         raise Failure(f"The gallery has no scene {unknown[0]!r}; choose {', '.join(SCENES)}.")
-    width, _, height = size.partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise Failure(f"--size takes pixels as 960x720, not {size!r}.")
+    width, height = pixels(size)
     started = time.monotonic()
     version = any_bpy()
     for name in names or SCENES:
-        _make(name, version, int(width), int(height))
+        _make(name, version, width, height)
     page = FOLDER / "README.md"
     page.write_text(_page(), encoding="utf-8")
     say(f"{page}\nDone in {time.monotonic() - started:.0f} s.")

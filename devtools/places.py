@@ -37,6 +37,14 @@ def running_python() -> str:
     return f"{sys.version_info[0]}.{sys.version_info[1]}"
 
 
+def pixels(size: str) -> tuple[int, int]:
+    """Width and height out of a "960x720"; a Failure for anything else."""
+    width, _, height = size.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise Failure(f"--size takes pixels as 960x720, not {size!r}.")
+    return int(width), int(height)
+
+
 def executable(environment: Path, name: str = "python") -> Path:
     """A program of a virtual environment."""
     return environment / ("Scripts" if os.name == "nt" else "bin") / (name + (".exe" if os.name == "nt" else ""))

@@ -29,9 +29,8 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, WHOLE: 1200}
 SCENARIO_SECONDS = 600  # of one that is given
 
-# Pixels; every panel of the sidebar is on the screen at once.
-SCREENS = {WINDOW: (1280, 800), PANELS: (800, 3600)}
-USUAL_SCREEN = (800, 3600)
+USUAL_SCREEN = (1280, 800)
+TALL_SCREEN = (800, 3600)  # every panel of the sidebar at once
 
 
 def _lent_pytest() -> Path:
@@ -85,10 +84,16 @@ def _virtual_screen(blender: Blender, size: tuple[int, int]):
         server.wait()
 
 
-def window_stage(zip_path: Path | None, script: Path = TESTS / WINDOW, label: str = "window") -> Stage:
-    """A script that needs a window, on a virtual screen: what only a window does (F12 off the main thread, work from a
-    timer, Esc), or how panels are drawn."""
-    size = SCREENS.get(script.name, USUAL_SCREEN)
+def window_stages(zip_path: Path) -> list[Stage]:
+    """What only a window does (F12 off the main thread, work from a timer, Esc), and how panels are drawn."""
+    return [
+        window_stage(zip_path, TESTS / WINDOW, "window", USUAL_SCREEN),
+        window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
+    ]
+
+
+def window_stage(zip_path: Path | None, script: Path, label: str, size: tuple[int, int]) -> Stage:
+    """A script that needs a window, on a virtual screen of this size; without ``zip_path`` a zip is built."""
     try:
         blender = find_blender()
         with _virtual_screen(blender, size) as display:

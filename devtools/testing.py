@@ -13,9 +13,9 @@ from pathlib import Path
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy
-from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, say
+from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
 from .pythons import find_python
-from .real_blender_tests import PANELS, TESTS, WHOLE, real_blender_stage, window_stage
+from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
 from .stages import Stage, broken, judged, skipped, summary
 from .wheels import this_platform
 
@@ -207,12 +207,7 @@ def _not_quick(*more: str) -> list[Stage]:
 
 
 def _real_blender(zip_path: Path) -> list[Stage]:
-    return [real_blender_stage(zip_path), *_windows(zip_path)]
-
-
-def _windows(zip_path: Path) -> list[Stage]:
-    """What needs a window: the work done in one, and the panels drawn in one."""
-    return [window_stage(zip_path), window_stage(zip_path, TESTS / PANELS, "panels")]
+    return [real_blender_stage(zip_path), *window_stages(zip_path)]
 
 
 def _some(core, blender, options, quick: bool) -> list[Stage]:
@@ -251,11 +246,11 @@ def test_catalogue() -> int:
 def test_real_blender() -> int:
     """The whole of tests/blender inside the real Blender, and what needs its window."""
     zip_path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
-    return summary([real_blender_stage(zip_path, TESTS / WHOLE), *_windows(zip_path)])
+    return summary([real_blender_stage(zip_path, TESTS / WHOLE), *window_stages(zip_path)])
 
 
-def photograph(scenario: Path) -> int:
+def photograph(scenario: Path, size: str) -> int:
     """Run a scenario of tests/blender/window_driver.py in a window; its photographs are kept in build/window-shots/."""
     if not scenario.is_file():
         raise Failure(f"There is no scenario {scenario}.")
-    return summary([window_stage(None, scenario, scenario.stem)])
+    return summary([window_stage(None, scenario, scenario.stem, pixels(size))])

@@ -5,7 +5,7 @@ import bpy
 from ..bridge import accuracy
 from .places import RenderTab, Sidebar, paragraph
 
-NAME_SHARE = 0.5  # of a row's width that the plan's name takes
+NAME_SHARE = 0.485  # of a row's width that the plan's name takes
 
 
 class AccuracyPanel:

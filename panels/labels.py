@@ -5,7 +5,8 @@ import bpy
 from ..bridge import volumes
 from .places import BelowTransfer
 
-SWATCH = 1.2  # width of a color, in buttons: the names beside it need the rest
+NAME_SHARE = 0.4  # of a row's width that the label's name takes
+SWATCH = 1.2  # width of a color, in buttons
 
 
 class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
@@ -21,8 +22,9 @@ class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
         for label in properties.labels:
             row = layout.row(align=True)
             row.prop(label, "show", text="")
-            row.prop(label, "label_name", text="")
-            look = row.row(align=True)
+            split = row.split(factor=NAME_SHARE, align=True)
+            split.prop(label, "label_name", text="")
+            look = split.row(align=True)
             look.active = label.show
             look.prop(label, "look", text="")
             look.prop(label, "use_color", text="")

@@ -1,12 +1,22 @@
 """Drives a real Blender's window: steps from a timer, what Blender prints while it draws, and photographs.
 
-A scenario is a generator function; at each ``yield`` the window does its own work for a moment.  It runs by
+A scenario is a generator function; at each ``yield`` the window does its own work for a moment:
 
-    from tests.blender.window_driver import drive, in_the_view, new_file, photograph
+    import bpy
+    from tests.blender.window_driver import drive, in_the_view, new_file, open_panels, passed, photograph
+
+    def scenario():
+        open_panels("RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_render")  # and close the others
+        yield from new_file()
+        with in_the_view():
+            bpy.ops.rle_splat.import_volume(filepath=...)
+        yield from photograph("imported")
+        passed("imported")
+
     drive(scenario)
 
-in a script given to Blender with ``--python``.  RLE_SPLAT_EXTENSION_ZIP names the zip to install, RLE_SPLAT_SHOTS the
-folder for photographs.
+``python3 dev.py blender --photograph FILE`` runs it and keeps its pictures in build/window-shots/.  What it imports of
+tests/blender is there.  RLE_SPLAT_EXTENSION_ZIP names the zip to install, RLE_SPLAT_SHOTS the folder for photographs.
 """
 
 import ctypes

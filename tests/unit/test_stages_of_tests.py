@@ -23,7 +23,7 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
         raise Failure("no blender in $BLENDER")
 
     monkeypatch.setattr(real_blender_tests, "find_blender", none)
-    stages = testing._windows(tmp_path / "extension.zip")
+    stages = real_blender_tests.window_stages(tmp_path / "extension.zip")
     assert [stage.name for stage in stages] == ["real blender, window", "real blender, panels"]
     assert {(stage.verdict, *stage.remarks) for stage in stages} == {("SKIPPED", "no blender in $BLENDER")}
 
