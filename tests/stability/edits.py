@@ -143,8 +143,8 @@ def drawn_light(draw, scene: Scene) -> Light:
 
 
 @st.composite
-def shots(draw) -> Shot:
-    """A scene with lights at times, seen by any camera, and any classification."""
+def shots(draw, kind: str) -> Shot:
+    """A scene with lights at times, seen by any camera.  ``kind``: a classification, or the minification pool."""
     shape = draw(st.tuples(*[st.integers(4, MOST_VOXELS)] * 3))
     volume = drawn_volume(draw, shape, draw(affines(2.0, 0.3)))
     look = drawn_function(draw, volume)
@@ -152,7 +152,6 @@ def shots(draw) -> Shot:
     scene = Scene(volume, look, camera, WIDTH, HEIGHT, headlight=draw(st.booleans()))
     lights = tuple(drawn_light(draw, scene) for _ in range(draw(st.sampled_from((0, 1, 1, 2)))))
     scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()))
-    kind = draw(st.sampled_from(("post", "post", "post", "pre", "refined", "pool")))
     name = draw(st.sampled_from(("draft", "standard", "fine")))
     shot = Shot(scene, Quality.preset(name, "pre" if kind == "pool" else kind, threads=1))
     return further_off(shot.with_quality(minification=kind), 4.0) if kind == "pool" else shot
