@@ -126,18 +126,19 @@ def is_inserted(scene) -> bool:
 
 
 def images_of(scene) -> list:
-    """Every image that nodes of ours hold, whether it reaches the render or not."""
+    """Every image of the scene's that nodes of ours hold, whether it reaches the render or not."""
     tree = versions.compositor_tree(scene)
     nodes = [] if tree is None else _marked(tree, _PICTURE)
-    return list(dict.fromkeys(node.image for node in nodes if _is_ours(node.image)))
+    return list(dict.fromkeys(node.image for node in nodes if _is_ours(node.image, scene)))
 
 
 def exchange_images(scene, exchange) -> None:
-    """Put ``exchange(image)`` in place of each image that nodes of ours hold."""
+    """Put ``exchange(image)`` in place of each picture, of whichever scene, that nodes of ours hold."""
     tree = versions.compositor_tree(scene)
-    new = {image: exchange(image) for image in images_of(scene)}
-    for node in [] if tree is None else _marked(tree, _PICTURE):
-        node.image = new.get(node.image, node.image)
+    nodes = [] if tree is None else [one for one in _marked(tree, _PICTURE) if one.image and images.MARK in one.image]
+    new = {image: exchange(image) for image in {node.image for node in nodes}}
+    for node in nodes:
+        node.image = new[node.image]
 
 
 def pictures(scene) -> list[Picture]:
@@ -147,7 +148,7 @@ def pictures(scene) -> list[Picture]:
         return []
     found = {}
     for node in _reaching(tree):
-        if _is_ours(node.image):
+        if _is_ours(node.image, scene):
             found.setdefault(node.image, set()).update(_layers_of(tree, node, scene))
     return [Picture(image, frozenset(layers)) for image, layers in found.items()]
 
@@ -166,7 +167,7 @@ def problem(scene) -> str | None:
     for node in nodes:
         if node.image is None:
             return f"The image of the compositor's node {_title(node)} was deleted or taken out; {_AGAIN}."
-        if not _is_ours(node.image):
+        if not _is_ours(node.image, scene):
             return (f"The compositor's node {_title(node)} holds the image {node.image.name!r}, which is not the "
                     f"volume's picture; {_AGAIN}.")
     if {node.image for node in nodes} != {node.image for node in reaching}:
@@ -190,9 +191,10 @@ def drop(image) -> None:
         bpy.data.images.remove(image)
 
 
-def _is_ours(image) -> bool:
-    """Whether an image is a picture that this extension made."""
-    return image is not None and images.MARK in image
+def _is_ours(image, scene) -> bool:
+    """Whether an image is a picture that this extension made for the scene, or in version 0.1.0, for any."""
+    return image is not None and images.MARK in image and (
+        images.OWNER not in image or images.owned_by(image, scene))
 
 
 def _title(node) -> str:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-# Marks the images this add-on made.  Whose they are, ``pictures`` knows.
-MARK = "rle_splat_kind"
+# Custom properties of an image of ours: what it holds, and the id of the scene whose picture it is.
+MARK, OWNER = "rle_splat_kind", "rle_splat_owner"
 
 
 def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = False):
@@ -36,6 +36,11 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
         image.generated_width, image.generated_height = width, height
     image[MARK] = "depth" if depth else "color"
     return image
+
+
+def owned_by(image, scene) -> bool:
+    """Whether an image is a picture of this scene's."""
+    return image is not None and bool(scene.rle_splat.scene_id) and image.get(OWNER) == scene.rle_splat.scene_id
 
 
 def write_color(image, rgba: np.ndarray) -> None:

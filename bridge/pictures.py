@@ -17,8 +17,8 @@ from bpy.props import PointerProperty, StringProperty
 from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
 from ..rle_splat.single_rays import rays_lines
 from . import compositor, effects, images, versions
+from .images import OWNER, owned_by
 
-OWNER = "rle_splat_owner"  # custom property of an image of ours: the id of the scene whose picture it is
 LONGEST_NAME = 40  # characters of the object's name in a new image's name; Blender 4.5 cuts names at 63
 SUFFIXES = {
     "color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite",
@@ -42,11 +42,6 @@ def scene_id(scene) -> str:
     if not scene.rle_splat.scene_id:
         scene.rle_splat.scene_id = uuid.uuid4().hex
     return scene.rle_splat.scene_id
-
-
-def owned_by(image, scene) -> bool:
-    """Whether an image is a picture of this scene's."""
-    return image is not None and bool(scene.rle_splat.scene_id) and image.get(OWNER) == scene.rle_splat.scene_id
 
 
 def own(image, scene) -> None:

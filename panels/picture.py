@@ -52,10 +52,12 @@ class PicturePanel:
             target = settings.composite_object
             paragraph(context, layout, f"{target.name if target else 'A deleted volume'} is laid over every render; "
                                        "Lock Interface is on while rendering.", icon="CHECKMARK")
-        if settings.message:
+            layout.prop(settings, "on_failed_frame")
+        # A backdrop that follows clears the message, and a render's problem stays until the next render.
+        for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
             alert = layout.column()
             alert.alert = True
-            paragraph(context, alert, settings.message, icon="ERROR")
+            paragraph(context, alert, sentence, icon="ERROR")
 
 
 class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):
