@@ -133,7 +133,7 @@ def shape_of(owner, bridge):
 
 
 @pytest.mark.parametrize("how", ["link", *EDITABLE])
-def test_a_volume_of_another_file_is_read_at_once_and_after_save_as(library, bridge, tmp_path, how):
+def test_B39_a_volume_of_another_file_is_read_at_once_and_after_save_as(library, bridge, tmp_path, how):
     owner = bring(library, how)
     before = shape_of(owner, bridge)
     assert before["voxels"] == (library.parent / "scan.raw").read_bytes()
@@ -149,7 +149,7 @@ def test_a_volume_of_another_file_is_read_at_once_and_after_save_as(library, bri
 
 
 @pytest.mark.parametrize("how", EDITABLE)
-def test_every_edit_survives_save_and_reload(library, bridge, tmp_path, how):
+def test_B38_every_edit_survives_save_and_reload(library, bridge, tmp_path, how):
     owner = bring(library, how)
     mine = import_raw(tmp_path / "work" / "other.raw")
     mine.name = "mine"
@@ -195,7 +195,7 @@ def test_a_relocated_volume_stays_where_it_was_put(library, bridge, tmp_path, ho
     assert [tuple(v.co) for v in scan().instance_collection.objects[0].data.vertices] == box
 
 
-def test_edits_of_a_linked_volume_are_refused_in_a_sentence(library, bridge, refused, tmp_path):
+def test_B40_edits_of_a_linked_volume_are_refused_in_a_sentence(library, bridge, refused, tmp_path):
     owner = bring(library, "link")
     (tmp_path / "function.json").write_text("{}")
     other = import_raw(tmp_path / "work" / "other.raw")
@@ -352,7 +352,7 @@ def test_append_from_a_file_that_links_the_volume(library, bridge, tmp_path):
     assert bridge("volumes").resolved_path(scan()) == str(library.parent / "scan.raw")
 
 
-def test_an_appended_scene_is_drawn_at_once(library, bridge):
+def test_B41_an_appended_scene_is_drawn_at_once(library, bridge):
     bpy.ops.wm.append(directory=f"{library}/Scene/", filename="Scene")
     owner = scan()
     assert shape_of(owner, bridge)["files"][0] == str(library.parent / "scan.raw")
@@ -480,7 +480,7 @@ def test_the_quality_of_a_linked_scene_is_not_chosen_in_vain(library, bridge, co
 
 @pytest.mark.parametrize("node", ["Opacity", "Color"])
 @pytest.mark.parametrize("way", ["deleted", "renamed", "exchanged"])
-def test_a_transfer_function_without_a_node_is_refused_in_a_sentence(
+def test_B60_a_transfer_function_without_a_node_is_refused_in_a_sentence(
     volume_object, refused, bridge, core, tmp_path, node, way
 ):
     tree = volume_object.rle_splat.transfer

@@ -77,7 +77,7 @@ def away_at(path, *frames):
     return act
 
 
-def test_a_file_missing_at_one_frame_of_three(volume, tmp_path, at_frame, capfd):
+def test_B31_a_file_missing_at_one_frame_of_three(volume, tmp_path, at_frame, capfd):
     """A placeholder at the second, right pictures at the others, and the error is still there at the end."""
     settings = composite()
     at_frame(away_at(tmp_path / "cube.raw", 2))
@@ -120,7 +120,7 @@ def test_the_first_of_several_errors_and_every_failed_frame(volume, tmp_path, at
     assert out.count("RLE Splat: Frame") == 2 and "Frame 2: The file" in out and "Frame 5: " in out
 
 
-def test_a_failed_still(volume, tmp_path, capfd):
+def test_B32_a_failed_still(volume, tmp_path, capfd):
     settings = composite()
     (tmp_path / "cube.raw").unlink()
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
@@ -141,7 +141,7 @@ def test_the_placeholder_has_the_size_of_the_region(volume, tmp_path):
     assert picture.shape == (16, 8, 4) and is_placeholder(picture)
 
 
-def test_an_animation_stops_after_a_failed_frame_if_that_is_wished(volume, tmp_path, at_frame):
+def test_B33_an_animation_stops_after_a_failed_frame_if_that_is_wished(volume, tmp_path, at_frame):
     """The frame is written with its placeholder, no later one is rendered, and the scene's frame is put back."""
     scene, settings = bpy.context.scene, composite()
     scene.frame_end, scene.frame_current = 5, 4
@@ -285,7 +285,7 @@ EMPTY = (
 
 
 @pytest.mark.parametrize(("act", "sentence"), EMPTY, ids=[act.__name__ for act, _ in EMPTY])
-def test_a_compositor_without_the_picture_is_told(volume, bridge, tmp_path, capfd, act, sentence):
+def test_B35_B36_B37_a_compositor_without_the_picture_is_told(volume, bridge, tmp_path, capfd, act, sentence):
     """One sentence in the panel, on the console and in the report; the user's own image is left as it was."""
     settings = composite()
     assert scenes.rendered(tmp_path / "seen.exr")[8, 8, 3] > 0.5
@@ -337,7 +337,7 @@ def test_nodes_that_the_user_moved_into_a_group_are_still_found(volume, bridge, 
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
 
 
-def test_a_volume_one_voxel_thick_under_post_classification(bridge, core, tmp_path, capfd):
+def test_B34_a_volume_one_voxel_thick_under_post_classification(bridge, core, tmp_path, capfd):
     owner = scenes.import_raw(tmp_path, np.full((1, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
@@ -375,7 +375,7 @@ def delete_as_a_user(one):
         bpy.ops.object.delete()
 
 
-def test_a_volume_deleted_by_the_user(volume, tmp_path):
+def test_B22_a_volume_deleted_by_the_user(volume, tmp_path):
     settings = composite()
     delete_as_a_user(volume)
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
@@ -384,7 +384,7 @@ def test_a_volume_deleted_by_the_user(volume, tmp_path):
         "Render.")
 
 
-def test_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):
+def test_B23_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):
     other = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name="other")
     scenes.give_transfer(
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, other,
@@ -400,7 +400,7 @@ def test_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):
     assert settings.message == ""
 
 
-def test_a_deleted_clip_object_does_not_cut(volume, tmp_path):
+def test_B24_a_deleted_clip_object_does_not_cut(volume, tmp_path):
     bpy.context.view_layer.objects.active = volume
     assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
     scene, settings = bpy.context.scene, bpy.context.scene.rle_splat
@@ -428,7 +428,7 @@ os._exit(0)
 """
 
 
-def test_a_file_rendered_without_the_extension_shows_no_saved_picture(volume, tmp_path):
+def test_B70_a_file_rendered_without_the_extension_shows_no_saved_picture(volume, tmp_path):
     """Nor a shifted one with it, at whatever size.  The session keeps its picture when it is saved, and Blender has no
     unsaved picture to ask about."""
     settings = composite()

@@ -31,7 +31,7 @@ def test_volumes_and_transfer_functions_are_there(opened, bridge):
     assert len(set(names)) == 2 and all(names)
 
 
-def test_the_backdrop_is_ours_again_and_follows(opened):
+def test_B12_the_backdrop_is_ours_again_and_follows(opened):
     camera = opened.camera
     image = camera.data.background_images[0].image
     before, count = scenes.image_pixels(image), len(bpy.data.images)

@@ -74,7 +74,7 @@ def test_impossible_ends_of_a_gradient_are_one_sentence(volume, refused):
     refused(bpy.ops.rle_splat.render_image, "gradient opacity's low")
 
 
-def test_the_mist_is_the_worlds_where_its_own_switch_is_on_and_a_mist_pass_changes_nothing(volume, bridge, core):
+def test_B56_the_mist_is_the_worlds_where_its_own_switch_is_on_and_a_mist_pass_changes_nothing(volume, bridge, core):
     grey_world(1.0)
     scene = bpy.context.scene
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")

@@ -190,7 +190,7 @@ class Handlers:
         return call
 
 
-def test_reading_poses_fires_no_handler_and_moves_nothing(blot, bridge):
+def test_B57_reading_poses_fires_no_handler_and_moves_nothing(blot, bridge):
     key(blot, "location", -0.5, 0.1, 0.9, index=0)
     moved = empty("moved by a handler")
     scene = bpy.context.scene
@@ -225,7 +225,7 @@ def picture(volume_object):
     return scenes.image_pixels(bpy.context.scene.rle_splat.image)
 
 
-def test_a_render_is_blurred_as_render_image_is_and_as_cycles_blurs_a_mesh(blot, tmp_path):
+def test_B55_a_render_is_blurred_as_render_image_is_and_as_cycles_blurs_a_mesh(blot, tmp_path):
     """The same way on the picture, of a small bright mesh beside the volume, both on one Empty that moves."""
     scene = bpy.context.scene
     carriage = empty("carriage")

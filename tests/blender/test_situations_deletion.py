@@ -86,22 +86,6 @@ def test_B21_the_other_of_two_volumes_is_deleted(followed, tmp_path):
     assert bpy.ops.rle_splat.render_image.poll()  # of the scene's only volume
 
 
-def test_B22_a_deleted_volume_in_renders(addon, tmp_path):
-    owner = scenes.cube_scene(tmp_path)
-    scenes.add_mesh([(-9, -9, -5), (15, -9, -5), (15, 15, -5), (-9, 15, -5)], [(0, 1, 2, 3)], (0.2, 0.2, 0.2))
-    bpy.ops.rle_splat.composite()
-    seen = render(tmp_path)
-    assert seen[12, 12, 0] > 0.5
-    delete(owner)
-    after = render(tmp_path)
-    message = bpy.context.scene.rle_splat.message
-    assert "cube" in message and "was deleted" in message, message
-    assert not np.allclose(after[12, 12], seen[12, 12], atol=0.1)
-    scenes.save_and_reload(tmp_path / "saved.blend")
-    render(tmp_path)
-    assert "was deleted" in bpy.context.scene.rle_splat.message
-
-
 def test_B25_a_volume_in_an_instanced_collection_alone(followed, tmp_path):
     owner, camera = followed
     bpy.ops.rle_splat.composite()

@@ -180,19 +180,6 @@ def enable(addon):
     bpy.ops.preferences.addon_enable(module=addon.__name__)
 
 
-def test_B70_without_the_extension_no_old_picture_is_laid_over(owner, addon, tmp_path):
-    bpy.ops.rle_splat.composite()
-    assert scenes.rendered(tmp_path / "with.exr")[12, 12, 3] > 0.8
-    save(tmp_path / "saved.blend")
-    assert scenes.rendered(tmp_path / "after_saving.exr")[12, 12, 3] > 0.8
-    disable(addon)
-    load(tmp_path / "saved.blend")
-    assert scenes.rendered(tmp_path / "without.exr")[..., 3].max() == 0.0
-    enable(addon)
-    load(tmp_path / "saved.blend")
-    assert scenes.rendered(tmp_path / "with.exr")[12, 12, 3] > 0.8
-
-
 def test_B71_saved_without_the_extension(owner, addon, tmp_path):
     bpy.ops.rle_splat.composite()
     make_pictures()

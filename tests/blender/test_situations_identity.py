@@ -1,6 +1,5 @@
 """Whose picture is whose: pictures belong to a volume and a camera, whatever they and other datablocks are called."""
 
-import shutil
 from pathlib import Path
 
 import bpy
@@ -182,33 +181,3 @@ def test_B9_a_renamed_channel(addon, tmp_path):
     assert both[..., 0].max() > 0.1 and both[..., 2].max() > 0.1
     channel.name = "renamed"
     np.testing.assert_array_equal(scenes.picture_of()[1], both)
-
-
-def test_B12_a_blend_of_version_0_1_0(addon, tmp_path):
-    """The file holds the volumes "first", with a backdrop in front that follows, and "second", composited."""
-    shutil.copytree(DATA, tmp_path / "data")
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "data/saved_by_0_1_0.blend"))
-    scene, camera = bpy.context.scene, bpy.context.scene.camera
-    settings = scene.rle_splat
-    first, second = (scene.objects[name] for name in ("first", "second"))
-    assert settings.backdrop_object == first and settings.composite_object == second
-    before = scenes.backdrop_of(camera)
-    middle = scenes.shown_at(before)
-    np.testing.assert_array_equal(scenes.image_pixels(settings.image), before)
-    for owner in (first, second):
-        scenes.activate(owner)
-        assert scenes.picture_of()[1][..., 3].max() > 0.1
-    images = scenes.backdrops(camera), settings.composite_image
-    camera.location.x += 6.0  # two pixels
-    scenes.to_frame(scene.frame_current + 1)
-    assert scenes.shown_at(scenes.backdrop_of(camera))[0] < middle[0] - 1.0
-    scenes.activate(first)
-    assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
-    assert len(scenes.backdrops(camera)) == 1 and camera.data.background_images[0].display_depth == "FRONT"
-    scenes.use_cycles((16, 16))
-    assert scenes.rendered(tmp_path / "out.exr")[..., 3].max() > 0.1 and settings.message == ""
-    assert images == (scenes.backdrops(camera), settings.composite_image)
-    scenes.activate(second)
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
-    assert bpy.ops.rle_splat.remove_backdrop() == {"FINISHED"}
-    assert not scenes.backdrops(camera)

@@ -93,20 +93,6 @@ def test_B81_behind_or_in_front(owner):
         assert entry.display_depth == place
 
 
-def test_B82_a_maximum_error_drops_shadows(owner, said):
-    light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    bpy.context.scene.collection.objects.link(light)
-    settings = bpy.context.scene.rle_splat
-    settings.use_shadows = True
-    before = set(said())
-    settings.max_error = 4.0
-    told = set(said()) - before
-    assert any("shadow" in line for line in told), told
-    scenes.picture_of()
-    lines = [line for line in settings.last_report.lower().splitlines() if not line.endswith(" ms")]
-    assert any("shadow" in line for line in lines), lines
-
-
 def test_B85_a_backdrop_that_no_view_shows(owner, capfd):
     """The only view of this window looks from its own point."""
     areas = [area for area in bpy.context.screen.areas if area.type == "VIEW_3D"]

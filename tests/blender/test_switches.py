@@ -44,7 +44,7 @@ def pixels(**options):
     return scenes.image_pixels(bpy.context.scene.rle_splat.image)
 
 
-def test_render_image_shows_what_a_render_and_the_list_of_effects_do(volume, tmp_path):
+def test_B53_render_image_shows_what_a_render_and_the_list_of_effects_do(volume, tmp_path):
     settings = bpy.context.scene.rle_splat
     add_lid()
     bpy.ops.rle_splat.composite()
@@ -63,7 +63,7 @@ def test_render_image_shows_what_a_render_and_the_list_of_effects_do(volume, tmp
     np.testing.assert_array_equal(pixels(), alone)  # what was given above is not remembered
 
 
-def test_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume, addon, monkeypatch):
+def test_B54_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume, addon, monkeypatch):
     settings, shares = bpy.context.scene.rle_splat, []
     pictures = sys.modules[f"{addon.__name__}.bridge.pictures"]
     keep = pictures.keep_numbers
@@ -96,7 +96,7 @@ def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge
         assert "alone: without meshes, shadows and motion blur" in told
 
 
-def test_a_maximum_error_says_that_it_takes_shadows_away_and_greys_what_it_decides(volume, monkeypatch):
+def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_decides(volume, monkeypatch):
     scene = bpy.context.scene
     settings = scene.rle_splat
 
@@ -148,7 +148,7 @@ def in_layer(collection):
 
 
 @pytest.mark.parametrize("kind", ["BOX", "PLANE"])
-def test_a_clip_is_not_added_where_it_could_not_be_seen(clips, refused, kind):
+def test_B59_a_clip_is_not_added_where_it_could_not_be_seen(clips, refused, kind):
     in_layer(clips).exclude = True
     refused(bpy.ops.rle_splat.add_clip, "excluded from the view layer", kind=kind)
     assert not clips.objects

@@ -97,7 +97,7 @@ def test_the_choice_among_several_grids(formats, refusal, tmp_path):
     assert formats.read_volume(write(tmp_path / "b.vdb", *grids[:2])).name == "heat"
 
 
-def test_every_grid_of_one_name_can_be_read(formats, refusal, tmp_path, capfd):
+def test_B61_every_grid_of_one_name_can_be_read(formats, refusal, tmp_path, capfd):
     """As OpenVDB calls them: the first by its name, the others by ``name[1]``, ``name[2]``."""
     grids = [points_grid(openvdb.FloatGrid, {(0, 0, 0): float(n)}, "density") for n in range(1, 13)]
     grids.insert(5, points_grid(openvdb.FloatGrid, {(0, 0, 0): 99.0}, "heat"))

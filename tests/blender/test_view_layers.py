@@ -132,7 +132,7 @@ COMBINATIONS = [
 
 
 @pytest.mark.parametrize(("first", "second", "plane_1", "plane_2"), COMBINATIONS)
-def test_each_layer_shows_what_it_shows(volume, bridge, tmp_path, first, second, plane_1, plane_2):
+def test_B29_B30_each_layer_shows_what_it_shows(volume, bridge, tmp_path, first, second, plane_1, plane_2):
     """Two layers, mixed half and half: the volume in either, both or none, the plane seen, left out or held out."""
     layers = [bpy.context.view_layer, add_layer("second")]
     for layer, seen, plane in zip(layers, (first, second), (plane_1, plane_2)):

@@ -14,7 +14,18 @@ import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.real_blender import MODULE
-from tests.blender.window_driver import drive, in_the_view, new_file, open_panels, passed, photograph, until, window
+from tests.blender.window_driver import (
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+    window,
+)
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_trust_"))
 SIDE = 40
@@ -107,7 +118,7 @@ def failed_frame():
     bpy.ops.render.render(animation=True)
     bpy.app.handlers.frame_change_pre.remove(change_file)
     assert settings().failed_frames == "2" and "gone.raw" in settings().message, settings().message
-    show_image(bpy.data.images.load(str(FOLDER / "frame_0002.png")))
+    yield from show_image(bpy.data.images.load(str(FOLDER / "frame_0002.png")))
     yield from photograph("04-failed-frame")
 
 
@@ -146,7 +157,7 @@ def meshes_occlude():
     plane.select_set(False)
     with in_the_view():
         bpy.ops.rle_splat.render_image()
-    show_image(settings().image)
+    yield from show_image(settings().image)
     yield from photograph("07-meshes-occlude")
 
 
@@ -185,17 +196,12 @@ def undone_settings():
 def preferences():
     """9: where pictures are kept."""
     yield from new_file()
-    bpy.ops.screen.userpref_show()
-    yield
     bpy.context.preferences.active_section = "ADDONS"
     bpy.context.window_manager.addon_search = "RLE Splat"
+    area_of("PROPERTIES").type = "PREFERENCES"
+    yield
     bpy.ops.preferences.addon_expand(module=MODULE)
-    yield
     yield from photograph("09-preferences")
-    extra = bpy.context.window_manager.windows[-1]
-    with bpy.context.temp_override(window=extra):
-        bpy.ops.wm.window_close()
-    yield
 
 
 def broken_transfer():
@@ -217,15 +223,14 @@ def without_shadows():
     yield from photograph("11-maximum-error")
 
 
-def show_image(image) -> None:
-    """Show an image in place of the 3D view's picture area: in an Image Editor split off it."""
-    view = next(area for area in window().screen.areas if area.type == "VIEW_3D")
-    with bpy.context.temp_override(window=window(), area=view):
-        bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.75)
-    areas = [area for area in window().screen.areas if area.type == "VIEW_3D"]
-    editor = max(areas, key=lambda area: area.y)
+def show_image(image):
+    """Show an image in place of the Properties editor, all of it."""
+    editor = area_of("PROPERTIES")
     editor.type = "IMAGE_EDITOR"
     editor.spaces.active.image = image
+    yield
+    with bpy.context.temp_override(window=window(), area=editor, region=region_of(editor, "WINDOW")):
+        bpy.ops.image.view_all(fit_view=True)
 
 
 def scenario():

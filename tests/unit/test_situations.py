@@ -7,12 +7,13 @@ from devtools.catalogue import PAGE, situations
 from tests.blender.situations import SITUATIONS
 
 TESTS = Path(__file__).resolve().parents[1] / "blender"
-NAMES = re.compile(r"^def (?:test|check)_(B\d+)_", re.MULTILINE)
+NAMES = re.compile(r"^def (?:test|check)_((?:B\d+_)+)", re.MULTILINE)
 
 
 def named() -> set[str]:
     """The ids that tests of this folder have in their names, and checks of those that run in a window."""
-    return {name for path in TESTS.glob("*.py") for name in NAMES.findall(path.read_text(encoding="utf-8"))}
+    found = [ids for path in TESTS.glob("*.py") for ids in NAMES.findall(path.read_text(encoding="utf-8"))]
+    return {name for ids in found for name in ids.strip("_").split("_")}
 
 
 def test_each_situation_has_a_test_and_each_test_a_situation():
