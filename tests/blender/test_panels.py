@@ -173,7 +173,8 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
     for wanted in (
         ("template_curve_mapping", "mapping"), ("template_color_ramp", "color_ramp"), ("prop", "window_center"),
         ("prop", "window_width"), ("prop", "quality"), ("operator", "rle_splat.render_image"),
-        ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"), ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
+        ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"),
+        ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
     ):
         assert wanted in log, wanted
 
