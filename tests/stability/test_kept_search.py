@@ -31,10 +31,10 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 
 # What a search begins with -> how many scenes are edited, and stages of which some results must be found again.
 SEARCHES = {
-    "post": (30, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
-    "pre": (15, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
-    "refined": (8, ("blocks", "visible", "looks", "normals", "runs", "records")),
-    "pool": (8, ("visible", "looks", "nodes", "node records")),
+    "post": (40, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
+    "pre": (45, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
+    "refined": (10, ("blocks", "visible", "looks", "normals", "runs", "records")),
+    "pool": (12, ("visible", "looks", "nodes", "node records")),
 }  # fmt: skip
 EDITS_IN_A_ROW = 30
 MOST_BYTES = 1 << 26  # more than a search's stages take
