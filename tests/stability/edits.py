@@ -145,7 +145,8 @@ def drawn_light(draw, scene: Scene) -> Light:
 @st.composite
 def shots(draw, kind: str) -> Shot:
     """A scene with lights at times, seen by any camera.  ``kind``: a classification, or the minification pool."""
-    shape = draw(st.tuples(*[st.integers(4, MOST_VOXELS)] * 3))
+    pooled = kind == "pool"
+    shape = draw(st.tuples(*[st.integers(MOST_VOXELS - 2 if pooled else 4, MOST_VOXELS)] * 3))
     volume = drawn_volume(draw, shape, draw(affines(2.0, 0.3)))
     look = drawn_function(draw, volume)
     camera = drawn_camera(draw, volume.affine, volume.shape_xyz)
@@ -154,8 +155,9 @@ def shots(draw, kind: str) -> Shot:
     hidden = draw(st.sampled_from((0.0, 0.0, 0.7)))
     scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()), ambient_occlusion=hidden)
     name = draw(st.sampled_from(("draft", "standard", "fine")))
-    shot = Shot(scene, Quality.preset(name, "pre" if kind == "pool" else kind, threads=1))
-    return further_off(shot.with_quality(minification=kind), 4.0) if kind == "pool" else shot
+    shot = Shot(scene, Quality.preset(name, "pre" if pooled else kind, threads=1))
+    # Several voxels to a sheet pixel: far off, and few sheet pixels.
+    return further_off(shot.with_quality(minification=kind, sheet_density=0.5), 4.0) if pooled else shot
 
 
 def drawn_camera(draw, index_to_world, shape_xyz):
