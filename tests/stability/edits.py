@@ -178,8 +178,8 @@ def window(draw, shot: Shot) -> Shot:
     """The whole function moved and stretched a little, so that more or fewer voxels are shown."""
     function = shot.scene.transfer_function
     low, high = function.span
-    width = (high - low) * draw(st.sampled_from((0.7, 1.0, 1.0, 1.3)))
-    center = 0.5 * (low + high) + (high - low) * draw(st.sampled_from((-0.2, -0.05, 0.0, 0.05, 0.2)))
+    width = (high - low) * draw(st.sampled_from((0.8, 1.0, 1.2)))
+    center = 0.5 * (low + high) + (high - low) * draw(st.sampled_from((-0.3, -0.1, -0.05, 0.05, 0.1)))
     return shot.with_scene(transfer_function=function.windowed(center, width))
 
 

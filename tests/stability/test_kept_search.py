@@ -34,7 +34,7 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 # What a search begins with -> how many scenes are edited anyhow, how many by each kind of edit alone, and stages of
 # which some results must be found again.
 SEARCHES = {
-    "post": (20, 4, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
+    "post": (20, 5, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
     "pre": (20, 3, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
     "refined": (5, 1, ("blocks", "visible", "looks", "normals", "runs", "records")),
     "pool": (8, 1, ("visible", "looks", "nodes", "node records")),
