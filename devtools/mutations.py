@@ -205,10 +205,6 @@ MUTANTS = (
         '"table", (voxels_key, tf.classification_key, length)', '"table", (voxels_key, tf.classification_key)',
     ),
     _left_out(
-        "whether a wider range covers the one that is shown", "scalar_medium.py",
-        "if between or key[0] != voxels_key or not held.reach.covers(reach):", "if between or key[0] != voxels_key:",
-    ),
-    _left_out(
         "shadows, of post-classified light,", "scalar_medium.py",
         "light_key = (key, *lighting_key(scene, matrix, falling), shadows_key)",
         "light_key = (key, *lighting_key(scene, matrix, falling))",

@@ -145,16 +145,19 @@ def drawn_light(draw, scene: Scene) -> Light:
 @st.composite
 def shots(draw, kind: str) -> Shot:
     """A scene with lights at times, seen by any camera.  ``kind``: a classification, or the minification pool."""
-    shape = draw(st.tuples(*[st.integers(4, MOST_VOXELS)] * 3))
+    pooled = kind == "pool"
+    shape = draw(st.tuples(*[st.integers(MOST_VOXELS - 2 if pooled else 4, MOST_VOXELS)] * 3))
     volume = drawn_volume(draw, shape, draw(affines(2.0, 0.3)))
     look = drawn_function(draw, volume)
     camera = drawn_camera(draw, volume.affine, volume.shape_xyz)
     scene = Scene(volume, look, camera, WIDTH, HEIGHT, headlight=draw(st.booleans()))
     lights = tuple(drawn_light(draw, scene) for _ in range(draw(st.sampled_from((0, 1, 1, 2)))))
-    scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()))
+    hidden = draw(st.sampled_from((0.0, 0.0, 0.7)))
+    scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()), ambient_occlusion=hidden)
     name = draw(st.sampled_from(("draft", "standard", "fine")))
-    shot = Shot(scene, Quality.preset(name, "pre" if kind == "pool" else kind, threads=1))
-    return further_off(shot.with_quality(minification=kind), 4.0) if kind == "pool" else shot
+    shot = Shot(scene, Quality.preset(name, "pre" if pooled else kind, threads=1))
+    # Several voxels to a sheet pixel: far off, and few sheet pixels.
+    return further_off(shot.with_quality(minification=kind, sheet_density=0.5), 4.0) if pooled else shot
 
 
 def drawn_camera(draw, index_to_world, shape_xyz):
@@ -175,8 +178,8 @@ def window(draw, shot: Shot) -> Shot:
     """The whole function moved and stretched a little, so that more or fewer voxels are shown."""
     function = shot.scene.transfer_function
     low, high = function.span
-    width = (high - low) * draw(st.sampled_from((0.7, 1.0, 1.0, 1.3)))
-    center = 0.5 * (low + high) + (high - low) * draw(st.sampled_from((-0.2, -0.05, 0.0, 0.05, 0.2)))
+    width = (high - low) * draw(st.sampled_from((0.8, 1.0, 1.2)))
+    center = 0.5 * (low + high) + (high - low) * draw(st.sampled_from((-0.3, -0.1, -0.05, 0.05, 0.1)))
     return shot.with_scene(transfer_function=function.windowed(center, width))
 
 
@@ -410,7 +413,8 @@ def world(draw, shot: Shot) -> Shot:
 
 
 def ambient_occlusion(draw, shot: Shot) -> Shot:
-    return shot.with_scene(ambient_occlusion=draw(st.sampled_from((0.0, 0.5, 1.0))))
+    others = [strength for strength in (0.0, 0.4, 0.7, 1.0) if strength != shot.scene.ambient_occlusion]
+    return shot.with_scene(ambient_occlusion=draw(st.sampled_from(others)))
 
 
 def mist(draw, shot: Shot) -> Shot:
@@ -534,17 +538,21 @@ def knob_of_plan(draw, shot: Shot) -> Shot:
     if post:
         knobs["rays"] = st.sampled_from((0.0, 0.05, 0.05))
     else:
-        knobs |= {
-            "kernel": st.sampled_from(FOOTPRINTS), "record": st.sampled_from(RECORDS),
-            "length_correction": st.booleans(), "model": st.sampled_from(MODELS),
-        }  # fmt: skip
+        knobs |= {"kernel": st.sampled_from(FOOTPRINTS), "length_correction": st.booleans()}
     if shot.quality.classification == "pre":
-        knobs["minification"] = st.sampled_from(MINIFICATIONS)
-    if shot.quality.minification == "pool":
-        del knobs["model"]
-    elif shot.quality.model == "opacity" and "minification" in knobs:
-        knobs["minification"] = st.sampled_from(("off", "widen"))
+        pooled = shot.quality.model == "extinction"
+        knobs["minification"] = st.sampled_from(MINIFICATIONS if pooled else ("off", "widen"))
     return replace(shot, quality=one_changed(draw, shot.quality, knobs))
+
+
+def records_of_voxels(draw, shot: Shot) -> Shot:
+    """Other records of classified voxels: how many bytes they take, or the other model."""
+    if shot.quality.classification == "post":
+        return shot
+    if shot.quality.minification == "pool" or draw(st.booleans()):
+        return shot.with_quality(record=draw(st.sampled_from(RECORDS)))
+    (other,) = (model for model in MODELS if model != shot.quality.model)
+    return shot.with_quality(model=other)
 
 
 def machine(draw, shot: Shot) -> Shot:
@@ -566,7 +574,7 @@ EDITS = (
     heights_of_opacity, window, colors_of_values, opacity_distance, gradient_opacity, shading, voxels,
     meaning_of_voxels, matrix_of_volume, orbit, knob_of_camera, picture, blur, lights, headlight, volume_shadows, world,
     ambient_occlusion, mist, clips, meshes, labels, channels, mode, forced_effects, classification, preset,
-    knob_of_plan, machine, without_extras,
+    knob_of_plan, records_of_voxels, machine, without_extras,
 )  # fmt: skip
 
 

@@ -6,16 +6,18 @@ one refuses, the other does in the same sentence.  Edits may be undone, and two 
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
 from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import event, settings
+from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
+from devtools.fuzzing import asked_for
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.jit import compiled
 from rle_splat.kept import Kept
@@ -29,14 +31,15 @@ from tests.stability.fuzz import examples
 from tests.stability.strategies import field_of, rotation, stored
 from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 
-# What a search begins with -> how many scenes are edited, and stages of which some results must be found again.
+# What a search begins with -> how many scenes are edited anyhow, how many by each kind of edit alone, and stages of
+# which some results must be found again.
 SEARCHES = {
-    "post": (30, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
-    "pre": (15, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
-    "refined": (8, ("blocks", "visible", "looks", "normals", "runs", "records")),
-    "pool": (8, ("visible", "looks", "nodes", "node records")),
+    "post": (20, 5, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
+    "pre": (20, 3, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
+    "refined": (5, 1, ("blocks", "visible", "looks", "normals", "runs", "records")),
+    "pool": (8, 1, ("visible", "looks", "nodes", "node records")),
 }  # fmt: skip
-EDITS_IN_A_ROW = 30
+EDITS_IN_A_ROW, DRAGGED = 30, 4
 MOST_BYTES = 1 << 26  # more than a search's stages take
 REUSED: Counter = Counter()
 
@@ -50,60 +53,62 @@ def picture(shot: Shot, kept: Kept):
         return str(problem)
 
 
-class EditsOfScenes(RuleBasedStateMachine):
-    """Two scenes, one of them shown, and the stages of both kept in one store; ``kind``: of SEARCHES."""
+class Editing:
+    """A scene that is edited, what it was before, and the store of its stages."""
 
-    kind = "post"
-
-    def __init__(self):
-        super().__init__()
-        self.kept = Kept(MOST_BYTES)
-
-    @initialize(data=st.data())
-    def begin(self, data):
-        self.before = []
-        self.shot = self.other = data.draw(shots(self.kind))
-        self.show(self.shot)
+    def __init__(self, shot: Shot):
+        self.kept, self.shot, self.before = Kept(MOST_BYTES), shot, [shot]
+        self.shown = False
+        self.show(shot)
 
     def show(self, shot: Shot):
         """Render what the edit made of the scene; an edit that is refused, or leaves nothing to see, is taken back."""
-        shot, made = limited_blur(shot), dict(self.kept.made)
-        empty = Kept(0)
+        shot, made, empty = limited_blur(shot), dict(self.kept.made), Kept(0)
         found, true = picture(shot, self.kept), picture(shot, empty)
         if isinstance(true, str):
-            event("refused")
             assert found == true
             return
         assert not isinstance(found, str), found
         assert bits_apart(found, true) == 0
         for stage, times in empty.made.items():
             REUSED[stage] += times - (self.kept.made.get(stage, 0) - made.get(stage, 0))
-        if (true.rgba[..., 3] > 0.02).mean() > 0.02 or not self.before:
+        shown = (true.rgba[..., 3] > 0.02).mean() > 0.02
+        if shown or not self.shown:
             self.before.append(self.shot)
-            self.shot = shot
+            self.shot, self.shown = shot, shown
+
+
+class EditsOfScenes(RuleBasedStateMachine):
+    """Two scenes, one of them shown, and the stages of both kept in one store; ``kind``: of SEARCHES."""
+
+    kind = "post"
+
+    @initialize(data=st.data())
+    def begin(self, data):
+        self.editing = Editing(data.draw(shots(self.kind)))
+        self.other = self.editing.shot
 
     @rule(data=st.data())
     def undo(self, data):
-        if self.before:
-            self.show(data.draw(st.sampled_from(self.before)))
+        self.editing.show(data.draw(st.sampled_from(self.editing.before)))
 
     @rule()
     def switch_scenes(self):
-        shot, self.other = self.other, self.shot
-        self.show(shot)
+        shot, self.other = self.other, self.editing.shot
+        self.editing.show(shot)
 
     @rule()
     def copy_scene(self):
-        self.other = self.shot
+        self.other = self.editing.shot
 
     @rule(data=st.data())
     def take_over_a_part(self, data):
-        self.show(taken_over(data.draw, self.shot, self.other))
+        self.editing.show(taken_over(data.draw, self.editing.shot, self.other))
 
 
 def _rule_of(edit):
     def edited(self, data):
-        self.show(edit(data.draw, self.shot))
+        self.editing.show(edit(data.draw, self.editing.shot))
 
     edited.__name__ = edit.__name__
     return rule(data=st.data())(edited)
@@ -114,11 +119,28 @@ for _edit in EDITS:
 
 
 def search(kind: str) -> None:
+    anyhow, alone = SEARCHES[kind][:2] if compiled() else (1, 0)
     # A third of a small picture's time went into asking the system how much memory is free.
     with patch("rle_splat.kept.available_bytes", plenty), patch("rle_splat.memory_estimate.available_bytes", plenty):
-        count = SEARCHES[kind][0] if compiled() else 2
-        steps = settings(examples(count, shrink=False), stateful_step_count=EDITS_IN_A_ROW)
+        for edit in EDITS if alone else ():
+            drag(kind, edit, alone)
+        steps = settings(examples(anyhow, shrink=False), stateful_step_count=EDITS_IN_A_ROW)
         run_state_machine_as_test(type(kind, (EditsOfScenes,), {"kind": kind}), settings=steps)
+
+
+def drag(kind: str, edit, count: int) -> None:
+    """One kind of edit again and again, as a slider is dragged, then undone: nothing else hides what it changes."""
+
+    @given(st.data())
+    @settings(examples(count, shrink=False), derandomize=False)
+    def dragged(data):
+        editing = Editing(data.draw(shots(kind)))
+        for _ in range(DRAGGED):
+            editing.show(edit(data.draw, editing.shot))
+        editing.show(editing.before[0])
+
+    # Its own scenes for each edit, where the same are to be found at every run.
+    (dragged if asked_for() else seed(zlib.crc32(f"{kind} {edit.__name__}".encode()))(dragged))()
 
 
 def plenty() -> int:
@@ -132,17 +154,17 @@ def test_P5_what_is_kept_never_outlives_what_it_was_made_from(record, kind):
     claim = f"numbers of pictures with stages kept that are not those of an empty store, {kind}"
     record("P5", claim, 0, 0, "either", "whole numbers")
     if compiled():
-        assert not [stage for stage in SEARCHES[kind][1] if not REUSED[stage]]
+        assert not [stage for stage in SEARCHES[kind][2] if not REUSED[stage]]
 
 
 def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
     """A filter with negative lobes is held to the brightest light of any voxel: that of the brightest one kept, which
     may have been kept for a wider range than is shown, let colours through that a fresh start did not."""
     wrong = reused = 0
-    for seed in (8, 10, 21, 24, 32):
-        random = np.random.default_rng(seed)
+    for number in (8, 10, 21, 24, 32):
+        random = np.random.default_rng(number)
         volume = Volume(stored(field_of("ramp", (10, 11, 12), random), "uint8"), np.eye(4))
-        camera, matrix = turntable(volume, 37.0 + 9.0 * seed, 24.0, width=24, height=20)
+        camera, matrix = turntable(volume, 37.0 + 9.0 * number, 24.0, width=24, height=20)
         colors = (0.0, 1.0, 0.1, 0.1), (250.0, 1.0, 1.0, 1.0)
         wide, narrow = (
             TransferFunction("", None, ((low - 1, 0.0), (low, 0.9), (high, 0.9), (high + 1, 0.0)), colors)
