@@ -35,7 +35,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
     preset: EnumProperty(
         name="Transfer Function", description="Colours and opacities to start with", items=IMPORT_ITEMS)
     at_cursor: BoolProperty(
-        name="Centre at Cursor", description="Move the middle of the volume to the 3D cursor instead of keeping the "
+        name="Center at Cursor", description="Move the middle of the volume to the 3D cursor instead of keeping the "
         "file's own coordinates", default=False)
     guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})

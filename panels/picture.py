@@ -50,8 +50,12 @@ class PicturePanel:
             paragraph(context, layout, f"Out of date: {image.name}. The scene has changed since", icon="FILE_REFRESH")
         if settings.use_composite:
             target = settings.composite_object
-            paragraph(context, layout, f"{target.name if target else 'A deleted volume'} is laid over every render; "
-                                       "Lock Interface is on while rendering.", icon="CHECKMARK")
+            if target is not None:
+                paragraph(context, layout, f"{target.name} is laid over every render; Lock Interface is on while "
+                                           "rendering.", icon="CHECKMARK")
+            else:
+                paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted, and is in no "
+                                           "render; composite another, or remove it from the render.", icon="ERROR")
             layout.prop(settings, "on_failed_frame")
         # A backdrop that follows clears the message, and a render's problem stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):

@@ -77,12 +77,11 @@ def overridden(folder):
 
 
 def deleted(folder):
-    """By X, which takes a volume out of the scenes: compositing and backdrop still point at it."""
+    """By X, which takes a volume out of the scenes: it was composited and had a backdrop that follows."""
     composited(folder)
     bpy.ops.rle_splat.set_backdrop(follow=True)
-    owner = bpy.context.object
     bpy.ops.object.delete()
-    assert bpy.context.scene.rle_splat.composite_object == owner and not owner.users_scene
+    assert bpy.context.scene.rle_splat.use_composite and not bpy.context.scene.objects.get("scan")
 
 
 def other_objects_deleted(folder):
