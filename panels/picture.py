@@ -56,7 +56,7 @@ class PicturePanel:
             else:
                 paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted, and is in no "
                                            "render; composite another, or remove it from the render.", icon="ERROR")
-            layout.prop(settings, "on_failed_frame")
+            layout.prop(settings, "on_failed_frame", text="On Error")  # the whole name is cut off
         # A backdrop that follows clears the message, and a render's problem stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
             alert = layout.column()
