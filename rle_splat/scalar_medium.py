@@ -163,7 +163,9 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
         return Medium(
             voxels.shape_xyz, encode_steps, splat, lambda encodings: values.most, *counts, picture=values.picture
         )
-    shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
+    # A volume of a single value has no normal anywhere, and shows the colors as they are.
+    is_lit = light is not None and ends[0] < ends[1]
+    shine = (light.most_light, light.most_highlight) if is_lit else (1.0, 0.0)
     most_color = refuse_too_bright(table.most_color * shine[0] + shine[1]) if scene.mode == "composite" else 1.0
     return Medium(voxels.shape_xyz, encode_steps, splat, lambda encodings: most_color, *counts, trace=trace)
 
