@@ -83,9 +83,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     if problem:
         raise RleSplatError(f"{problem}.")
     # Blender evaluates a script's edits of the points only when the tree is tagged; the tree itself has them at once.
-    tree = tree.original
-    if depsgraph is not None and _is_animated(tree):
-        tree = tree.evaluated_get(depsgraph)
+    curve_of, ramp_of = (
+        tree.original.evaluated_get(depsgraph) if depsgraph is not None and _is_animated(tree.original, name)
+        else tree.original for name in (nodes.OPACITY_NODE, nodes.COLOR_NODE))
     low, high = window_of(properties)
     width = high - low
     scale = typed(properties.opacity_scale)
@@ -94,8 +94,8 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
         return rounded_to_span(low + position * width, width)
 
     opacity = [(value(p), min(1.0, max(0.0, typed(a) * scale)))
-               for p, a in nodes.read_curve(nodes.opacity_mapping(tree))]
-    color = [(value(p), *(max(0.0, typed(c)) for c in rgb)) for p, *rgb in nodes.read_ramp(nodes.color_ramp(tree))]
+               for p, a in nodes.read_curve(nodes.opacity_mapping(curve_of))]
+    color = [(value(p), *(max(0.0, typed(c)) for c in rgb)) for p, *rgb in nodes.read_ramp(nodes.color_ramp(ramp_of))]
     shade = None
     if properties.use_shading:
         numbers = (typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess"))
@@ -117,13 +117,20 @@ def evaluate_anew(volume_object) -> None:
         tree = one.rle_splat.transfer
         if tree is not None and nodes.is_transfer_tree(tree) and tree.is_editable:
             nodes.opacity_mapping(tree).update()
-            if _is_animated(tree):
+            if any(_is_animated(tree, name) for name in (nodes.OPACITY_NODE, nodes.COLOR_NODE)):
                 tree.update_tag()
 
 
-def _is_animated(tree) -> bool:
+def _is_animated(tree, name: str) -> bool:
+    """Whether keyframes, drivers or strips change anything of a node of the tree."""
     data = tree.animation_data
-    return data is not None and (data.action is not None or bool(data.drivers) or bool(data.nla_tracks))
+    if data is None or data.nla_tracks:
+        return data is not None
+    curves = list(data.drivers)
+    if data.action is not None and data.action_slot is not None:
+        bags = (strip.channelbag(data.action_slot) for layer in data.action.layers for strip in layer.strips)
+        curves += [curve for bag in bags if bag is not None for curve in bag.fcurves]
+    return any(curve.data_path.startswith(f'nodes["{name}"]') for curve in curves)
 
 
 def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:

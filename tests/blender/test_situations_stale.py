@@ -38,8 +38,11 @@ def test_B43_a_stop_removed_from_python(owner):
     assert after[..., 0].max() > 0.2 and after[..., 2].max() == 0.0
 
 
-def test_B44_an_edit_from_python_with_persistent_data(owner, tmp_path):
+@pytest.mark.parametrize("keyed", [False, True])
+def test_B44_an_edit_from_python_with_persistent_data(owner, tmp_path, keyed):
     bpy.context.scene.render.use_persistent_data = True
+    if keyed:  # on the colors; the curve is edited
+        owner.rle_splat.transfer.keyframe_insert('nodes["Color"].color_ramp.elements[0].color', frame=1)
     bpy.ops.rle_splat.composite()
     assert scenes.rendered(tmp_path / "before.exr")[12, 12, 3] > 0.8
     scenes.lower_curve(owner)
