@@ -56,6 +56,13 @@ def _bench(*first: str):
     return command
 
 
+def _reference(known, rest) -> int:
+    from .environments import CORE, ensure
+
+    call = [str(ensure(CORE)), "-m", "devtools.reference_pictures", *rest]
+    return subprocess.run(call, cwd=ROOT, env=clean_environ()).returncode
+
+
 def _build(known, rest) -> int:
     from .build import build
     from .wheels import TAG_PATTERNS
@@ -117,6 +124,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     add(
         "calibrate", _bench("calibrate"), "make the planner's constants anew, from scenes of formulas", open_ended=True,
+        add_help=False,
+    )
+    add(
+        "reference", _reference, "make reference pictures in a folder, or compare today's with them", open_ended=True,
         add_help=False,
     )
     build = add("build", _build, "make the extension zips in dist/")
