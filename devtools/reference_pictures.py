@@ -144,7 +144,7 @@ def _drawn_from_file(scene: Scene, quality: Quality):
     """The picture of the scene's tables after a way through a ``.rle`` file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "volume.rle"
-        save_encoded(encode(scene, quality), path)
+        save_encoded(path, encode(scene, quality))
         stored = load_encoded(path)
     rendering = render(replace(scene, volume=stored, lights=(), headlight=False), quality)
     return rendering.rgba, rendering.depth
