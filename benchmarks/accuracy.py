@@ -16,14 +16,22 @@ from pathlib import Path
 from statistics import geometric_mean
 
 from rle_splat.accuracy.metrics import ERRORS
+from rle_splat.accuracy.planner.cost_of_accuracy import (
+    CROP_SIDE,
+    TOLERANCES,
+    front,
+    possible,
+    same_plan,
+    sensible_plans,
+    sweep_steps,
+)
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, save, sweep_plot
 from rle_splat.cli.flip import mean_flip
-from rle_splat.cost_of_accuracy import CROP_SIDE, TOLERANCES, front, possible, same_plan, sensible_plans, sweep_steps
 from rle_splat.read.formats import read_volume
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import BACKENDS, CLASSIFICATIONS, QUALITY_PRESETS, Quality, Scene
-from rle_splat.steps import drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

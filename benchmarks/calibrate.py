@@ -1,4 +1,4 @@
-"""Make the planner's constants anew: rle_splat/plan/calibration.json, from scenes of formulas.
+"""Make the planner's constants anew: rle_splat/accuracy/planner/calibration.json, from scenes of formulas.
 
 Everything is held against the truth at probe pixels.  What a depth rule errs shows where sheets are dense, what a
 filter and a density err where there are many sheets; both are taken over the difference of the scene's pilots.  The
@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
+from rle_splat.accuracy.planner import model as plan_model
+from rle_splat.accuracy.planner.candidates import WARP_FILTERS
+from rle_splat.accuracy.planner.features import Features, doubtful_pixels, features_of, pilots
+from rle_splat.accuracy.planner.model import Model, splat_terms, warp_terms
 from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
-from rle_splat.kept import Kept
-from rle_splat.plan import model as plan_model
-from rle_splat.plan.candidates import WARP_FILTERS
-from rle_splat.plan.features import Features, doubtful_pixels, features_of, pilots
-from rle_splat.plan.model import Model, splat_terms, warp_terms
-from rle_splat.render import render, truth_of
+from rle_splat.pipeline.render import render, truth_of
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import Quality, Scene
 
 from .frames import best_frame

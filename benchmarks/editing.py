@@ -16,8 +16,8 @@ from statistics import median
 import numpy as np
 
 from rle_splat.classify.transfer_function import Shade
-from rle_splat.kept import MOST_RESULTS, Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import MOST_RESULTS, Kept
 from rle_splat.scene import (
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,

@@ -20,8 +20,8 @@ from devtools.phantom import SPACING_MM, head_phantom
 from rle_splat.classify.presets import preset
 from rle_splat.classify.transfer_function import GradientOpacity, Shade
 from rle_splat.effects.analyse import EFFECTS, analyse, called_for
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import (
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,

@@ -19,12 +19,12 @@ import numpy as np
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
-from rle_splat.kept import Kept
-from rle_splat.named_systems.judge import TOLERANCE, probe_truth
-from rle_splat.named_systems.medium import scene_medium
-from rle_splat.render import render
+from rle_splat.comparison.judge import TOLERANCE, probe_truth
+from rle_splat.comparison.medium import scene_medium
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.steps import FRAME
 from rle_splat.scene import Quality
-from rle_splat.steps import FRAME
 
 from .accuracy import fill
 from .data_sets import PAPER

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rle_splat.jit import thread_count
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import thread_count
+from rle_splat.runtime.steps import FRAME
 from rle_splat.scene import Quality, Scene
-from rle_splat.steps import FRAME
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

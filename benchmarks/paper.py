@@ -17,18 +17,18 @@ from statistics import median
 
 import numpy as np
 
-from rle_splat.axes import AXES
+from rle_splat.comparison.medium import scene_medium
+from rle_splat.comparison.unaccelerated import every_voxel
+from rle_splat.comparison.westover import prepare as prepare_westover
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume
-from rle_splat.medium import classify_and_shade
-from rle_splat.named_systems.medium import scene_medium
-from rle_splat.named_systems.unaccelerated import every_voxel
-from rle_splat.named_systems.westover import prepare as prepare_westover
+from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.runtime.steps import Clock
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.splat.pixel_block import BLOCK
-from rle_splat.steps import Clock
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import dominant_axis
+from rle_splat.volume.axes import AXES
 
 from .data_sets import PAPER, DataSet
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, same_view, view_scene

@@ -17,7 +17,7 @@ import numpy as np
 
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
-from rle_splat.kept import Kept
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import QUALITY_PRESETS, Quality
 
 from .data_sets import PAPER

@@ -18,10 +18,10 @@ import numpy as np
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.kept import Kept
-from rle_splat.named_systems.judge import probe_truth
-from rle_splat.named_systems.medium import scene_medium
-from rle_splat.render import render
+from rle_splat.comparison.judge import probe_truth
+from rle_splat.comparison.medium import scene_medium
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.volume.volume import Volume
 

@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 from statistics import median
 
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.steps import FRAME, STAGES
 from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, Scene
-from rle_splat.steps import FRAME, STAGES
 from rle_splat.view.turntable import turntable
 
 from .frames import VIEWS, frame_ms

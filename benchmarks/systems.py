@@ -6,8 +6,8 @@ import argparse
 import json
 from pathlib import Path
 
-from rle_splat.named_systems.compare import PROBES, REPEATS, compare, table_lines
-from rle_splat.named_systems.table import SYSTEMS
+from rle_splat.comparison.compare import PROBES, REPEATS, compare, table_lines
+from rle_splat.comparison.table import SYSTEMS
 from rle_splat.scene import QUALITY_PRESETS, Quality, Scene
 from rle_splat.view.turntable import turntable
 

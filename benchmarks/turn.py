@@ -20,9 +20,9 @@ from rle_splat.accuracy.phantoms import smooth_shell
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.jit import compiled
-from rle_splat.kept import Kept
-from rle_splat.render import render, truth_of
+from rle_splat.pipeline.render import render, truth_of
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, RleSplatError
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import axis_shares, dominant_axis
@@ -80,7 +80,7 @@ class Turn:
             (sign,) = (sign for one, sign, _ in axis_shares(view, 45.0) if one == axis)
             return [(axis, sign, 1.0)]
 
-        with patch("rle_splat.render.axis_shares", axis_shares if axis is None else alone):
+        with patch("rle_splat.pipeline.render.axis_shares", axis_shares if axis is None else alone):
             return render(self._scene(azimuth), quality, kept=self._kept).rgba
 
     def round(self, step: float) -> list[dict]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rle_splat.memory_estimate import estimate_from_histogram, likely_sides, picture_bytes
+from ..rle_splat.pipeline.memory_estimate import estimate_from_histogram, likely_sides, picture_bytes
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS

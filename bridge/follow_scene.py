@@ -5,7 +5,7 @@ The camera that shows it is the scene's active one, also where a marker of the t
 
 from __future__ import annotations
 
-from ..rle_splat.steps import drain
+from ..rle_splat.runtime.steps import drain
 from . import backdrop, following, freshness, images, messages, pictures, presence, render_scene
 from .camera import camera_object, image_size
 from .held import Held

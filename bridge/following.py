@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..rle_splat.named_systems.progressive import Preview
+from ..rle_splat.pipeline.previews import Preview
 from .canvas import redraw
 
 BITE = 0.03  # seconds of work in each tick of the timer, so that scrubbing stays smooth

@@ -11,7 +11,7 @@ import time
 
 import bpy
 
-from ..rle_splat.named_systems.progressive import Preview
+from ..rle_splat.pipeline.previews import Preview
 from ..rle_splat.scene import Cancelled, RleSplatError
 from .canvas import redraw
 

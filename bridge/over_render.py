@@ -14,9 +14,9 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from ..rle_splat.render import EMPTY_REMARKS
+from ..rle_splat.pipeline.render import EMPTY_REMARKS
+from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
-from ..rle_splat.steps import drain
 from . import compositor, following, images, messages, pictures, presence, render_scene
 from .camera import frame_crop, image_size
 from .placeholder import placeholder

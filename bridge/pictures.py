@@ -14,8 +14,8 @@ import uuid
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from ..rle_splat.cost_of_accuracy import TRUTH_TEXTS
-from ..rle_splat.single_rays import rays_lines
+from ..rle_splat.accuracy.planner.cost_of_accuracy import TRUTH_TEXTS
+from ..rle_splat.pipeline.single_rays import rays_lines
 from . import compositor, effects, images, versions
 from .images import OWNER, owned_by
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..rle_splat.kept import Kept
-from ..rle_splat.named_systems.progressive import progressive_steps
-from ..rle_splat.render import render_steps
+from ..rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps
+from ..rle_splat.pipeline.previews import progressive_steps
+from ..rle_splat.pipeline.render import render_steps
+from ..rle_splat.pipeline.stage_cache import Kept
 from ..rle_splat.scene import RleSplatError, Scene
-from ..rle_splat.tolerance import LEFT_OUT, tolerance_steps
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .channels import read_channels

@@ -25,21 +25,12 @@ import numpy as np
 from benchmarks.effects import given
 from benchmarks.scenes import scenes as scans_of
 from benchmarks.scenes import shells, smoke
-from rle_splat import (
-    Quality,
-    RleSplatError,
-    Scene,
-    encode,
-    load_encoded,
-    preset,
-    render,
-    save_encoded,
-    turntable,
-)
-from rle_splat.named_systems.progressive import previews
+from rle_splat import Quality, RleSplatError, Scene, encode, load_encoded, preset, save_encoded, turntable
+from rle_splat.pipeline import render
+from rle_splat.pipeline.previews import previews
+from rle_splat.pipeline.shadow_pass import shadow_pass_steps
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import CLASSIFICATIONS, FOOTPRINTS, MODELS, QUALITY_PRESETS, RECORDS, WARP_FILTERS
-from rle_splat.shadow_pass import shadow_pass_steps
-from rle_splat.steps import drain
 
 SCANS = ("CT head", "MRI head", "CT engine", "X-ray foot", "CT bonsai")
 # Name -> the prices of benchmarks.effects that the scene has, all at once.

@@ -4,9 +4,9 @@ import bpy
 
 from ..bridge import effects, freshness, render_scene, volumes
 from ..bridge.settings import tolerance_of
+from ..rle_splat.accuracy.planner.tolerance import without_shadows_of
 from ..rle_splat.effects.analyse import analyse
 from ..rle_splat.scene import RleSplatError
-from ..rle_splat.tolerance import without_shadows_of
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
 

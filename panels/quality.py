@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge.settings import OF_PRE
-from ..rle_splat.jit import NUMBA_PROBLEM
+from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (

@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..jit import compiled, parallel_call
+from ..runtime.jit import compiled, parallel_call
+from ..runtime.steps import drain
 from ..scene import RleSplatError
-from ..steps import drain
 from ..volume.blocks import block_steps
 from ..volume.gradient_size import gradient_sizes
 from . import classify_kernels as passes

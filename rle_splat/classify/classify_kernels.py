@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel
-from ..parallel import share_out
+from ..runtime.jit import kernel
+from ..runtime.parallel import share_out
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z
 from .points import LARGEST, height_at, piece_of
 

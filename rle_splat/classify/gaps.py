@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call
-from ..parallel import share_out
+from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.parallel import share_out
 from .relevant import NO_BITS, WORD
 
 SHORT = 4  # voxels that a gap has at most

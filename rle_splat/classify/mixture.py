@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..jit import read_only
+from ..runtime.jit import read_only
 from ..volume.blocks import Blocks, slabs
 from ..volume.counts import counts_values
 from .classification import EXTINCTION, LOOKS, OPACITY, RED, ClassifiedVolume, opacity_distance, optical_depth

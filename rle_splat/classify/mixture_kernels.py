@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call
-from ..parallel import share_out
+from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.parallel import share_out
 
 PIECE = 1 << 14  # voxels by one thread at a time
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import kernel, read_only
+from ..runtime.jit import kernel, read_only
 from .visible import VisibleVoxels
 
 

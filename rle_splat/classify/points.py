@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import kernel
+from ..runtime.jit import kernel
 from ..volume.volume import LARGEST_VALUE
 
 LARGEST = LARGEST_VALUE  # stands for +inf, and its opposite for -inf: the end values hold there

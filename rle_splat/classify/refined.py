@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, read_only
-from ..parallel import share_out
-from ..steps import drain
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
+from ..runtime.steps import drain
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, block_steps, slabs
 from ..volume.counts import counts_values
 from .points import LARGEST

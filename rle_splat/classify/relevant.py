@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bits import count_bits, eight_bytes, lowest_bit
-from ..jit import compiled, kernel, parallel_call, read_only
-from ..parallel import share_out
-from ..reused import empty
+from ..runtime.bits import count_bits, eight_bytes, lowest_bit
+from ..runtime.buffer_pool import empty
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, slabs
 from .points import LARGEST, pieces, positive_intervals
 from .visible import VisibleVoxels, row_offsets

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..jit import compiled, parallel_call, read_only
-from ..reused import empty
+from ..runtime.buffer_pool import empty
+from ..runtime.jit import compiled, parallel_call, read_only
 from ..volume.blocks import BLOCK_Z, VOXELS_AT_ONCE, Blocks, slabs
 from . import classify_kernels as passes
 from .points import LARGEST, pieces, positive_intervals

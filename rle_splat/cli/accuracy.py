@@ -72,7 +72,7 @@ def run(args) -> None:
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    from ..cost_of_accuracy import TOLERANCES, sensible_plans, sweep_steps, table_lines
+    from ..accuracy.planner.cost_of_accuracy import TOLERANCES, sensible_plans, sweep_steps, table_lines
     from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:

@@ -52,8 +52,8 @@ def run(args) -> None:
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    from ..named_systems.compare import compare_steps, table_lines
-    from ..named_systems.table import system_of
+    from ..comparison.compare import compare_steps, table_lines
+    from ..comparison.table import system_of
     from ..read.formats import read_volume
 
     for name in args.system or ():

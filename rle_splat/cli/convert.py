@@ -8,9 +8,9 @@ from time import perf_counter
 
 import numpy as np
 
-from ..memory import bytes_text
 from ..read.formats import format_of, read_volume, suffixes, write_volume
 from ..read.vdb import rounded_on_writing
+from ..runtime.memory import bytes_text
 from ..scene import RleSplatError
 from .options import add_report_options, add_volume_argument, add_volume_options, volume_options
 from .output import check_outputs, whole_files

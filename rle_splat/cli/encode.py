@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from time import perf_counter
 
-from ..axes import AXIS_NAMES
-from ..memory import bytes_text
+from ..runtime.memory import bytes_text
 from ..scene import RleSplatError
+from ..volume.axes import AXIS_NAMES
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
@@ -53,7 +53,7 @@ def run(args) -> None:
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
     from ..encode.store import save
-    from ..encode_scene import encode_scene_steps
+    from ..pipeline.encode_scene import encode_scene_steps
     from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..memory import available_bytes, bytes_text
-from ..memory_estimate import estimate, likely_sides, picture_bytes
+from ..pipeline.memory_estimate import estimate, likely_sides, picture_bytes
+from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
 from .appearance import choose_transfer_function, read_transfer_function

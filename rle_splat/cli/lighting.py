@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..encode_scene import describe_light, looking_direction
+from ..pipeline.encode_scene import describe_light, looking_direction
 from ..scene import RleSplatError
 
 # Directions that differ by less than this are one; a .rle keeps them exactly, a camera file may round.

@@ -14,7 +14,7 @@ import sys
 from decimal import Decimal
 from importlib import import_module
 
-from ..interpreter import collector_paused, with_room
+from ..runtime.interpreter import collector_paused, with_room
 
 DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
-from ..plan.candidates import check_tolerance
+from ..accuracy.planner.candidates import check_tolerance
 from ..read.formats import suffixes
 from ..read.layout import BYTE_ORDERS
 from ..scene import (
@@ -273,7 +273,7 @@ def _default_classification(args) -> str:
     """What is meant by itself: for a tolerance only what can be promised."""
     if getattr(args, "tolerance", None) is None:
         return DEFAULT_CLASSIFICATION
-    from ..plan.model import default_classification
+    from ..accuracy.planner.model import default_classification
 
     return default_classification()
 

@@ -52,7 +52,7 @@ class ProgressLine:
     @contextmanager
     def compiling(self):
         """While this is open the line says when kernels are compiled, which takes a while but happens once."""
-        from ..jit import numba
+        from ..runtime.jit import numba
 
         if numba is None or not self._on:
             yield

@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ..interpreter import collector_paused
+from ..runtime.interpreter import collector_paused
 from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -100,7 +100,7 @@ def run(args) -> None:
             for writer, part in zip(writers, parts[: len(args.output)]):
                 writer(part, rendering.rgba, rendering.depth, args.background)
             if taken is not None:
-                from ..shadow_pass import as_picture
+                from ..pipeline.shadow_pass import as_picture
 
                 writers[-1](parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
             write_ms = 1e3 * (perf_counter() - began)
@@ -114,15 +114,15 @@ def _steps(args, prepared: Prepared):
     """The work: by a plan that keeps the tolerance, where there is one, else by the quality that was asked for.
     Generator of Progress: (Rendering, the shadow pass, None where none is wanted)."""
     if args.shadow_pass is not None:
-        from ..shadow_pass import shadow_pass_steps
+        from ..pipeline.shadow_pass import shadow_pass_steps
 
         return (yield from shadow_pass_steps(prepared.scene, prepared.quality))
     if args.tolerance is None:
         with collector_paused():
-            from ..render import render_steps
+            from ..pipeline.render import render_steps
 
         return (yield from render_steps(prepared.scene, prepared.quality)), None
-    from ..tolerance import tolerance_steps
+    from ..accuracy.planner.tolerance import tolerance_steps
 
     count = {} if args.probes is None else {"probes": args.probes}
     return (yield from tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **count)), None
@@ -211,7 +211,7 @@ def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) 
 
 def _say(report: dict) -> None:
     """What came of it, on stdout: a few lines."""
-    from ..single_rays import rays_lines
+    from ..pipeline.single_rays import rays_lines
 
     for remark in report["remarks"]:
         print(remark)

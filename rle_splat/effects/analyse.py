@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
-from ..steps import Clock
 from .camera_clip import CLIPPING
 from .clips import CLIP_OBJECTS
 from .gradient_opacity import GRADIENT_OPACITY

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import compiled, inner_loop, kernel, parallel_call, read_only
-from ..parallel import share_out
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
 
 REACH = 4  # pixels past a silhouette that the warp's filter may read
 HALO = 2 * REACH + 1  # pixels on either side that the layers of a pixel depend on

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, prange
+from ..runtime.jit import compiled, kernel, parallel_call, prange
 from ..scene import Camera, RleSplatError
 from ..view.projection import depth_row, world_to_pixel
 

@@ -1,4 +1,4 @@
-"""What a pixel shows of its ray, where that is not emission and absorption: the modes of ``ray_modes``."""
+"""What a pixel shows of its ray, where that is not emission and absorption: the modes of ``ray_values``."""
 
 from __future__ import annotations
 

@@ -17,11 +17,11 @@ from ..classify.visible import VisibleVoxels
 from ..encode.encode import fetch_slabs
 from ..encode.scalars import in_scanlines
 from ..encode.tables import RunTables
-from ..steps import drain
+from ..runtime.steps import drain
+from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
+from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
+from ..shade.light_sweep import FULL, sweep_light
 from .cut_matter import cover
-from .light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
-from .light_sheets import Sweep, point_sweeps, sun_sweeps
-from .light_sweep import FULL, sweep_light
 from .mesh_depth import sheet_depth
 
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..axes import AXES
 from ..classify.placing import Places
 from ..classify.visible import VisibleVoxels
-from ..jit import compiled, parallel_call, read_only, thread_count
+from ..runtime.jit import compiled, parallel_call, read_only, thread_count
+from ..runtime.steps import drain
 from ..scene import MODELS, RECORDS, RleSplatError
-from ..steps import drain
+from ..volume.axes import AXES
 from . import encode_kernels as passes
 from .records import decoding_of, empty_records, pack, words_of
 from .tables import (

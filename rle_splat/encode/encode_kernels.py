@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bits import copy_1, copy_4, copy_16, count_bits, lowest_bit
-from ..jit import inner_loop, kernel
-from ..parallel import share_out
+from ..runtime.bits import copy_1, copy_4, copy_16, count_bits, lowest_bit
+from ..runtime.jit import inner_loop, kernel
+from ..runtime.parallel import share_out
 from .line_bits import LAST_BIT, NO_BITS, ONE_BIT, WORD, read_row, read_strip, turn_words, word_count, write_runs
 
 MOST_BYTES = 16  # of a record

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bits import lowest_bit
-from ..jit import inner_loop
+from ..runtime.bits import lowest_bit
+from ..runtime.jit import inner_loop
 
 WORD = 64
 NO_BITS, ONE_BIT, ALL_BITS = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)

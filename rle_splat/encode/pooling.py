@@ -11,8 +11,8 @@ import numpy as np
 from ..classify.classification import ClassifiedVolume
 from ..classify.placing import Places
 from ..classify.visible import VisibleVoxels, row_offsets
-from ..jit import compiled, kernel, parallel_call, read_only
-from ..parallel import share_out
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
 from .records import empty_records
 
 

@@ -18,9 +18,9 @@ from functools import cache
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call
-from ..parallel import share_out
-from ..reused import empty
+from ..runtime.buffer_pool import empty
+from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.parallel import share_out
 
 TYPES = {16: np.float32, 8: np.uint64, 6: np.uint16, 4: np.uint32}  # bytes -> type of the array of records
 WORDS = {16: (4,), 8: (), 6: (3,), 4: ()}  # entries of a record, where it is not one number

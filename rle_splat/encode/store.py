@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..axes import AXES, AXIS_NAMES
 from ..classify.limits import BRIGHTEST
-from ..memory import refuse_beyond
+from ..runtime.memory import refuse_beyond
 from ..scene import RECORDS, RleSplatError, as_matrix
+from ..volume.axes import AXES, AXIS_NAMES
 from .tables import TABLES, RunLengthVolume
 from .validate import scanline_data_pointers
 

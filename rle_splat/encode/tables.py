@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..axes import AXES
+from ..volume.axes import AXES
 from .records import record_bytes, unpack
 
 CHUNK = 1 << 18  # voxels looked at together, so that no second copy of all of them is made

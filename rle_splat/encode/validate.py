@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..axes import AXES, AXIS_NAMES
 from ..scene import MODELS, RleSplatError
+from ..volume.axes import AXES, AXIS_NAMES
 from .records import TYPES, WORDS, decoding_size
 from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..memory import refuse_beyond
+from ..runtime.memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.volume import Volume
 from .guess import guess_raw

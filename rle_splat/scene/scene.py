@@ -14,7 +14,7 @@ from .errors import RleSplatError
 from .further_volumes import Labels
 from .mist import Mist
 
-# What a pixel shows of its ray: see ray_modes.py.
+# What a pixel shows of its ray: see effects/ray_values.py.
 MODE_TEXTS = {
     "composite": "emission and absorption, front to back",
     "xray": "absorption alone, bone bright",
@@ -69,7 +69,7 @@ class Scene:
     ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
     ``motion``: Poses from when the shutter opens to when it closes, at equal steps of time; empty for a shutter of no
     time.  The camera's and the volume's own matrices are then those of what stays sharp: the depth.
-    ``mode``: one of MODES, what a pixel shows of its ray; see ``ray_modes``.
+    ``mode``: one of MODES, what a pixel shows of its ray; see ``effects.ray_values``.
     ``mist``: towards which colours fade with distance; None for clear air.
     ``reasons_off``: name of an effect -> why the scene was made without it, as words behind "off"; for reports alone.
     """

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..axes import AXES
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_limits import box_limits
+from ..volume.axes import AXES
 
 
 class Tables(NamedTuple):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..jit import inner_loop
+from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK, CLEAR, interleaved
 from .scratch import BAND
 from .voxel_scanline import BLOCK_BITS, ONE_BIT, WORD, mark_blocks

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import numba
+from ..runtime.jit import numba
 from .pixel_block import BLOCK
 
 LEAST = 1e-37  # a normal number, below which nothing shines
@@ -18,7 +18,7 @@ if numba is not None:
     from numba.core import types
     from numba.extending import intrinsic
 
-    from ..vectors import DOUBLE, INTEGER, Vector, place
+    from ..runtime.vectors import DOUBLE, INTEGER, Vector, place
     from .pixel_block import kind_of
 
     def _log2_of_more(t):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner_loop
+from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK
 from .scratch import BAND
 from .voxel_scanline import ONE_BIT, WORD

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..jit import inner_loop
+from ..runtime.jit import inner_loop
 from ..scene import MIST_FALLOFFS, Mist
 from ..view.base_plane import BasePlane
 from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED

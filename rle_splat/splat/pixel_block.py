@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ..jit import numba
+from ..runtime.jit import numba
 
 BLOCK = 16  # pixels handled together; a multiple of every SIMD width in use
 RED, GREEN, BLUE, CLEAR = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block; CLEAR is transmittance
@@ -39,7 +39,7 @@ if numba is not None:
     from numba.core import types
     from numba.extending import intrinsic
 
-    from ..vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
+    from ..runtime.vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 
     def kind_of(array_type):
         """LLVM's type of an array's numbers."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner_loop
+from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK
 from .voxel_scanline import ONE_BIT, WORD
 

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from ..jit import inner_loop
+from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK, CLEAR, GREEN, RED
 from .ray_ends import end_in_box
 from .scalar_block import ROW_BITS

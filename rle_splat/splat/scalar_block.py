@@ -7,7 +7,7 @@ shades itself).
 
 from __future__ import annotations
 
-from ..jit import numba
+from ..runtime.jit import numba
 from .pixel_block import BLOCK
 
 # Entries of the value table between two sheets up to which the middle one stands for their mean.  Differences of its
@@ -20,7 +20,7 @@ if numba is not None:
     from numba.core import types
     from numba.extending import intrinsic
 
-    from ..vectors import DOUBLE, Vector, count_lanes, place, transpose4
+    from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
     from .pixel_block import composited, slab
 
     @intrinsic

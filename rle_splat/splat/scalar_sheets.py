@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bits import lowest_bit
-from ..jit import inner_loop, kernel
-from ..parallel import share_out, taken
+from ..runtime.bits import lowest_bit
+from ..runtime.jit import inner_loop, kernel
+from ..runtime.parallel import share_out, taken
+from ..runtime.prefetch import fetch_ahead
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from ..view.footprints import voxel_at
 from .band import NO_BITS, begin_band, live_voxels, slice_ahead, write_rows
 from .cut_slab import cut_ends
-from .fetch_ahead import fetch_ahead
 from .half_depth import half_way
 from .limited_blocks import NO_MORE, NONE_ENDED, SOME, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors

@@ -6,19 +6,17 @@ import numpy as np
 
 from ..classify.value_table import ValueTable
 from ..encode.scalars import ScalarVolume
-from ..encode.voxel_light import light_planes
-from ..jit import compiled, parallel_call, thread_count
+from ..runtime.jit import compiled, thread_count
 from ..scene import Mist, Quality
+from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
 from .arguments import ScalarTables, SheetList, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
+from .reference.scalar_sheets import splat_scalar_sheets_numpy
 from .scalar_group import GROUP
-from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
-from .scalar_rays_numpy import trace_rays_numpy
 from .scalar_sheets import splat_scalar_rows
-from .scalar_sheets_numpy import splat_scalar_sheets_numpy
 from .scratch import scratch_for, worth_grouping
 from .splat import OPAQUE, row_steps, sheet_list
 
@@ -31,7 +29,7 @@ def scalar_splat_steps(
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
     """
-    look = _look(table, encoded.centre)
+    look = kernel_look(table, encoded.centre)
     if absorbs:
         look = *(np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums)), *look[2:]
     around = None if mist is None else mist_rays(plane, mist)
@@ -72,7 +70,7 @@ def _from_centre(centre: float, *stored) -> list:
     return [np.float32(min(max(value - centre, -1e38), 1e38)) for value in stored]
 
 
-def _look(table: ValueTable, centre: float) -> tuple:
+def kernel_look(table: ValueTable, centre: float) -> tuple:
     """The value table as kernels take it, for stored values less ``centre``."""
     least, low, high, nearest, furthest, origin = _from_centre(
         centre, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
@@ -90,7 +88,7 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
     )
 
 
-def _light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
+def kernel_light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
     """The planes of light and of highlight, as kernels take them."""
     shining = 0 if lights is None else lights.shape[1] - thinned
     return light_planes(shining) if shining else ((), ())
@@ -102,7 +100,7 @@ def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    matt, gloss = _light_planes(encoded.lights, encoded.thinned)
+    matt, gloss = kernel_light_planes(encoded.lights, encoded.thinned)
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
     thinning = (channels,) if encoded.thinned else ()
     image = IntermediateImage.blank(plane)
@@ -126,24 +124,3 @@ def _grouped(sheets: SheetList, thinned: bool, *extras) -> bool | None:
     ``extras``: what groups know nothing of, all None without it.
     """
     return True if worth_grouping(sheets) and not thinned and all(extra is None for extra in extras) else None
-
-
-def scalar_trace(
-    voxels: RowVoxels, centre: float, table: ValueTable, rays: RayList, slabs: int, quality: Quality
-) -> tuple[np.ndarray, np.ndarray]:
-    """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
-    them half is absorbed (n,) float64, inf where less is.
-
-    ``centre``: what was taken from the stored values.  No extinction is thinned.
-    """
-    look, (matt, gloss) = _look(table, centre), _light_planes(voxels.lights, False)
-    least = max(quality.termination, OPAQUE)
-    out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
-    arguments = (voxels, rays, look, matt, gloss, slabs, least)
-    if not compiled(quality.backend):
-        trace_rays_numpy(*arguments, out, half)
-        return out, half
-    cubics = np.empty((len(out), POWERS * (len(matt) + len(gloss))))
-    with parallel_call(quality.threads):
-        trace_rays(*arguments, cubics, out, half)
-    return out, half

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..axes import AXES
-from ..jit import compiled, thread_count
+from ..runtime.jit import compiled, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import OWN
+from ..volume.axes import AXES
 from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
 from .scalar_group import GROUP

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bits import lowest_bit
-from ..jit import inner_loop, kernel
-from ..lanes import GROUP, clear_group
-from ..parallel import share_out, taken
+from ..runtime.bits import lowest_bit
+from ..runtime.jit import inner_loop, kernel
+from ..runtime.lanes import GROUP, clear_group
+from ..runtime.parallel import share_out, taken
+from ..runtime.prefetch import fetch_ahead
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .band import NO_BITS, begin_band, live_voxels, slice_ahead, write_rows
-from .fetch_ahead import fetch_ahead
 from .limited_blocks import NO_MORE, NONE, NONE_ENDED, bound_blocks, is_outside, is_shortened, reached_blocks
 from .mist_block import fade_added, keep_colors
 from .pixel_block import (

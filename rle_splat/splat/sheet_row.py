@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..bits import lowest_bit
-from ..jit import inner_loop
-from ..lanes import add4
+from ..runtime.bits import lowest_bit
+from ..runtime.jit import inner_loop
+from ..runtime.lanes import add4
 from ..view.footprints import first_tap, tap_weight, voxel_at
 from .half_depth import half_way
 from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED, planar

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..encode.tables import RunLengthVolume
-from ..jit import compiled, is_loaded, note_loaded, parallel_call, thread_count
+from ..runtime.jit import compiled, is_loaded, note_loaded, parallel_call, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import ALONE, BETWEEN, Sheets
 from .arguments import SheetList, Tables, rays_of, wide_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
+from .reference.sheet_buffer import splat_sheets_numpy
 from .scratch import BAND, scratch_for
 from .sheet_buffer import splat_rows
-from .sheet_buffer_numpy import splat_sheets_numpy
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import numba
+from ..runtime.jit import numba
 
 MANY, FEW = 16, 4  # voxels of a group
 CODE_BITS = np.uint32(12)  # a 16-bit code of light becomes float32 by a shift and a product: encode/records.py
@@ -18,7 +18,7 @@ if numba is not None:
     from numba.core import types
     from numba.extending import intrinsic
 
-    from ..vectors import FLOAT, INTEGER, Vector, place
+    from ..runtime.vectors import FLOAT, INTEGER, Vector, place
 
     def _loaded(builder, pointer, count):
         """``count`` lanes of whatever the pointer is of, from memory of any alignment."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner_loop
-from ..lanes import GROUP, add4, add_coded, clear_group, put_group
+from ..runtime.jit import inner_loop
+from ..runtime.lanes import GROUP, add4, add_coded, clear_group, put_group
 from .pixel_block import BLOCK
 
 WORD = 64  # blocks of a scanline that share one word of marks

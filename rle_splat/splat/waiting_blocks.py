@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import inner_loop
+from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK
 from .ray_ends import NO_ROW
 from .scalar_group import GROUP, composite_group, look_up_group

@@ -15,7 +15,7 @@ import numpy as np
 
 # Which volume axes run along a scanline, count the scanlines, and count the slices, per principal axis.  The
 # same table as the encoder's; test_view compares them.
-from ..axes import AXES
+from ..volume.axes import AXES
 from .depth_rules import Sheets, place_sheets
 from .eye import IndexView
 from .footprints import FOOTPRINTS, Footprint

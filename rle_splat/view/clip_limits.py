@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..axes import AXES
-from ..jit import compiled, kernel, parallel_call
-from ..parallel import share_out
+from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.parallel import share_out
+from ..volume.axes import AXES
 from .base_plane import BasePlane
 from .ray_limits import MOST
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import kernel
+from ..runtime.jit import kernel
 from ..scene import FOOTPRINTS as NAMES
 
 NEAREST, TENT, BSPLINE2, BSPLINE3, GAUSSIAN = range(5)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..axes import AXES
-from ..jit import compiled, inner_loop, kernel, parallel_call, read_only
-from ..parallel import share_out
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
+from ..volume.axes import AXES
 from .base_plane import BasePlane
 from .eye import IndexView
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, read_only
-from ..parallel import share_out
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
 
 # Voxels of a block along z, y, x: small enough to follow a surface, and a whole number of cache lines along x.
 BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32

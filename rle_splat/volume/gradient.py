@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call, read_only
-from ..parallel import share_out
-from ..reused import empty
+from ..runtime.buffer_pool import empty
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel

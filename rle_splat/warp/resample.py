@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel, parallel_call
-from ..parallel import share_out
+from ..runtime.jit import kernel, parallel_call
+from ..runtime.parallel import share_out
 from ..scene import NO_DEPTH
 from .taps import tap2x2, tap4x4
 

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import kernel, parallel_call
-from ..parallel import share_out
+from ..runtime.jit import kernel, parallel_call
+from ..runtime.parallel import share_out
 
 # Samples to each side that a coefficient depends on, along each axis: 1 + 2 + 4 + 8.
 MARGIN = 15

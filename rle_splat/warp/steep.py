@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled, kernel, parallel_call
-from ..parallel import share_out
+from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.parallel import share_out
 
 AROUND = 1  # pixels to every side that a pixel is compared with
 CHANNELS = 4

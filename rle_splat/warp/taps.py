@@ -1,19 +1,19 @@
 """The taps of a filter as vectors: a row of neighbouring pixels, four channels each, is one load.
 
-LLVM's straight-line vectoriser is off in numba (see ``rle_splat.lanes``).  The vectors are LLVM's own: eight or
+LLVM's straight-line vectoriser is off in numba (see ``rle_splat.runtime.lanes``).  The vectors are LLVM's own: eight or
 sixteen floats wide here, split where a processor has narrower ones.
 """
 
 from __future__ import annotations
 
-from ..jit import numba
+from ..runtime.jit import numba
 
 if numba is not None:
     from llvmlite import ir
     from numba.core import types
     from numba.extending import intrinsic
 
-    from ..vectors import FLOAT, INTEGER, load, pick, place, spread, store
+    from ..runtime.vectors import FLOAT, INTEGER, load, pick, place, spread, store
 
     CONTRACT = ["contract"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..jit import compiled
+from ..runtime.jit import compiled
 from ..scene import Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView

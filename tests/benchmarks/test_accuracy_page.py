@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks import accuracy as page
 from benchmarks.scenes import smoke
+from rle_splat.accuracy.planner.cost_of_accuracy import sweep_steps
 from rle_splat.classify.presets import fit_preset
-from rle_splat.cost_of_accuracy import sweep_steps
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
-from rle_splat.steps import drain
 
 OPTIONS = SimpleNamespace(size=32, probes=60, repeats=1, threads=1, backend="numpy")  # no kernels to compile
 

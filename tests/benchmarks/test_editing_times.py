@@ -5,7 +5,7 @@ import json
 import pytest
 
 from benchmarks import editing
-from rle_splat.jit import compiled
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 

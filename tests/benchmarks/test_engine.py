@@ -16,7 +16,7 @@ from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.jit import compiled
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 

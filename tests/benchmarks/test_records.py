@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import records
 from benchmarks.frames import view_scene
-from rle_splat.jit import compiled
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Quality
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="slow without kernels")

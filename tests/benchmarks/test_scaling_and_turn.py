@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import scaling
 from benchmarks.turn import Turn, smooth, summary
-from rle_splat.jit import compiled
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Quality, RleSplatError
 
 needs_kernels = pytest.mark.skipif(not compiled(), reason="slow without kernels")

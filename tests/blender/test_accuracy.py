@@ -36,11 +36,11 @@ def measured(volume):
 @pytest.fixture
 def listed(volume, bridge, core):
     """A list of a few plans, measured without the operator: quicker."""
-    cost, scene = core("cost_of_accuracy"), bpy.context.scene
+    cost, scene = core("accuracy.planner.cost_of_accuracy"), bpy.context.scene
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     plans = [plan for plan in cost.sensible_plans(quality) if plan.name in ("paper", "pre draft", "draft", "strict")]
-    sweep = core("steps").drain(cost.sweep_steps(plain, plans, quality, probes=60, repeats=1))
+    sweep = core("runtime.steps").drain(cost.sweep_steps(plain, plans, quality, probes=60, repeats=1))
     bridge("accuracy").note_sweep(scene.rle_splat, sweep.report, "the ball")
     return scene.rle_splat
 
@@ -74,7 +74,7 @@ def test_choosing_a_row_sets_its_plan(listed, bridge):
 
 def test_every_sensible_plan_can_be_chosen(listed, bridge, core):
     """By name where a quality is the same, else knob by knob: none is lost on the way through Blender's properties."""
-    accuracy, cost, scene = bridge("accuracy"), core("cost_of_accuracy"), bpy.context.scene
+    accuracy, cost, scene = bridge("accuracy"), core("accuracy.planner.cost_of_accuracy"), bpy.context.scene
     row, quality = listed.accuracy_rows[0], core("scene").Quality
     for base in (quality(), quality(classification="pre", record=8)):
         for plan in cost.sensible_plans(base):
@@ -100,7 +100,7 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     assert bpy.ops.rle_splat.error_map(step=step) == {"FINISHED"}
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    rendering = core("render").render(plain, quality)
+    rendering = core("pipeline.render").render(plain, quality)
     name = rendering.report["error"]["truth"]
     shading = core("accuracy.lighting").shading_of(plain, name)
     true = core("accuracy.truths").truth(plain, name, **shading)[0].reshape(SIZE[1], SIZE[0], 4)

@@ -163,7 +163,7 @@ def test_a_compositor_that_would_abort_blender(volume, bridge, monkeypatch):
 
 def test_numba_asked_for_and_missing(volume, core, monkeypatch):
     scenes.add_camera((4.0, 4.0, 30.0))
-    monkeypatch.setattr(core("jit"), "numba", None)
+    monkeypatch.setattr(core("runtime.jit"), "numba", None)
     bpy.context.scene.rle_splat.backend = "numba"
     assert "numba cannot be loaded" in refusal("render_image")
 
@@ -173,8 +173,8 @@ def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
     scenes.add_camera((4.0, 4.0, 30.0))
     bpy.ops.rle_splat.render_image()
     compiled = scenes.image_pixels(bpy.context.scene.rle_splat.image)
-    monkeypatch.setattr(core("jit"), "numba", None)
-    for module in ("jit", "render"):
+    monkeypatch.setattr(core("runtime.jit"), "numba", None)
+    for module in ("runtime.jit", "pipeline.render"):
         monkeypatch.setattr(core(module), "NUMBA_PROBLEM", "ImportError: no numba here")
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings = bpy.context.scene.rle_splat

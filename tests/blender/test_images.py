@@ -180,7 +180,7 @@ def test_the_picture_is_the_renderers_own(volume, bridge, core):
     bpy.ops.rle_splat.render_image()
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    rendering = core("render").render(plain, quality)
+    rendering = core("pipeline.render").render(plain, quality)
     settings = bpy.context.scene.rle_splat
     np.testing.assert_array_equal(scenes.image_pixels(settings.image), rendering.rgba)
     np.testing.assert_array_equal(scenes.image_pixels(settings.depth_image)[..., 0], rendering.depth)

@@ -46,7 +46,7 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    rendering = core("steps").drain(bridge("render_scene").steps(plain, quality))
+    rendering = core("runtime.steps").drain(bridge("render_scene").steps(plain, quality))
     assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
     kept = rendering.report["volume"]["visible_fraction"]
     assert share == pytest.approx(kept, abs=0.001) if classification == "pre" else share < kept < 2.0 * share
@@ -66,7 +66,7 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     for with_meshes, needed in ((False, alone), (True, among)):
         plain, quality = bridge("render_scene").read_scene(
             volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes)
-        report = core("steps").drain(bridge("render_scene").steps(plain, quality)).report
+        report = core("runtime.steps").drain(bridge("render_scene").steps(plain, quality)).report
         assert needed == pytest.approx(report["memory_estimate_bytes"]["needed"], rel=0.3)
     assert among > 1.3 * alone
     bpy.context.scene.rle_splat.meshes_occlude = False
@@ -97,7 +97,7 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
 def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, advice, monkeypatch):
     bpy.context.scene.rle_splat.classification = classification
     free = int(0.9 * told(monkeypatch)[0])
-    for module in ("memory_estimate", "kept", "memory"):
+    for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(core(module), "available_bytes", lambda: free)
     images = len(bpy.data.images)
     with pytest.raises(RuntimeError, match=f"are free; .*{advice}") as refusal:

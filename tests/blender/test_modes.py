@@ -35,7 +35,7 @@ def rendered(bridge, core, volume, **more):
     scene, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=True
     )
-    return scene, core("render").render(scene, quality).rgba
+    return scene, core("pipeline.render").render(scene, quality).rgba
 
 
 @pytest.mark.parametrize("mode", ("xray", "mip", "minip", "average"))

@@ -38,7 +38,7 @@ def volume(bridge, core, tmp_path):
 @pytest.fixture
 def slow(core, monkeypatch):
     """Every picture counts as one that takes long."""
-    progressive = core("named_systems.progressive")
+    progressive = core("pipeline.previews")
     monkeypatch.setattr(progressive, "WORTH_WAITING", 0.0)
     monkeypatch.setattr(progressive, "LARGEST_SHARE", 1e9)
     monkeypatch.setattr(progressive, "LEAST_SIDE", 16)

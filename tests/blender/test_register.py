@@ -91,6 +91,6 @@ def test_nothing_is_written_into_the_extension(addon, core):
     own = Path(addon.__file__).parent
     cache = Path(os.environ["RLE_SPLAT_CACHE"])
     assert own not in cache.parents and ".user" in cache.parts
-    jit = core("jit")
+    jit = core("runtime.jit")
     if jit.numba is not None and not os.environ.get("NUMBA_CACHE_DIR"):
         assert cache in jit.KERNELS.parents

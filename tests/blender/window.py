@@ -147,7 +147,7 @@ def check_escape():
 def check_previews():
     """A picture that takes long shows coarse ones first, in its own image, and then is the one made at once."""
     scene = bpy.context.scene
-    progressive = import_module(f"{MODULE}.rle_splat.named_systems.progressive")
+    progressive = import_module(f"{MODULE}.rle_splat.pipeline.previews")
     jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
     progressive.WORTH_WAITING, progressive.LARGEST_SHARE, progressive.LEAST_SIDE = 0.0, 1e9, 2
     scene.render.resolution_x = scene.render.resolution_y = SIZE

@@ -259,13 +259,13 @@ def test_quality_that_does_not_exist_or_contradicts(render_refused, options, exp
 
 
 def test_numba_missing(render_refused, monkeypatch):
-    monkeypatch.setattr("rle_splat.jit.numba", None)
+    monkeypatch.setattr("rle_splat.runtime.jit.numba", None)
     assert "numba" in render_refused("--backend", "numba")
 
 
 def test_numba_missing_is_said_beside_the_slow_picture(call, raw, raw_options, tmp_path, monkeypatch):
-    monkeypatch.setattr("rle_splat.jit.numba", None)
-    road = import_module("rle_splat.render")  # as an attribute of the package, render is the function
+    monkeypatch.setattr("rle_splat.runtime.jit.numba", None)
+    road = import_module("rle_splat.pipeline.render")  # as an attribute of the package, render is the function
     monkeypatch.setattr(road, "NUMBA_PROBLEM", "ImportError: no numba here")
     result = call("render", raw, *raw_options, "--size", "12", "-o", tmp_path / "slow.npy")
     assert result.code == 0 and (tmp_path / "slow.npy").exists()

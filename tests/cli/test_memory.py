@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from rle_splat.memory import bytes_text
+from rle_splat.runtime.memory import bytes_text
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 from rle_splat.cli.output import check_outputs, whole_files
 from rle_splat.cli.progress import ProgressLine
 from rle_splat.cli.report import plain, write_report
-from rle_splat.memory import bytes_text
+from rle_splat.runtime.memory import bytes_text
 from rle_splat.scene import RleSplatError
 
 

@@ -128,7 +128,7 @@ def test_real_scans(data, tmp_path, name, options):
 
 def test_the_facade_means_the_verbs_whoever_came_first():
     program = (
-        "import rle_splat.render, rle_splat.encode.store, rle_splat\n"
+        "import rle_splat.pipeline.render, rle_splat.encode.store, rle_splat\n"
         "from rle_splat import encode, render, read_volume\n"
         "assert callable(rle_splat.render) and callable(rle_splat.encode) and rle_splat.render is render\n"
         "assert all(hasattr(rle_splat, name) for name in rle_splat.__all__)"

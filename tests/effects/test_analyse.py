@@ -7,9 +7,9 @@ import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyse import EFFECTS, analyse, called_for
-from rle_splat.encode_scene import encode_scene
-from rle_splat.jit import compiled
-from rle_splat.render import render
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume

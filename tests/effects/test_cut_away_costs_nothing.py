@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Clip, Quality, Scene
 from rle_splat.splat import scalar_splat, scratch, splat
 from rle_splat.view.turntable import turntable

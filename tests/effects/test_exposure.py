@@ -9,11 +9,11 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.effects.analyse import analyse
+from rle_splat.effects.exposure import exposures
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
-from rle_splat.exposure import exposures
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import Camera, Pose, Quality, RleSplatError, Scene
 from rle_splat.view.eye import index_view
 from rle_splat.view.projection import world_to_pixel
@@ -290,7 +290,7 @@ def test_what_all_pictures_of_a_blur_have_in_common_is_made_once(blurred, classi
             super().__init__(*room)
             stores.append(self)
 
-    monkeypatch.setattr(sys.modules["rle_splat.render"], "Kept", Noted)  # the package has a function of the same name
+    monkeypatch.setattr(sys.modules["rle_splat.pipeline.render"], "Kept", Noted)
     found = render(blurred, quality)
     made = sum((Counter(store.made) for store in stores), Counter())
     assert len(exposures(blurred)) > 4 and {"pre": "visible", "post": "scalars"}[classification] in made

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Clip, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-road = importlib.import_module("rle_splat.render")  # the package's own name is that of the function
+road = importlib.import_module("rle_splat.pipeline.render")  # the package's own name is that of the function
 LOOK = TransferFunction(opacity=((0.2, 0.0), (0.6, 0.3)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
 # Two sheets of triangles across the volume, one before the other, with corners inside the picture.
 MESH = np.array([

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.classify.shading import normals
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.jit import compiled, kernel, noting_kernels
-from rle_splat.kept import Kept
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import compiled, kernel, noting_kernels
 from rle_splat.scene import Light, Quality, Scene
+from rle_splat.shade.shading import normals
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -38,7 +38,7 @@ SHARED = {
 KERNELS = {
     "pre": SHARED | {
         "classify.classify_kernels.count_by_table", "classify.classify_kernels.fill_by_table",
-        "classify.shading._write_records", "splat.sheet_buffer.splat_rows",
+        "shade.shading._write_records", "splat.sheet_buffer.splat_rows",
     },
     "post": SHARED | {
         "classify.relevant._count_kept", "classify.relevant._fill_kept", "classify.relevant._mark_relevant",
@@ -47,7 +47,7 @@ KERNELS = {
 }  # fmt: skip
 # What light adds to them.
 LIT_STAGES = {"pre": {"normals"}, "post": {"normals", "light", "lights"}}
-LIT_KERNELS = {"pre": {"volume.gradient._sobel"}, "post": {"volume.gradient._sobel", "encode.voxel_light._code_light"}}
+LIT_KERNELS = {"pre": {"volume.gradient._sobel"}, "post": {"volume.gradient._sobel", "shade.voxel_light._code_light"}}
 
 
 def scene_of(azimuth=25.0, **more) -> Scene:
@@ -84,7 +84,7 @@ def test_single_rays_are_what_a_quality_that_has_them_adds():
     stages, kernels = worked(scene_of(), "post", **knobs, rays=0.1)
     assert Quality().rays == 0.0 < Quality.preset("fine").rays
     assert stages - STAGES["post"] == {"bricks"} and stages >= STAGES["post"]
-    assert kernels - KERNELS["post"] == {"splat.scalar_rays.trace_rays", "warp.steep._spread"}
+    assert kernels - KERNELS["post"] == {"raycast.scalar_rays.trace_rays", "warp.steep._spread"}
     assert worked(scene_of(), "post", **knobs, rays=1.1)[0] == STAGES["post"]  # where nothing is as steep
 
 
@@ -122,7 +122,7 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
 @pytest.mark.parametrize("classification", KERNELS)
 def test_shading_that_is_off_by_hand_computes_no_gradient(classification, backend, monkeypatch):
     calls, asked = [], normals
-    for module in ("rle_splat.medium", "rle_splat.scalar_medium"):
+    for module in ("rle_splat.pipeline.medium", "rle_splat.pipeline.scalar_medium"):
         monkeypatch.setattr(f"{module}.normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
     lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))
     assert worked(replace(lit, effects={"shading": False}), classification, backend)[0] == STAGES[classification]

@@ -12,7 +12,7 @@ import numpy as np
 
 from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import CLASSIFICATIONS, Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume

@@ -9,7 +9,7 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render, warp
+from rle_splat.pipeline.render import render, warp
 from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -52,7 +52,7 @@ def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knob
         caught.extend(images)
         return warp(images, *rest)
 
-    with patch("rle_splat.render.warp", catching):
+    with patch("rle_splat.pipeline.render.warp", catching):
         render(scene, replace(quality, backend=backend, **knobs))
     (image,) = caught
     (u, v), (nx, ny, _) = image.base_plane.origin, scene.volume.shape_xyz

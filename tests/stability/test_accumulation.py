@@ -13,14 +13,14 @@ from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.encode import encode
-from rle_splat.jit import compiled, kernel
-from rle_splat.kept import Kept
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import compiled, kernel
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import MODELS, WARP_FILTERS, Light, Quality
 from rle_splat.splat import pixel_block, scalar_splat, splat
 from rle_splat.splat.pixel_block import BLOCK, CLEAR, accumulator, composite_added, composite_extinction
 from rle_splat.splat.splat import OPAQUE, splat_steps
-from rle_splat.steps import drain
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.footprints import FOOTPRINTS, GAUSSIAN, footprint_values
@@ -33,7 +33,7 @@ from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 AVAILABLE = BACKENDS if compiled() else ("numpy",)
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 STAGE = Stage()
-ROAD = import_module("rle_splat.render")
+ROAD = import_module("rle_splat.pipeline.render")
 STAGE_SHADE = Shade()
 CLASSIFICATIONS = ("pre", "post")
 BY_CLASSIFICATION = pytest.mark.parametrize("classification", CLASSIFICATIONS)

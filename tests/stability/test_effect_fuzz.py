@@ -12,8 +12,8 @@ import numpy as np
 from hypothesis import event, given
 from hypothesis import strategies as st
 
-from rle_splat.jit import compiled
-from rle_splat.kept import Kept
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import RleSplatError
 from tests.stability.effect_strategies import BLURS, scenes_with_effects
 from tests.stability.fuzz import examples

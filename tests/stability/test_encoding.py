@@ -9,10 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat import memory_estimate
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
-from rle_splat.axes import AXES
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import row_offsets
@@ -21,14 +19,16 @@ from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from_counts
 from rle_splat.encode.validate import validate
-from rle_splat.encode_scene import encode_scene
-from rle_splat.jit import compiled
-from rle_splat.medium import classify_and_shade
+from rle_splat.pipeline import memory_estimate
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
-from rle_splat.render import render
+from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.steps import Clock
 from rle_splat.scene import Camera, Quality, RleSplatError, Scene
-from rle_splat.steps import Clock
 from rle_splat.view.turntable import turntable
+from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
 from tests.stability.scenes import BACKENDS, unlike
 from tests.unit.test_encode import ALL_TABLES, CASES, classified_from, dense_from

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rle_splat import memory
-from rle_splat.jit import CACHE_VARIABLE, compiled, kernel, parallel_call
-from rle_splat.kept import Kept
-from rle_splat.parallel import share_out
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime import memory
+from rle_splat.runtime.jit import CACHE_VARIABLE, compiled, kernel, parallel_call
+from rle_splat.runtime.parallel import share_out
 from rle_splat.scene import Cancelled
 from tests.stability.pictures import scene
 
@@ -43,10 +43,10 @@ def run(program, *words, python=sys.executable, **environ):
 AT_ONCE = """
 import sys, threading
 import numpy as np
-from rle_splat.jit import numba
-from rle_splat.kept import Kept
-from rle_splat.render import render, render_steps
-from rle_splat.steps import drain
+from rle_splat.runtime.jit import numba
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.runtime.steps import drain
 from tests.stability.pictures import SCENES, scene
 
 wanted = {name: render(*scene(name)).rgba for name in SCENES}
@@ -188,7 +188,7 @@ if limit:  # no file may grow beyond: what a full disk does, to one process
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 import hashlib
 from rle_splat import jit
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from tests.stability.pictures import scene
 picture = render(*scene("parallel"))
 print(jit.compiled(), hashlib.sha256(picture.rgba.tobytes()).hexdigest())
@@ -277,7 +277,7 @@ import resource, sys
 import numpy as np
 from rle_splat import memory, memory_estimate
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.render import render, render_steps
 from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume

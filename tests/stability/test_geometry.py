@@ -11,9 +11,9 @@ import pytest
 
 from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
-from rle_splat.jit import compiled
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import NO_DEPTH, Camera, Quality
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view

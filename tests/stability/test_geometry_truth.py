@@ -12,9 +12,9 @@ import pytest
 from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
-from rle_splat.steps import drain
 from tests.stability.scenes import from_above, matter
 from tests.stability.test_geometry import AVAILABLE, LEVEL, placed, turned
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage

@@ -19,9 +19,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_sta
 
 from devtools.fuzzing import asked_for
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.jit import compiled
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -121,7 +121,8 @@ for _edit in EDITS:
 def search(kind: str) -> None:
     anyhow, alone = SEARCHES[kind][:2] if compiled() else (1, 0)
     # A third of a small picture's time went into asking the system how much memory is free.
-    with patch("rle_splat.kept.available_bytes", plenty), patch("rle_splat.memory_estimate.available_bytes", plenty):
+    asking = (f"rle_splat.pipeline.{module}.available_bytes" for module in ("stage_cache", "memory_estimate"))
+    with patch(next(asking), plenty), patch(next(asking), plenty):
         for edit in EDITS if alone else ():
             drag(kind, edit, alone)
         steps = settings(examples(anyhow, shrink=False), stateful_step_count=EDITS_IN_A_ROW)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rle_splat.jit import CACHE_VARIABLE, compiled
+from rle_splat.runtime.jit import CACHE_VARIABLE, compiled
 from rle_splat.splat import pixel_block
 from tests.stability.pictures import SCENES, pictures
 

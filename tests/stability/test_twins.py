@@ -15,9 +15,9 @@ import pytest
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.effects.depth_layers import REACH
 from rle_splat.encode.records import decoding_of, empty_records, pack, unpack
-from rle_splat.jit import compiled
+from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
-from rle_splat.steps import drain
 from rle_splat.volume.volume import Volume
 from tests.stability.scenes import BACKENDS, EXACT, from_above, matter, sheets, turned, unlike
 from tests.stability.strategies import smooth_field

@@ -12,7 +12,7 @@ from rle_splat.classify.classification import classify, optical_depth
 from rle_splat.classify.limits import BRIGHTEST, LEAST_DISTANCE
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 from tests.stability.scenes import (

@@ -13,7 +13,7 @@ from rle_splat.classify.classification import optical_depth
 from rle_splat.classify.limits import BRIGHTEST
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.value_table import value_table
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import CLASSIFICATIONS, Light, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 from tests.stability.scenes import BACKENDS, STEPPED, WHITE, from_above, matter, noise, turned, unlike

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.classification import classify
-from rle_splat.classify.shading import normals, shade
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
-from rle_splat.render import render
 from rle_splat.scene import Quality, RleSplatError
+from rle_splat.shade.shading import normals, shade
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import STORED_TYPES, Volume
 from tests.stability.scenes import (

@@ -15,15 +15,15 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.encode.tables import RunLengthVolume
-from rle_splat.render import render_steps, warp
+from rle_splat.pipeline.render import render_steps, warp
+from rle_splat.runtime.steps import drain
 from rle_splat.splat.scalar_splat import scalar_splat_steps, value_splat_steps
 from rle_splat.splat.splat import OPAQUE, splat_steps
-from rle_splat.steps import drain
 
 SPLATS = {
-    "rle_splat.medium.splat_steps": splat_steps,
-    "rle_splat.scalar_medium.scalar_splat_steps": scalar_splat_steps,
-    "rle_splat.scalar_medium.value_splat_steps": value_splat_steps,
+    "rle_splat.pipeline.medium.splat_steps": splat_steps,
+    "rle_splat.pipeline.scalar_medium.scalar_splat_steps": scalar_splat_steps,
+    "rle_splat.pipeline.scalar_medium.value_splat_steps": value_splat_steps,
 }
 # No ray is known better than to this part of a voxel, and no value than to this part of the largest: shares of voxels
 # are float32.
@@ -138,7 +138,7 @@ def stages(splats: list, warps: list):
     with ExitStack() as stack:
         for name, steps in SPLATS.items():
             stack.enter_context(patch(name, kept(steps)))
-        stack.enter_context(patch("rle_splat.render.warp", warped))
+        stack.enter_context(patch("rle_splat.pipeline.render.warp", warped))
         yield
 
 

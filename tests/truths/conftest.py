@@ -7,7 +7,7 @@ from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.transfer import piecewise_linear
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume

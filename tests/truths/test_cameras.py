@@ -6,7 +6,7 @@ import pytest
 
 from rle_splat.accuracy.phantoms import blobs
 from rle_splat.accuracy.rays import camera_rays, turntable_rays
-from rle_splat.render import render_steps
+from rle_splat.pipeline.render import render_steps
 from rle_splat.scene import SENSOR_FITS, Camera, Quality, RleSplatError
 from rle_splat.view.turntable import turntable
 

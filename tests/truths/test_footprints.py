@@ -7,7 +7,7 @@ import pytest
 
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import FIELDS
-from rle_splat.jit import numba
+from rle_splat.runtime.jit import numba
 from rle_splat.scene import DEPTH_RULES, FOOTPRINTS
 
 WITH_NUMBA = pytest.mark.skipif(numba is None, reason="numba cannot be loaded, so there is nothing to compare with")

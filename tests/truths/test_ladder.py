@@ -11,7 +11,7 @@ import pytest
 
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.phantoms import FIELDS, blobs
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import QUALITY_PRESETS, Quality
 
 RUNGS = {

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Camera, Quality
 from tests.truths.conftest import OPACITY_IS_VALUE
 

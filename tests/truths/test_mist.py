@@ -10,8 +10,8 @@ from rle_splat.accuracy.closed_forms import box_depths
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import MIST_FALLOFFS, Mist, Quality, RleSplatError
 
 COLOR, FOG = np.array((0.9, 0.4, 0.2)), np.array((0.1, 0.6, 1.5))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.metrics import LEVEL
+from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Channel, Labels, Light, Quality, RleSplatError
-from rle_splat.tolerance import render_within
 from rle_splat.volume.volume import Volume
 
 N = 12
@@ -159,7 +159,7 @@ def test_modes_of_values_are_of_one_volume(stage):
 
 
 def test_nothing_is_redone_when_the_camera_moves(stage):
-    from rle_splat.kept import Kept
+    from rle_splat.pipeline.stage_cache import Kept
 
     labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: flat(0.3, BLUE)})
     scene = seen_along_y(stage, np.full((N, N, N), 100), flat(0.1, RED), labels=labels)

@@ -11,9 +11,9 @@ from rle_splat.accuracy.phantoms import radius_from_centre
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.encode_scene import encode_scene
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 

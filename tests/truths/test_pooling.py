@@ -11,13 +11,13 @@ from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.pooling import pooled_steps
 from rle_splat.encode.store import StoredVolume
-from rle_splat.encode_scene import encode_scene
-from rle_splat.jit import numba
-from rle_splat.kept import Kept
-from rle_splat.medium import look_steps
-from rle_splat.render import render
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.medium import look_steps
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.jit import numba
+from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Light, Quality, RleSplatError
-from rle_splat.steps import Clock, drain
 
 WITH_NUMBA = pytest.mark.skipif(numba is None, reason="numba cannot be loaded")
 

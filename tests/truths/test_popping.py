@@ -11,7 +11,7 @@ import pytest
 from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.classification import classify
 from rle_splat.encode.encode import encode
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import QUALITY_PRESETS, Quality
 from rle_splat.splat.splat import splat_steps
 from rle_splat.view.base_plane import base_plane
@@ -139,5 +139,5 @@ def test_a_fade_is_cropped_and_kept_apart_as_any_picture_is(stage):
 def leading_alone(name, scene):
     """The picture from one axis alone, by its name in a report."""
     only = ("xyz".index(name[1]), 1 if name[0] == "+" else -1, 1.0)
-    with patch("rle_splat.render.axis_shares", lambda view, band: [only]):
+    with patch("rle_splat.pipeline.render.axis_shares", lambda view, band: [only]):
         return render(scene, Quality())

@@ -9,14 +9,14 @@ import pytest
 from rle_splat.accuracy.lighting import VoxelLight, shading_of
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyse import analyse
-from rle_splat.effects.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from rle_splat.effects.shadows import NEAR_SKY
-from rle_splat.kept import Kept
-from rle_splat.medium import classify_and_shade
-from rle_splat.render import render
+from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.shadow_pass import shadow_pass_steps
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
-from rle_splat.shadow_pass import shadow_pass_steps
-from rle_splat.steps import Clock, drain
+from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

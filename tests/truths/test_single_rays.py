@@ -10,13 +10,13 @@ import pytest
 
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL
+from rle_splat.accuracy.planner.retrace import retrace_steps
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.kept import Kept
-from rle_splat.retrace import retrace_steps
+from rle_splat.pipeline.single_rays import can_trace
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality
-from rle_splat.single_rays import can_trace
-from rle_splat.steps import drain
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 POST = Quality(classification="post", termination=1e-6)

@@ -11,8 +11,8 @@ import pytest
 from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Quality, RleSplatError
 from rle_splat.warp import steep as steepness
 from rle_splat.warp.steep import ALWAYS, TILE, most_in_tile, steep_pixels

@@ -5,7 +5,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import Visibility, count_steps, fill_steps
-from rle_splat.steps import drain
+from rle_splat.runtime.steps import drain
 from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps, slabs
 from rle_splat.volume.volume import Volume
 

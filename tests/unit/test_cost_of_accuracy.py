@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat import cost_of_accuracy
 from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.phantoms import blobs
-from rle_splat.accuracy.truths import truth
-from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.cost_of_accuracy import (
+from rle_splat.accuracy.planner import cost_of_accuracy
+from rle_splat.accuracy.planner.cost_of_accuracy import (
     error_map_steps,
     front,
     same_plan,
@@ -19,9 +17,11 @@ from rle_splat.cost_of_accuracy import (
     sweep_steps,
     with_plan,
 )
-from rle_splat.render import render
+from rle_splat.accuracy.truths import truth
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.steps import Progress, drain
 from rle_splat.scene import Quality, RleSplatError, Scene
-from rle_splat.steps import Progress, drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

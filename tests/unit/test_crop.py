@@ -9,8 +9,8 @@ import pytest
 from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.effects.mesh_depth import mesh_depth
-from rle_splat.jit import numba
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import numba
 from rle_splat.scene import FOOTPRINTS, MODELS, WARP_FILTERS, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.splat.scratch import BAND

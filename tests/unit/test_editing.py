@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat import medium
-from rle_splat.classify.shading import light_records
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.encode_scene import encode_scene
-from rle_splat.kept import MOST_RESULTS, Kept
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline import medium
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import MOST_RESULTS, Kept
 from rle_splat.scene import Camera, Light, Quality, Scene
+from rle_splat.shade.shading import light_records
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

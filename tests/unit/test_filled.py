@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.ray_modes import VALUE_MODES
-from rle_splat.render import render
+from rle_splat.effects.ray_values import VALUE_MODES
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Mist, Quality
 from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp
 from tests.unit.test_crop import BACKENDS, TRIANGLES, VOLUME, bits, scene_of
 
-ROAD = sys.modules["rle_splat.render"]  # the module: the package's name for it is the function
+ROAD = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
 CASES = {
     "post": (Quality(), {}),
     "draft": (Quality.preset("draft"), {}),

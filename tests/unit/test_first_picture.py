@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.jit import compiled, nothing_compiled_yet
+from rle_splat.runtime.jit import compiled, nothing_compiled_yet
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -21,9 +21,9 @@ import gc, json, sys
 from dataclasses import replace
 import numpy as np
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.jit import numba
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.runtime.jit import numba
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.render import render
 from rle_splat.scene import Light, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -41,7 +41,7 @@ for edited in (
     replace(scene, transfer_function=replace(tf, shade=Shade(specular=0.0))),
 ):
     render(edited, Quality.preset("draft", classification=sys.argv[1]), kept=kept)
-rooms = ("rle_splat.volume", "rle_splat.classify", "rle_splat.encode")
+rooms = ("rle_splat.volume", "rle_splat.classify", "rle_splat.shade", "rle_splat.encode")
 kernels = [k for k in gc.get_objects() if isinstance(k, numba.core.dispatcher.Dispatcher)]
 kernels = [k for k in kernels if k.py_func.__module__.startswith(rooms)]
 outer = [k for k in kernels if not k.targetoptions.get("no_cpython_wrapper")]
@@ -65,7 +65,7 @@ def test_the_common_road_compiles_each_kernel_once(classification, kernels):
 
 def _said(first_ever, monkeypatch, classification, backend):
     """What is said of each step of a picture, in order."""
-    road = importlib.import_module("rle_splat.render")  # the module, not the function of that name
+    road = importlib.import_module("rle_splat.pipeline.render")
     monkeypatch.setattr(road, "nothing_compiled_yet", lambda: first_ever)
     volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
     camera, matrix = turntable(volume, 20, 10, width=12, height=12)
@@ -92,7 +92,7 @@ def test_without_kernels_nothing_is_said_of_them(monkeypatch):
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 def test_whether_anything_was_compiled_is_seen_on_disk(monkeypatch, tmp_path):
-    monkeypatch.setattr("rle_splat.jit.KERNELS", tmp_path / "kernels")
+    monkeypatch.setattr("rle_splat.runtime.jit.KERNELS", tmp_path / "kernels")
     assert nothing_compiled_yet()
     (tmp_path / "kernels" / "splat").mkdir(parents=True)
     assert nothing_compiled_yet()

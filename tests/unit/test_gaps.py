@@ -6,11 +6,11 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from rle_splat import scalar_medium
 from rle_splat.classify.gaps import SHORT, close_gaps
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline import scalar_medium
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from rle_splat import jit
-from rle_splat.jit import parallel_call
+from rle_splat.runtime import jit
+from rle_splat.runtime.jit import parallel_call
 
 
 class Interrupt:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rle_splat.kept import MOST_RESULTS, Kept
+from rle_splat.pipeline.stage_cache import MOST_RESULTS, Kept
 
 
 def keep(kept, stage, key, result, size=10):

@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 
 import rle_splat
-from rle_splat import jit
-from rle_splat.jit import CACHE_VARIABLE, NUMBA_VARIABLE, compiled
+from rle_splat.runtime import jit
+from rle_splat.runtime.jit import CACHE_VARIABLE, NUMBA_VARIABLE, compiled
 
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.kernel_cache import KernelCache, _Folder, _SealedFiles
+from rle_splat.runtime.kernel_cache import KernelCache, _Folder, _SealedFiles
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -113,7 +113,7 @@ def test_another_add_on_and_ours_keep_what_they_compile_each_in_its_own_folder(t
 
 KERNELS = """
 import numpy as np
-from rle_splat.jit import kernel
+from rle_splat.runtime.jit import kernel
 
 @kernel
 def doubled(values):
@@ -137,7 +137,8 @@ import kept_kernels
 for name in sys.argv[1:]:
     kernel = getattr(kept_kernels, name)
     given = kernel(np.arange(4.0))
-    print(np.sum(given), sum(kernel.stats.cache_hits.values()), rtsys._init, "rle_splat.kernel_compiler" in sys.modules)
+    compiler = "rle_splat.runtime.kernel_compiler" in sys.modules
+    print(np.sum(given), sum(kernel.stats.cache_hits.values()), rtsys._init, compiler)
 """
 
 
@@ -168,8 +169,8 @@ def test_a_kernel_on_disk_is_called_without_getting_ready_to_compile(tmp_path):
 
 WITHOUT_COMPILER = """
 import sys
-sys.modules["rle_splat.kernel_lowering"] = None
-from rle_splat.jit import NUMBA_PROBLEM, compiled
+sys.modules["rle_splat.runtime.kernel_lowering"] = None
+from rle_splat.runtime.jit import NUMBA_PROBLEM, compiled
 print(compiled(), "kernel_lowering" in NUMBA_PROBLEM)
 """
 
@@ -188,7 +189,7 @@ def test_kernels_of_another_numba_are_in_a_folder_of_their_own(monkeypatch):
 
 OF_A_PAIR = """
 from typing import NamedTuple
-from rle_splat.jit import kernel
+from rle_splat.runtime.jit import kernel
 
 class Pair(NamedTuple):
     one: int
@@ -225,7 +226,7 @@ def test_a_package_that_is_imported_by_two_names_has_its_kernels_under_each(tmp_
 OF_TWO_FILES = """
 import numpy as np
 from rle_splat.encode.encode_kernels import fill_row_runs
-from rle_splat.jit import parallel_call
+from rle_splat.runtime.jit import parallel_call
 starts, runs = np.zeros((1, 1), np.int64), np.zeros(3, np.uint16)
 with parallel_call(1):
     fill_row_runs(starts, np.array([[12]], np.uint64), np.array([0, 2]), np.array([2, 3], np.uint16), 9, starts, runs)
@@ -363,8 +364,8 @@ def test_a_user_without_a_home_has_kernels_in_the_temporary_folder(tmp_path, mon
 
 
 TOLD_NOT_TO = """
-from rle_splat.jit import NUMBA_PROBLEM, compiled
-import rle_splat.render
+from rle_splat.runtime.jit import NUMBA_PROBLEM, compiled
+import rle_splat.pipeline.render
 print(compiled(), "NUMBA_DISABLE_JIT" in NUMBA_PROBLEM)
 """
 

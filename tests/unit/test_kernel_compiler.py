@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rle_splat.jit import compiled, inner_loop, kernel
+from rle_splat.runtime.jit import compiled, inner_loop, kernel
 
 try:
     import resource
@@ -29,7 +29,7 @@ from numba.core.postproc import PostProcessor
 from numba.core.typing.context import BaseContext
 from numba.extending import overload
 
-from rle_splat import kernel_cache, kernel_compiler
+from rle_splat.runtime import kernel_cache, kernel_compiler
 
 
 @pytest.fixture(autouse=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rle_splat.jit import compiled, inner_loop, kernel
+from rle_splat.runtime.jit import compiled, inner_loop, kernel
 
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.axes import AXES
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
-from rle_splat.encode_scene import encode_scene, encode_scene_steps
-from rle_splat.kept import Kept
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.encode_scene import encode_scene, encode_scene_steps
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
+from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
 
 QUALITY = Quality.preset("standard", classification="pre")

@@ -10,21 +10,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rle_splat import memory
-from rle_splat import memory_estimate as estimate
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import Visibility, count_steps
 from rle_splat.effects.mesh_depth import SAMPLES
 from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import VOXELS_AT_ONCE, encode
-from rle_splat.encode_scene import encode_scene
-from rle_splat.jit import compiled
-from rle_splat.kept import Kept
+from rle_splat.pipeline import memory_estimate as estimate
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.read.formats import read_volume
-from rle_splat.render import render, render_steps
+from rle_splat.runtime import memory
+from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.splat import scratch
-from rle_splat.steps import drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.blocks import block_steps
 from rle_splat.volume.volume import Volume
@@ -258,7 +258,7 @@ def test_the_voxels_are_hashed_once():
 
 def short_of_memory(monkeypatch, free):
     """As if there were ``free`` bytes; and work on few voxels at a time, as large volumes have it."""
-    monkeypatch.setattr("rle_splat.memory_estimate.VOXELS_AT_ONCE", 1000)
+    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
     for module in ("memory_estimate", "kept", "memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rle_splat.jit import available_threads, compiled, kernel, parallel_call
-from rle_splat.parallel import share_out
+from rle_splat.runtime.jit import available_threads, compiled, kernel, parallel_call
+from rle_splat.runtime.parallel import share_out
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="nothing is shared out without kernels")
 

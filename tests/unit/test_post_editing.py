@@ -9,9 +9,9 @@ import pytest
 
 from rle_splat.classify.relevant import Reach
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.kept import Kept
-from rle_splat.memory_estimate import refuse_too_much, scalar_estimate
-from rle_splat.render import render, render_steps
+from rle_splat.pipeline.memory_estimate import refuse_too_much, scalar_estimate
+from rle_splat.pipeline.render import render, render_steps
+from rle_splat.pipeline.stage_cache import Kept
 from rle_splat.scene import Camera, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -245,7 +245,7 @@ def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     counts = np.full(volume.shape_xyz[1] * volume.shape_xyz[2], volume.shape_xyz[0] // 2)
     wanted = scalar_estimate(volume, (counts, counts // 5), axes=3, picture=1000)
     assert wanted.with_record(4) == wanted
-    monkeypatch.setattr("rle_splat.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
+    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
     with pytest.raises(RleSplatError, match=words) as problem:
         refuse_too_much(wanted)
     assert "record" not in str(problem.value) and "shown, and their neighbours, need" in str(problem.value)

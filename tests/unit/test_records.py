@@ -6,20 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.classify.lighting import lighting
 from rle_splat.classify.placing import Places
-from rle_splat.classify.shading import color_bound, light_records
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import encode
 from rle_splat.encode.records import decoding_of, empty_records, pack, record_bytes, unpack
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.validate import validate
-from rle_splat.encode_scene import encode_scene
-from rle_splat.medium import classify_and_shade
-from rle_splat.render import render
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.steps import Clock
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
-from rle_splat.steps import Clock
+from rle_splat.shade.lighting import lighting
+from rle_splat.shade.shading import color_bound, light_records
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

@@ -8,21 +8,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat import memory_estimate as estimate
 from rle_splat.classify import refined
 from rle_splat.classify.classification import ClassifiedVolume
-from rle_splat.classify.lighting import lighting
 from rle_splat.classify.placing import Places
 from rle_splat.classify.refined import FineVoxels, RefinedVolume, value_block_steps
-from rle_splat.classify.refined_light import RefinedLight, lit_voxels
-from rle_splat.classify.shading import normals, shaded_colors
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
-from rle_splat.encode_scene import encode_scene
-from rle_splat.kept import Kept
-from rle_splat.render import render
+from rle_splat.pipeline import memory_estimate as estimate
+from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
-from rle_splat.steps import drain
+from rle_splat.shade.lighting import lighting
+from rle_splat.shade.refined_light import RefinedLight, lit_voxels
+from rle_splat.shade.shading import normals, shaded_colors
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps
 from rle_splat.volume.volume import Volume
@@ -300,7 +300,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
     for name in ("classify.visible", "memory_estimate"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
-    monkeypatch.setattr("rle_splat.memory_estimate.VOXELS_AT_ONCE", 1000)
+    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
     monkeypatch.setattr(sys.modules[render.__module__], "scratch_bytes", lambda *_: 0)
     scene, quality = scene_of(noise(32), size=8), refined_quality(4, record=record)

@@ -7,7 +7,7 @@ import pytest
 from rle_splat.accuracy.transfer import piecewise_linear
 from rle_splat.classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.steps import drain
+from rle_splat.runtime.steps import drain
 from rle_splat.volume.blocks import block_steps
 from rle_splat.volume.volume import STORED_TYPES, Volume
 

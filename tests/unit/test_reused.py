@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from rle_splat import reused
-from rle_splat.kept import Kept
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime import buffer_pool as reused
 
 MANY = 1 << 18  # float32 numbers that are worth it here
 

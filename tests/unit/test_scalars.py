@@ -9,10 +9,10 @@ import pytest
 from rle_splat.accuracy.lighting import VoxelLight
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.scalars import NOT_A_NUMBER, scalars_of
-from rle_splat.kept import Kept
-from rle_splat.scalar_medium import scalar_medium_steps
+from rle_splat.pipeline.scalar_medium import scalar_medium_steps
+from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Camera, Light, Quality, Scene
-from rle_splat.steps import Clock, drain
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rle_splat.jit import compiled, kernel
-from rle_splat.lanes import GROUP
+from rle_splat.runtime.jit import compiled, kernel
+from rle_splat.runtime.lanes import GROUP
 from rle_splat.splat.pixel_block import BLOCK, is_voxel_by_voxel, place_tent, resample_tent, resample_voxel_by_voxel
 from rle_splat.splat.voxel_scanline import add_runs
 

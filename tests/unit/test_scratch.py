@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rle_splat.jit import compiled
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Mist, Quality
 from rle_splat.splat import scalar_splat, scratch, splat
 from tests.unit.test_crop import TRIANGLES, bits, scene_of

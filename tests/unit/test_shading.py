@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.classification import classify
-from rle_splat.classify.lighting import follows_view, is_shaded
-from rle_splat.classify.shading import normals, shade
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.scene import Light
+from rle_splat.shade.lighting import follows_view, is_shaded
+from rle_splat.shade.shading import normals, shade
 from rle_splat.volume.volume import Volume
 
 BACKENDS = ("numba", "numpy")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade
-from rle_splat.jit import compiled
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality
 from rle_splat.splat import pixel_block, scalar_splat
 from tests.unit.test_crop import bits, scene_of

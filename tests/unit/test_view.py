@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.axes import AXES
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.render import render
+from rle_splat.pipeline.render import render
 from rle_splat.scene import DEPTH_RULES, NO_DEPTH, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.arguments import rays_of
 from rle_splat.view.base_plane import base_plane
@@ -17,6 +16,7 @@ from rle_splat.view.footprints import FOOTPRINTS
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
 from rle_splat.view.projection import world_to_pixel
 from rle_splat.view.turntable import turntable
+from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
 
 

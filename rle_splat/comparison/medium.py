@@ -1,0 +1,112 @@
+"""The medium that all systems draw: one classification and one shading for them all."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..classify.classification import ClassifiedVolume
+from ..effects.analyse import analyse, called_for
+from ..encode.store import StoredVolume
+from ..pipeline.medium import classify_and_shade
+from ..runtime.steps import Clock
+from ..scene import Quality, RleSplatError, Scene
+from ..view.eye import IndexView, index_view
+from ..view.principal_axis import dominant_axis
+from ..view.ray_limits import box_depths
+
+CHANNELS = 4  # of a voxel record: extinction * RGB, extinction
+
+
+@dataclass(frozen=True, eq=False)
+class Medium:
+    """A scene's voxels, classified and shaded once.
+
+    ``classified``: its non-transparent voxels; ``colors``: (m, 3) float32, theirs, shaded and unassociated.
+    ``stages_ms``: what classifying and shading took, and making ``field`` once it is made, milliseconds.
+    """
+
+    scene: Scene
+    classified: ClassifiedVolume
+    colors: np.ndarray
+    stages_ms: dict
+
+    @cached_property
+    def view(self) -> IndexView:
+        return index_view(self.scene.camera, self.scene.index_to_world, self.scene.width, self.scene.height)
+
+    @cached_property
+    def places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Index z, y, x (m,) int64 of every non-transparent voxel."""
+        _, ny, nz = self.classified.shape_xyz
+        row = np.repeat(np.arange(nz * ny), np.diff(self.classified.row_start))
+        return row // ny, row % ny, self.classified.column.astype(np.int64)
+
+    @cached_property
+    def field(self) -> np.ndarray:
+        """(nz + 2, ny + 2, nx + 2, 4) float32: every voxel's (extinction * RGB, extinction), 1 / world length.
+
+        The medium is zero outside the grid: one layer of transparent voxels on every side says so.
+        """
+        began = time.perf_counter()
+        nx, ny, nz = self.classified.shape_xyz
+        dense = np.zeros((nz + 2, ny + 2, nx + 2, CHANNELS), np.float32)
+        z, y, x = (axis + 1 for axis in self.places)
+        extinction = self.classified.extinction[:, None]
+        dense[z, y, x] = np.concatenate((extinction * self.colors, extinction), axis=1)
+        self.stages_ms["dense"] = 1e3 * (time.perf_counter() - began)
+        return dense
+
+    @property
+    def principal_axes(self) -> list[int]:
+        """The principal axes (0 x, 1 y, 2 z) that rays of this view belong to."""
+        if self.view.is_parallel:
+            return [int(dominant_axis(-self.view.eye[:3])[0])]
+        # Two pixels of slack, for the margin of the base planes.
+        rows, columns = np.mgrid[-2 : self.view.height + 3, -2 : self.view.width + 3]
+        return sorted({int(axis) for axis in np.unique(dominant_axis(self.view.ray_directions(columns, rows))[0])})
+
+    def stored(self, axes: dict, affine=None) -> Scene:
+        """The scene with its volume replaced by run-length tables, ready for the renderer; colours are baked in.
+
+        ``axes``: principal axis -> RunLengthVolume.  ``affine``: where their grid lies, the volume's own when None.
+        """
+        scene = self.scene
+        volume = StoredVolume(
+            axes, scene.volume.affine if affine is None else affine, scene.volume.unit, self.classified.unit_length,
+            scene.transfer_function.to_json(),
+        )
+        return replace(scene, volume=volume, lights=(), headlight=False, effects={})
+
+
+def scene_medium(scene: Scene, quality: Quality) -> Medium:
+    """Classify and shade a scene for comparison; RleSplatError for what the systems cannot all draw."""
+    if quality.classification != "pre":
+        raise RleSplatError(
+            f"The systems are compared on one medium of classified voxels; choose the classification pre, not "
+            f"{quality.classification}."
+        )
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
+    scene = called_for(scene, analyse(scene, quality))
+    if scene.triangles is not None and len(scene.triangles):
+        raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
+    clock = Clock()
+    classified, colors = classify_and_shade(scene, quality, clock)
+    return Medium(scene, classified, colors, {name: clock.stages[name] for name in ("classify", "shade")})
+
+
+def need_whole_volume(medium: Medium, title: str) -> None:
+    """Refuse a view whose clip distances cut the volume, for a system without clipping."""
+    nearest, furthest = box_depths(medium.view, medium.classified.shape_xyz)
+    if nearest < medium.scene.camera.clip_start or furthest > medium.scene.camera.clip_end:
+        raise RleSplatError(f"{title} draws whole volumes only; move the clip distances off the volume.")
+
+
+def need_parallel_rays(medium: Medium, title: str) -> None:
+    """Refuse a perspective view, for a system of parallel projection."""
+    if not medium.view.is_parallel:
+        raise RleSplatError(f"{title} is a method of parallel projection; choose an orthographic camera.")

@@ -1,0 +1,159 @@
+"""Westover's splatting: every voxel visited, its footprint looked up in a table and thrown on to the screen.
+
+L. Westover, Interactive volume rendering, 1989, and Footprint evaluation for volume rendering, SIGGRAPH 1990: the
+paper's [5] and [6].  Two ways to join footprints: every one is composited as it comes, or those of a sheet of
+voxels, parallel to the volume's face, are first added in a sheet buffer.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from ..runtime.jit import kernel, parallel_call, prange, read_only
+from ..scene import Quality
+from ..view.principal_axis import dominant_axis
+from ..volume.axes import AXES
+from .footprint import Footprint, composite_sample, first_pixel, footprint
+from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
+from .system import Prepared, need_kernels, picture
+
+TITLE = "Westover's splatting"
+BANDS_PER_THREAD = 2  # each band of screen rows visits the voxel rows that fall on it; few, so that few do twice
+
+
+def prepare(medium: Medium, quality: Quality, sheets: bool = True, cull: bool = True) -> Prepared:
+    """Splatting of every voxel of the dense grid under parallel projection.
+
+    ``sheets``: add the footprints of a sheet before compositing it; else composite every sample.  ``cull``: a
+    transparent voxel is looked at and left out; else its footprint of zeros is splatted as any other (sheets
+    only: the composite of nothing is nothing).
+    """
+    need_kernels(quality, TITLE)
+    need_parallel_rays(medium, TITLE)
+    need_whole_volume(medium, TITLE)
+    table = footprint(medium.view)
+    memory = {"voxels": medium.field.nbytes, "footprint_table": table.weights.nbytes}
+    notes = {"footprint": table.shape[1:].tolist(), "subpixels": int(table.shape[0])}
+    return Prepared(partial(draw, medium, quality, table, sheets, cull), memory, notes)
+
+
+def front_to_back(medium: Medium):
+    """The voxels as a (slices, scanlines, width, 4) view of the field, nearest first along every axis, with the pixel
+    position (2,) of the first voxel and the steps (3, 2) along slices, scanlines and voxels; float64."""
+    direction = -medium.view.eye[:3]
+    axis = int(dominant_axis(direction)[0])
+    voxels = medium.field[1:-1, 1:-1, 1:-1]
+    corner = np.zeros(3)
+    step = np.eye(3)
+    for a in range(3):
+        if direction[a] < 0.0:
+            voxels = np.flip(voxels, 2 - a)
+            corner[a] = voxels.shape[2 - a] - 1.0
+            step[a, a] = -1.0
+    along, across, principal = AXES[axis]
+    order = (principal, across, along)
+    projection = medium.view.projection[:2]
+    pixels = projection[:, :3] @ corner + projection[:, 3]
+    steps = (step @ projection[:, :3].T)[list(order)]
+    return voxels.transpose(*(2 - a for a in order), 3), pixels, np.ascontiguousarray(steps)
+
+
+def draw(medium: Medium, quality: Quality, table: Footprint, sheets: bool, cull: bool):
+    """One frame."""
+    view = medium.view
+    image = np.zeros((view.height, view.width, CHANNELS), np.float32)
+    image[..., 3] = 1.0
+    voxels, corner, steps = front_to_back(medium)
+    with parallel_call(quality.threads) as workers:
+        splat_voxels(
+            workers, read_only(voxels), corner, steps, read_only(table.weights), table.shape, table.reach, sheets,
+            cull, image,
+        )
+    return picture(image)
+
+
+@kernel
+def _splat_slice(
+    voxels, slice_, corner, steps, weights, shape, reach, top, bottom, sheets, cull, target, box
+):
+    """Throw one slice's footprints on to screen rows [top, bottom).
+
+    ``target``: with ``sheets`` the sheet buffer (rows of the band, W, 4), to be added to, else the image.  ``box``:
+    (4,) least and largest touched row and column of the sheet buffer, updated.
+    """
+    image_width = target.shape[1]
+    subpixels, height, width = shape[0], shape[1], shape[2]
+    for j in range(voxels.shape[1]):
+        at_row = corner[1] + slice_ * steps[0, 1] + j * steps[1, 1]
+        at_column = corner[0] + slice_ * steps[0, 0] + j * steps[1, 0]
+        far_row = at_row + (voxels.shape[2] - 1) * steps[2, 1]
+        if max(at_row, far_row) + reach[1] < top or min(at_row, far_row) - reach[1] > bottom:
+            continue
+        for i in range(voxels.shape[2]):
+            sigma = voxels[slice_, j, i, 3]
+            if cull and sigma == 0.0:
+                continue
+            row, sub_row = first_pixel(at_row + i * steps[2, 1], reach[1], subpixels)
+            column, sub_column = first_pixel(at_column + i * steps[2, 0], reach[0], subpixels)
+            first_row, last_row = max(row, top), min(row + height, bottom)
+            first_column, last_column = max(column, 0), min(column + width, image_width)
+            if first_row >= last_row or first_column >= last_column:
+                continue
+            red, green, blue = voxels[slice_, j, i, 0], voxels[slice_, j, i, 1], voxels[slice_, j, i, 2]
+            place = (sub_row * subpixels + sub_column) * height * width
+            for r in range(first_row, last_row):
+                entry = place + (r - row) * width - column
+                for c in range(first_column, last_column):
+                    weight = weights[entry + c]
+                    if sheets:
+                        target[r - top, c, 0] += weight * red
+                        target[r - top, c, 1] += weight * green
+                        target[r - top, c, 2] += weight * blue
+                        target[r - top, c, 3] += weight * sigma
+                    elif weight > 0.0 and sigma > 0.0:
+                        composite_sample(target, r, c, weight, red, green, blue, sigma)
+            box[0], box[1] = min(box[0], first_row), max(box[1], last_row)
+            box[2], box[3] = min(box[2], first_column), max(box[3], last_column)
+
+
+@kernel
+def _composite_sheet(sheet, image, top, box):
+    """Composite the touched part of the sheet buffer behind the image and clear it."""
+    for row in range(box[0], box[1]):
+        for column in range(box[2], box[3]):
+            tau = sheet[row - top, column, 3]
+            if tau > 0.0:
+                composite_sample(
+                    image, row, column, np.float32(1.0), sheet[row - top, column, 0], sheet[row - top, column, 1],
+                    sheet[row - top, column, 2], tau,
+                )
+            for channel in range(4):
+                sheet[row - top, column, channel] = 0.0
+
+
+@kernel(parallel=True)
+def splat_voxels(workers, voxels, corner, steps, weights, shape, reach, sheets, cull, image):
+    """Every voxel on to the screen, front to back.
+
+    ``voxels``: (slices, scanlines, width, 4) float32 records, nearest first; ``corner`` (2,) and ``steps`` (3, 2):
+    pixel = corner + slice * steps[0] + scanline * steps[1] + voxel * steps[2], column before row.  ``weights``,
+    ``shape``, ``reach``: see ``Footprint``.  ``image``: (H, W, 4) float32 colour and transmittance, updated.
+    Bands of screen rows are independent: the same bits for any number of threads.
+    """
+    rows = image.shape[0]
+    bands = min(rows, BANDS_PER_THREAD * workers)
+    for worker in prange(workers):
+        for band in range(worker, bands, workers):
+            top, bottom = rows * band // bands, rows * (band + 1) // bands
+            sheet = np.zeros((bottom - top if sheets else 0, image.shape[1], 4), np.float32)
+            box = np.zeros(4, np.int64)
+            for k in range(voxels.shape[0]):
+                box[0], box[1], box[2], box[3] = bottom, top, image.shape[1], 0
+                _splat_slice(
+                    voxels, k, corner, steps, weights, shape, reach, top, bottom, sheets, cull,
+                    sheet if sheets else image, box,
+                )
+                if sheets:
+                    _composite_sheet(sheet, image, top, box)

@@ -1,0 +1,75 @@
+"""What a camera with a lens and a shutter sees: the mean of sharp pictures through the lens, while it is open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..runtime.steps import Progress
+from ..scene import Rendering, Scene
+from .lens import lens_pictures, lens_points, through_lens
+from .motion import at_time, motion_pictures
+
+# Spreads times evenly, and apart from the golden angles by which the lens's points turn.
+SILVER = 2.0**0.5 - 1.0
+LENS, SHUTTER = "depth of field", "motion blur"  # their names in the table of effects
+
+
+def exposures(scene: Scene) -> list[Scene]:
+    """The sharp, still scenes whose mean picture the scene's is; itself alone if nothing is blurred.
+
+    Every point of the lens has a time of its own, both evenly spread, so that one set of pictures blurs both.
+    """
+    through, during = lens_pictures(scene), motion_pictures(scene)
+    count = max(through, during)
+    if count == 1:
+        return [scene]
+    camera = scene.camera
+    # The first is near the middle of both.
+    times = (np.argsort(np.argsort((np.arange(count) * SILVER + 0.5) % 1.0)) + 0.5) / count
+    points = lens_points(count, camera.aperture_blades, camera.aperture_rotation, camera.aperture_ratio, times)
+    sharp = []
+    for point, time in zip(points, times):
+        one = at_time(scene, time) if during > 1 else replace(scene, motion=())
+        seen = through_lens(one.camera, point) if through > 1 else replace(one.camera, aperture_radius=0.0)
+        sharp.append(replace(one, camera=seen))
+    return sharp
+
+
+def exposure_steps(scene: Scene, scenes: list[Scene], render_one):
+    """Generator of Progress: the mean of the pictures of ``scenes``, the scene's exposures, as one Rendering.
+
+    ``render_one``: a scene -> the generator of its Rendering.  Depth and report are those of the first picture, which
+    is the one nearest the middle of the lens and of the time; the report's times are those of all.
+    """
+    rgba, first, reports = None, None, []
+    for number, sharp in enumerate(scenes):
+        steps = render_one(sharp)
+        while True:
+            try:
+                step = next(steps)
+            except StopIteration as finished:
+                one = finished.value
+                break
+            yield Progress((number + step.fraction) / len(scenes), step.message)
+        reports.append(one.report)
+        if first is None:
+            rgba, first = one.rgba.astype(np.float64), one
+        else:
+            rgba += one.rgba
+    report = {**first.report, **_times(scene, reports)}
+    return Rendering((rgba / len(scenes)).astype(np.float32), first.depth, report)
+
+
+def _times(scene: Scene, reports: list[dict]) -> dict:
+    """The stages' and the effects' milliseconds in all pictures; all pictures but the first are the blur's price."""
+    stages = {stage: sum(report["stages_ms"][stage] for report in reports) for stage in reports[0]["stages_ms"]}
+    extra = stages["total"] - reports[0]["stages_ms"]["total"]
+    blur = LENS if lens_pictures(scene) >= motion_pictures(scene) else SHUTTER  # the other shares its pictures
+    effects = []
+    for rows in zip(*(report["effects"] for report in reports)):
+        known = [row["ms"] for row in rows if row["ms"] is not None]
+        spent = sum(known) if known else None
+        effects.append({**rows[0], "ms": extra if rows[0]["name"] == blur else spent})
+    return {"stages_ms": stages, "effects": effects}

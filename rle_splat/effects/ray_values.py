@@ -1,0 +1,126 @@
+"""Modes: what a pixel shows of its ray in place of emission and absorption, front to back (algorithm.md 4.2).
+
+    xray      absorption alone: 1 - exp(-sum of optical depths), white on nothing, bone bright as on film
+    mip       the largest value on the ray, minip the smallest, average the mean over its path: values first, the
+              transfer function afterwards, once a pixel
+
+Values are interpolated inside each sheet, and the transfer function of a pixel is that of the one value found: its
+colour, and its opacity in parts of the function's largest, so that the curve of opacity is the window of a viewer:
+from transparent, black on a dark background, to opaque.  (Opacity per length would mean nothing here.)
+
+Only what can decide a pixel is kept of a volume.  The largest value of a ray is exact as soon as it is above the
+lowest value that is shown, and whatever is below is not shown: cells that reach up to there are kept, and for the
+smallest value, cells that reach down to the highest value shown.  A mean needs every voxel.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..classify.points import pieces, positive_intervals
+from ..encode.store import StoredVolume
+from ..scene import NO_DEPTH, POST_ONLY, Quality, RleSplatError, Scene
+from ..view.depth_rules import value_rule
+from .ray_mode import OF_VALUES as VALUE_MODES
+
+TO_STORED = {"mip": 1.0, "minip": -1.0, "average": 0.0}  # which value is wanted, were the slope positive
+# What is below the lowest value shown, in parts of the values above it, still counts: not to end in a step.
+MARGIN = 1.0 / 16.0
+LEAST_COVERED = 1.0 / 256.0  # of a pixel; with less of it in the box its value is not known well enough
+
+
+def mode_quality(scene: Scene, quality: Quality) -> Quality:
+    """The quality that the scene's mode can be rendered with: by sheets of the scalar, which alone hold values."""
+    if scene.mode == "composite":
+        return quality
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError(
+            f"A .rle file holds voxels that are classified already; the mode {scene.mode} needs the volume itself."
+        )
+    if quality.classification == "post":
+        return quality
+    return replace(quality.classified("pre"), **POST_ONLY, classification="post")
+
+
+def mode_remarks(scene: Scene, asked: Quality) -> list[str]:
+    """What a report says of a scene whose mode could not be rendered with the quality that was asked for."""
+    if mode_quality(scene, asked) is asked:
+        return []
+    return [f"The mode {scene.mode} shows values, so it was rendered by post, not by {asked.classification}."]
+
+
+def sheet_rule(scene: Scene, quality: Quality) -> str:
+    """The depth rule of the sheets that a scene is splatted from."""
+    return value_rule(quality.depth_rule) if scene.mode in VALUE_MODES else quality.depth_rule
+
+
+def shown_values(tf, mode: str) -> np.ndarray:
+    """(k, 2) half-open intervals of physical values: a cell with any of them may decide a pixel in this mode."""
+    if mode == "average":
+        return np.array(((-np.inf, np.inf),))
+    shown = positive_intervals(pieces(tf.opacity))
+    if len(shown) == 0:
+        return shown
+    if mode == "mip":
+        return np.array(((shown[0, 0], np.inf),))
+    if mode == "minip":
+        return np.array(((-np.inf, shown[-1, 1]),))
+    return shown
+
+
+@dataclass(frozen=True, eq=False)
+class ValueLook:
+    """How the values of rays are counted in sheets, and what they look like in the picture.
+
+    ``sign``: 1 for the largest of the stored values, -1 the smallest, 0 the mean.  ``origin``: ``sign`` (or 1) times
+    the stored value from which they are counted, ``most`` the largest count.  ``least``: stored, below all there is.
+    ``hollow``: whether rays on which nothing was kept show ``origin``, which is transparent, or nothing.
+    """
+
+    tf: object
+    slope: float
+    intercept: float
+    sign: float
+    origin: float
+    most: float
+    least: float
+    hollow: bool
+
+    @property
+    def nbytes(self) -> int:
+        return 0
+
+    def picture(self, rgba, depth):
+        """What warping counts and coverage gave, (H, W, 4) float32 with counts in the first channel, in the transfer
+        function's colours; and the depth, none where nothing is seen."""
+        covered = rgba[..., 3]
+        seen = covered > LEAST_COVERED
+        share = covered[seen].astype(np.float64)
+        stored = (rgba[..., 0][seen] / share + self.origin) * (self.sign or 1.0)
+        look = self.tf.table(stored * self.slope + self.intercept)
+        strongest = max(alpha for _, alpha in self.tf.opacity)
+        alpha = look[:, 3] / strongest * share if strongest > 0.0 else np.zeros_like(share)
+        found = np.zeros_like(rgba)
+        found[seen] = np.concatenate((look[:, :3] * alpha[:, None], alpha[:, None]), axis=1)
+        return found, np.where(found[..., 3] > 0.0, depth, np.float32(NO_DEPTH))
+
+
+def value_look(volume, tf, mode: str, ends) -> ValueLook:
+    """``ends``: smallest and largest stored value that is splatted."""
+    sign = TO_STORED[mode] * math.copysign(1.0, volume.slope)
+    low, high = sorted((sign or 1.0) * end for end in ends)
+    slack = 1e-6 * max(abs(low), abs(high), 1e-30)
+    shown = (np.clip(shown_values(tf, mode), -1e300, 1e300) - volume.intercept) / volume.slope
+    begin = float(((sign or 1.0) * shown).min(initial=np.inf))
+    origin = low - max(slack, 1e-3 * (high - low))
+    if begin > low:
+        origin = max(origin, min(begin, high) - MARGIN * (high - min(begin, high)) - slack)
+    if volume.voxels.dtype.kind in "iu":
+        origin = math.floor(origin)  # counts of whole numbers stay whole
+    hollow = not tf.alpha_at(volume.physical((sign or 1.0) * origin)) > 0.0
+    return ValueLook(
+        tf, volume.slope, volume.intercept, sign, origin, high - origin, min(ends) - slack - 1e-6, bool(hollow)
+    )

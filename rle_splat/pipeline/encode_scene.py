@@ -1,0 +1,97 @@
+"""The first half of the road, kept: a scene's volume classified, shaded and encoded, ready for a `.rle` file."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from ..effects.analyse import analyse, called_for
+from ..encode.store import StoredVolume
+from ..runtime.steps import Clock, drain, portion
+from ..scene import Quality, RleSplatError, Scene
+from ..volume.axes import AXES, AXIS_NAMES
+from .medium import axis_steps, look_steps
+from .stage_cache import Kept
+
+
+def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
+    """The tables of ``scene`` for the principal ``axes`` (0, 1, 2 for x, y, z); can be saved, and rendered as a volume.
+
+    Of ``quality`` only the model, the record and what does the work matter: tables always hold classified voxels.
+    ``source``: see ``encode_scene_steps``.
+    """
+    return drain(encode_scene_steps(scene, quality or Quality(classification="pre"), axes, source))[0]
+
+
+def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
+    """Generator form: yields Progress, returns (StoredVolume, report).  Colours are those a rendering has.
+
+    ``source``: name of the file the volume was read from, for whoever opens the result.
+    """
+    if quality.classification == "refined":
+        raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
+    quality = quality.classified("pre")
+    scene = called_for(scene, analyse(scene, quality))
+    clock, job = Clock(), Kept(0).job()
+    look = yield from look_steps(scene, quality, job, clock, len(axes))
+    classified = look.classified
+    encoded, begun, share = {}, 0.1, 0.9 / len(axes)
+    for axis in sorted(axes, reverse=True):  # the others take the records of z, so that all is shaded once
+        steps = axis_steps(look, quality, axis, job, clock)
+        encoded[axis] = yield from portion(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
+        begun += share
+    encoded = {axis: encoded[axis] for axis in axes}
+    volume = scene.volume
+    stored = StoredVolume(
+        encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),
+        describe_lighting(scene), source, tuple(volume.remarks),
+    )
+    stages = {name: clock.stages[name] for name in ("classify", "shade", "encode")}
+    report = {
+        "stages_ms": {**stages, "total": clock.report()["total"]},
+        "volume": {
+            "shape_xyz": list(volume.shape_xyz),
+            "visible_voxels": classified.visible_voxels,
+            "visible_fraction": classified.visible_fraction,
+            "nan_voxels": classified.nan_voxels,
+        },
+        "model": quality.model,
+        "record": quality.record,
+        "memory_estimate_bytes": look.estimate.report(),
+        "axes": {
+            AXIS_NAMES[axis]: {
+                "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},
+            }
+            for axis, tables in encoded.items()
+        },
+    }
+    return stored, report
+
+
+def looking_direction(camera) -> np.ndarray:
+    """(3,) float64 unit world vector along which a camera looks."""
+    backwards = camera.matrix_world[:3, 2]
+    return -backwards / np.linalg.norm(backwards)
+
+
+def describe_lighting(scene: Scene) -> dict:
+    """What the shaded colours of a scene depend on besides volume and transfer function, JSON-ready.
+
+    ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position
+    of the eye, which highlights depend on.
+    """
+    camera, looking = scene.camera, looking_direction(scene.camera)
+    parallel = camera.type == "ORTHO"
+    return {
+        "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights or scene.world)),
+        "lights": [describe_light(light) for light in scene.lights],
+        "headlight_direction": looking.tolist() if scene.headlight else None,
+        "eye": [*(-looking).tolist(), 0.0] if parallel else [*camera.matrix_world[:3, 3].tolist(), 1.0],
+    }
+
+
+def describe_light(light) -> dict:
+    """A light as the lights file has it."""
+    described = {entry.name: getattr(light, entry.name) for entry in fields(light)}
+    return {**described, "color": list(light.color), "matrix_world": light.matrix_world.tolist()}

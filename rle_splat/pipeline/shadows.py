@@ -1,0 +1,63 @@
+"""The stage of shadows: one result for each light that casts them, so that to move one light sweeps that one alone, and
+to move the camera none."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from ..effects.shadows import Matter, light_steps, sky_steps
+from ..runtime.steps import Clock, timed
+from ..scene import Light, Scene
+from ..shade.light_sweep import FULL
+from ..shade.lighting import Shadows
+from .stage_cache import Job
+
+SHADOW_EFFECTS = ("shadows", "ambient occlusion")  # their names in the table of effects
+UNSEEN_BY_SHADOWS = ("color", "energy", "casts_shadow", "matrix_world")
+
+
+def casting(scene: Scene) -> list[int]:
+    """Numbers of the lights that cast shadows in the volume."""
+    if not scene.volume_shadows:
+        return []
+    return [n for n, light in enumerate(scene.lights) if light.casts_shadow and light.energy > 0.0]
+
+
+def shadow_count(scene: Scene) -> int:
+    """How many lights, the one from everywhere among them, of which it is stored what reaches each voxel."""
+    return len(casting(scene)) + (scene.ambient_occlusion > 0.0)
+
+
+def without_shadows(scene: Scene) -> Scene:
+    """The scene without shadows and ambient occlusion, whether it asks for them or they are forced on or off."""
+    effects = {name: on for name, on in scene.effects.items() if name not in SHADOW_EFFECTS}
+    return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
+
+
+def shadow_steps(scene: Scene, matter: Matter, job: Job, clock: Clock):
+    """Generator of fractions done: the Shadows of a scene's lights, a headlight behind them, and their key."""
+    numbers, sky = casting(scene), scene.ambient_occlusion > 0.0
+    row_of = np.full(len(scene.lights) + scene.headlight + 1, -1, np.int64)
+    found, keys = [], []
+    for number in numbers:
+        light = scene.lights[number]
+        key = (matter.key, _light_key(light))
+        steps = job.steps("shadows", key, lambda light=light: light_steps(light, matter))
+        row_of[number] = len(found)
+        found.append((yield from timed(steps, clock, "shadows")))
+        keys.append((number, key))
+    if sky:
+        steps = job.steps("ambient occlusion", matter.key, lambda: sky_steps(matter))
+        left = yield from timed(steps, clock, "ambient occlusion")
+        row_of[-1] = len(found)
+        found.append(np.rint(FULL - scene.ambient_occlusion * (FULL - left.astype(np.float32))).astype(np.uint16))
+        keys.append((scene.ambient_occlusion, matter.key))
+    return Shadows(np.stack(found), row_of), tuple(keys)
+
+
+def _light_key(light: Light) -> tuple:
+    """Names where a light is and how large, all that its shadows depend on."""
+    named = {name: value for name, value in asdict(light).items() if name not in UNSEEN_BY_SHADOWS}
+    return (light.matrix_world.tobytes(), *named.values())

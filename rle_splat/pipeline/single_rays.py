@@ -1,0 +1,135 @@
+"""Single pixels of a picture by rays of their own, where sheets and warp err most.
+
+They go through the same voxels, table of values and light as the sheets, and are cut off by the same box and clip
+distances; what they leave out is the resampling of sheets and the warp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields, replace
+
+import numpy as np
+
+from ..raycast.scalar_rays import rays_through
+from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
+from ..view.base_plane import base_plane
+from ..view.eye import IndexView
+from ..view.principal_axis import candidate_pyramids, dominant_axis
+from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
+from .medium import Medium
+
+AT_ONCE = 4096  # rays between two looks at the user's Esc
+NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays
+LEAST_SLABS = 4
+# What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.
+KNOWN = {
+    "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
+    "background", "crop", "effects", "volume_shadows", "world", "ambient_occlusion", "reasons_off",
+}  # fmt: skip
+
+
+def can_trace(scene: Scene, quality: Quality) -> bool:
+    """Whether single pixels of a scene can be had by rays of their own: of scalars, and without meshes.
+
+    ``scene``: without the effects that are off (``effects.analyse``).
+    """
+    if quality.classification != "post" or min(scene.volume.shape_xyz) < 2:
+        return False
+    if scene.transfer_function.gradient_opacity is not None:
+        return False
+    return all(field.name in KNOWN or not _given(scene, field) for field in fields(Scene))
+
+
+def _given(scene: Scene, field) -> bool:
+    """Whether a field of the scene is something else than what it is by itself; an empty array is nothing."""
+    value, usual = getattr(scene, field.name), field.default
+    usual = field.default_factory() if usual is MISSING else usual
+    if isinstance(value, np.ndarray):
+        return value.size > 0 and not np.array_equal(value, usual)
+    return value is not usual and value != usual
+
+
+def traces_steep_pixels(scene: Scene, quality: Quality) -> bool:
+    """Whether a quality has the steep pixels of a scene traced by rays of their own."""
+    return quality.rays > 0.0 and can_trace(scene, quality)
+
+
+def with_neighbours(scene: Scene) -> Scene:
+    """The scene with a crop so much larger that it holds whole tiles (see ``warp.steep``), and all their pixels have
+    their neighbours."""
+    if scene.crop is None:
+        return scene
+    first = (max(side // TILE * TILE - AROUND, 0) for side in scene.crop[:2])
+    ends = zip(scene.crop[2:], (scene.width, scene.height), strict=True)
+    return replace(scene, crop=(*first, *(min(-(-side // TILE) * TILE + AROUND, most) for side, most in ends)))
+
+
+def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, slabs: int):
+    """Generator of fractions done; returns premultiplied rgba (n, 4) float32 of pixels of the picture.
+
+    ``columns``, ``rows``: (n,) ints.  ``slabs``: that a voxel's depth is cut into, at least.
+    """
+    rgba, planes = np.empty((len(columns), 4), np.float32), {}
+    for first in range(0, len(columns), AT_ONCE):
+        yield first / len(columns)
+        part = slice(first, first + AT_ONCE)
+        rgba[part], _ = _traced(scene, view, medium, planes, columns[part], rows[part], slabs)
+    return rgba
+
+
+def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int):
+    """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture; NO_DEPTH where there is none.
+
+    ``planes``: base planes by axis and sign, as far as they were needed before.
+    """
+    left, top = scene.region[:2]
+    columns, rows = columns + (left + 0.5), rows + (top + 0.5)
+    axes, signs = dominant_axis(view.ray_directions(columns, rows))
+    rgba, depth = np.zeros((len(columns), 4), np.float32), np.full(len(columns), NO_DEPTH, np.float32)
+    shape, clip = scene.volume.shape_xyz, (scene.camera.clip_start, scene.camera.clip_end)
+    for axis, sign in candidate_pyramids(view):
+        mine = np.flatnonzero((axes == axis) & (signs == sign))
+        if not len(mine):
+            continue
+        if (axis, sign) not in planes:
+            planes[axis, sign] = base_plane(view, shape, axis, sign, "slice", 1.0, boxed=True)
+        if planes[axis, sign] is not None:
+            rays = rays_through(planes[axis, sign], view, shape, columns[mine], rows[mine], clip)
+            rgba[mine], half = medium.trace(rays, slabs)
+            found = np.isfinite(half)
+            depth[mine[found]] = (rays.depth[:, 0] + np.where(found, half, 0.0) * rays.depth[:, 1])[found]
+    return rgba, depth
+
+
+def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: Quality, rgba, depth):
+    """Generator of fractions done; traces the steep pixels of a picture, returns it without its border, and what a
+    report says of its rays.
+
+    ``scene``: of the picture, of which only the pixels of ``wanted``, (left, top, right, bottom) in the whole frame,
+    are returned: rgba (h, w, 4) and depth (h, w).
+    """
+    left, top = scene.region[:2]
+    inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
+    most = most_in_tile(scene.width, scene.height)
+    steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.backend, quality.threads)[inner]
+    rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
+    where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
+    for first in range(0, len(where), AT_ONCE):
+        yield first / len(where)
+        rows, columns = np.divmod(where[first : first + AT_ONCE], steep.shape[1])
+        places = columns + inner[1].start, rows + inner[0].start
+        rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *places, slabs)
+    return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
+
+
+def _slabs_of(quality: Quality) -> int:
+    """That a voxel's depth is cut into along a quality's own rays: twice as many as its sheets, and no fewer than err
+    less than these anywhere."""
+    return max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
+
+
+def rays_lines(rays: dict | None) -> list[str]:
+    """What a report's ``rays`` say to people."""
+    if not rays or not rays["pixels"]:
+        return []
+    return [f"{rays['pixels']} pixels ({100.0 * rays['share']:.2g} %) by single rays"]

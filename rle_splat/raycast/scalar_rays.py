@@ -1,0 +1,357 @@
+"""Single rays through the voxels of a scalar volume, with no sheet resampled and nothing warped (algorithm.md 1.9,
+"direct"): dear for a whole picture, cheap for the few pixels at which a warp errs most.
+
+A ray is cut at every voxel plane.  Between two cuts the trilinear scalar is a cubic of the ray's depth; it is followed
+in slabs, over which the scalar changes linearly, the transfer function is averaged as by the depth rule preintegrated,
+and light is that of the slab's middle.  A bit tells whether a voxel is kept, and the bits before it in its row which of
+the kept ones it is; bricks without any are leaped over.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.bits import count_bits
+from ..runtime.jit import inner_loop, kernel
+from ..runtime.parallel import share_out
+from ..splat.voxel_groups import CODE_BITS
+from ..view.base_plane import BasePlane
+from ..view.eye import IndexView
+from ..volume.axes import AXES
+
+SPAN = 4.0  # entries of a value table from which on a mean is taken over them; below, two of them are mixed
+SLIVER = 1e-9  # voxels of depth: what is shorter is nothing
+WORD_BITS, IN_WORD = 6, 63  # 2**WORD_BITS voxels of a row share a word of bits
+BRICK_BITS = 2  # of a brick's 2**BRICK_BITS voxels along each side, all of which are leaped over together
+POWERS = 4  # of a cubic
+ONE_BIT = np.uint64(1)
+HALF = 0.5
+
+
+class RowVoxels(NamedTuple):
+    """The kept voxels of a volume, in rows along x; row number ``z * ny + y``.
+
+    ``bits``: (nz * ny, words) uint64, a bit for each voxel that is kept.  ``row_start``: (nz * ny + 1,), where the
+    records of a row begin.  ``bricks``: (z, y, x) uint8, 0 where none of a brick's voxels is kept.  ``scalars`` (m,)
+    and ``lights`` (m, channels) or None, which ``light_unit`` makes numbers of: as ``encode.scalars.ScalarVolume`` has
+    them, in rows.  ``shown``: (k, 2) float64, a cell shows something where, for any row (a, b), its largest scalar is
+    at least a and its smallest at most b; others may be kept too.  ``shape``: voxels along z, y, x.
+    """
+
+    bits: np.ndarray
+    row_start: np.ndarray
+    bricks: np.ndarray
+    scalars: np.ndarray
+    lights: np.ndarray | None
+    light_unit: np.float32
+    shown: np.ndarray
+    shape: tuple[int, int, int]
+
+
+class RayList(NamedTuple):
+    """Rays of one principal axis.
+
+    At ``s`` voxels along the viewing direction of that axis a ray is at voxel ``first + s * step``, each (n, 3) float64
+    of x, y, z; it is followed from ``enter`` to ``leave`` (n,).  ``length``: (n,) world length per voxel of depth.
+    ``depth``: (n, 2) planar depth at ``s`` = 0 and per voxel of ``s``.
+    """
+
+    first: np.ndarray
+    step: np.ndarray
+    enter: np.ndarray
+    leave: np.ndarray
+    length: np.ndarray
+    depth: np.ndarray
+
+
+def bricks_of(bits: np.ndarray, shape_xyz) -> np.ndarray:
+    """The ``bricks`` of RowVoxels from their ``bits``."""
+    nx, ny, nz = shape_xyz
+    size = 1 << BRICK_BITS
+    eights = bits.astype("<u8", copy=False).view(np.uint8).reshape(nz, ny, -1)
+    for axis, count in ((1, ny), (0, nz)):
+        eights = np.bitwise_or.reduceat(eights, np.arange(0, count, size), axis=axis)
+    parts = [eights >> first & (1 << size) - 1 for first in range(0, 8, size)]
+    return np.ascontiguousarray(np.stack(parts, axis=-1).reshape(*eights.shape[:2], -1)[..., : -(-nx // size)])
+
+
+def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, clip) -> RayList:
+    """The rays through pixel positions (n,), from the left and the top, within the box of the voxel centres.
+
+    All of them must belong to the plane's principal axis and direction.  ``clip``: the least and the largest planar
+    depth that is seen.  Element by element: the bits of a matrix product depend on its size.
+    """
+    i, j, k = AXES[plane.axis]
+    inverse = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
+    x, y, w = (row[0] * columns + row[1] * rows + row[2] for row in inverse)
+    x, y = x / w, y / w
+    dx, dy = (np.broadcast_to(slope, x.shape) for slope in plane.slopes(x, y))
+    at_zero, per_voxel = plane.depth_along(x, y)
+    first, step = np.zeros((len(x), 3)), np.empty((len(x), 3))
+    first[:, i], first[:, j] = x - plane.reference * dx, y - plane.reference * dy
+    step[:, i], step[:, j], step[:, k] = plane.sign * dx, plane.sign * dy, plane.sign
+    depth = np.stack(np.broadcast_arrays(at_zero, plane.sign * per_voxel), axis=1)
+    enter, leave = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+    sides = *((first[:, axis], step[:, axis], 0.0, shape_xyz[axis] - 1.0) for axis in range(3)), (*depth.T, *clip)
+    for at, along, low, high in sides:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            both = np.sort(((low - at) / along, (high - at) / along), axis=0)
+        straight = along == 0.0
+        outside = straight & ((at < low) | (at > high))
+        enter = np.where(straight, enter, np.maximum(enter, both[0]))
+        leave = np.where(straight, leave, np.minimum(leave, both[1]))
+        leave = np.where(outside, -np.inf, leave)
+    if not view.is_parallel:
+        enter = np.maximum(enter, plane.sign * view.eye[k])
+    moved = (row[0] * step[:, 0] + row[1] * step[:, 1] + row[2] * step[:, 2] for row in view.to_world)
+    length = np.sqrt(sum(each * each for each in moved))
+    return RayList(first, step, enter, leave, length, np.ascontiguousarray(depth))
+
+
+@inner_loop(forceinline=True)
+def _pair_at(bits, row_start, row, x):
+    """Where the record of voxel ``x`` of a row is; -1 where it, or the next one, is not kept."""
+    at, shift = x >> WORD_BITS, np.uint64(x & IN_WORD)
+    word = bits[row, at] >> shift
+    if word & ONE_BIT == np.uint64(0):
+        return -1
+    after = (word >> ONE_BIT) if (x & IN_WORD) < IN_WORD else bits[row, at + 1]
+    if after & ONE_BIT == np.uint64(0):
+        return -1
+    place = row_start[row] + count_bits(bits[row, at] & ((ONE_BIT << shift) - ONE_BIT))
+    for before in range(at):
+        place += count_bits(bits[row, before])
+    return place
+
+
+@inner_loop(forceinline=True)
+def _is_shown(scalars, i, j, k, m, shown):
+    """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones."""
+    low = min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
+              min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1])))
+    high = max(max(max(scalars[i], scalars[i + 1]), max(scalars[j], scalars[j + 1])),
+               max(max(scalars[k], scalars[k + 1]), max(scalars[m], scalars[m + 1])))
+    for interval in range(shown.shape[0]):
+        if high >= shown[interval, 0] and low <= shown[interval, 1]:
+            return True
+    return False
+
+
+@inner_loop(forceinline=True)
+def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
+    """The trilinear value along a ray from ``x``, ``y``, ``z`` in a cell to so much further, as powers 0 to 3 of the
+    way there.  ``a0``, ``a1``: corners along x; ``b``: further along y; ``c`` and ``d``: these two further along z."""
+    a, ap, b, bp = a0 + (a1 - a0) * x, (a1 - a0) * dx, b0 + (b1 - b0) * x, (b1 - b0) * dx
+    c, cp, d, dp = c0 + (c1 - c0) * x, (c1 - c0) * dx, d0 + (d1 - d0) * x, (d1 - d0) * dx
+    near, near_p, near_pp = a + (b - a) * y, ap + (bp - ap) * y + (b - a) * dy, (bp - ap) * dy
+    far, far_p, far_pp = c + (d - c) * y, cp + (dp - cp) * y + (d - c) * dy, (dp - cp) * dy
+    away, away_p, away_pp = far - near, far_p - near_p, far_pp - near_pp
+    return near + away * z, near_p + away_p * z + away * dz, near_pp + away_pp * z + away_p * dz, away_pp * dz
+
+
+@inner_loop(forceinline=True)
+def _light_at(codes, unit, at, channel):
+    bits = np.uint32(np.uint32(codes[at, channel]) << CODE_BITS)
+    return np.float64(bits.view(np.float32) * unit)
+
+
+@inner_loop(forceinline=True)
+def _power_sum(cubic, channel, t):
+    at = POWERS * channel
+    return ((cubic[at + 3] * t + cubic[at + 2]) * t + cubic[at + 1]) * t + cubic[at]
+
+
+@inner_loop(forceinline=True)
+def _mean(table, sums, channel, first, second, last, width):
+    """The table's mean between two of its entries, which may be parts of entries."""
+    i, j = min(int(first), last - 1), min(int(second), last - 1)
+    low = sums[4 * i + channel] + (first - i) * table[4 * i + channel]
+    high = sums[4 * j + channel] + (second - j) * table[4 * j + channel]
+    return max((high - low) / width, 0.0)
+
+
+@inner_loop(forceinline=True)
+def _crossing(at, size, first, step, inverse):
+    """Where a ray leaves the voxels from ``at`` on, ``size`` of them; infinitely far where it runs along them."""
+    return (at + (size if step > 0.0 else 0) - first) * inverse if step != 0.0 else math.inf
+
+
+@inner_loop(forceinline=True)
+def _absorbed(thick):
+    """1 - exp(-thick), by its series where that is short (relative error below 1e-9)."""
+    if thick < 0.125:
+        series = 1 / 6 - thick * (1 / 24 - thick * (1 / 120 - thick / 720))
+        return thick * (1.0 - thick * (1 / 2 - thick * series))
+    return 1.0 - math.exp(-thick)
+
+
+@inner_loop
+def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
+    """Rays [begin, end); see ``trace_rays``."""
+    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
+    bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
+    if begin >= end:
+        return
+    shine = cubics[begin]
+    shining = len(matt) + len(gloss)
+    for ray in range(begin, end):
+        clear, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
+        ox, oy, oz = rays.first[ray, 0], rays.first[ray, 1], rays.first[ray, 2]
+        dx, dy, dz = rays.step[ray, 0], rays.step[ray, 1], rays.step[ray, 2]
+        ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
+        sx, sy, sz = 1 if dx > 0.0 else -1, 1 if dy > 0.0 else -1, 1 if dz > 0.0 else -1
+        ax, ay, az = abs(ix), abs(iy), abs(iz)
+        tx = ty = tz = math.inf
+        a, stop = rays.enter[ray], rays.leave[ray]
+        x = y = z = -1
+        if a < stop:
+            x = min(max(math.floor(ox + dx * a), 0), n_x - 2)
+            y = min(max(math.floor(oy + dy * a), 0), n_y - 2)
+            z = min(max(math.floor(oz + dz * a), 0), n_z - 2)
+            tx = _crossing(x, 1, ox, dx, ix)
+            ty = _crossing(y, 1, oy, dy, iy)
+            tz = _crossing(z, 1, oz, dz, iz)
+        while a < stop and clear >= least:
+            if x < 0 or y < 0 or z < 0 or x > n_x - 2 or y > n_y - 2 or z > n_z - 2:
+                break
+            if bricks[z >> BRICK_BITS, y >> BRICK_BITS, x >> BRICK_BITS] == 0:
+                size = 1 << BRICK_BITS
+                x0, y0, z0 = x & -size, y & -size, z & -size
+                tx = _crossing(x0, size, ox, dx, ix)
+                ty = _crossing(y0, size, oy, dy, iy)
+                tz = _crossing(z0, size, oz, dz, iz)
+                reached = min(tx, min(ty, tz))
+                a = max(a, reached)
+                if tx <= reached:
+                    x = x0 + size if dx > 0.0 else x0 - 1
+                else:
+                    x = min(max(math.floor(ox + dx * a), x0), min(x0 + size - 1, n_x - 2))
+                if tx > reached >= ty:
+                    y = y0 + size if dy > 0.0 else y0 - 1
+                else:
+                    y = min(max(math.floor(oy + dy * a), y0), min(y0 + size - 1, n_y - 2))
+                if tx > reached < ty:
+                    z = z0 + size if dz > 0.0 else z0 - 1
+                else:
+                    z = min(max(math.floor(oz + dz * a), z0), min(z0 + size - 1, n_z - 2))
+                tx = _crossing(x, 1, ox, dx, ix)
+                ty = _crossing(y, 1, oy, dy, iy)
+                tz = _crossing(z, 1, oz, dz, iz)
+                continue
+            reached = min(tx, min(ty, tz))
+            b = min(reached, stop)
+            if b > a + SLIVER:
+                i = _pair_at(bits, row_start, z * n_y + y, x)
+                j = _pair_at(bits, row_start, z * n_y + y + 1, x) if i >= 0 else -1
+                k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
+                m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
+                if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
+                    deep = b - a
+                    px, py, pz = ox + dx * a - x, oy + dy * a - y, oz + dz * a - z
+                    c0, c1, c2, c3 = _cubic(
+                        np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
+                        np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
+                        np.float64(scalars[m]), np.float64(scalars[m + 1]), px, py, pz, dx * deep, dy * deep, dz * deep,
+                    )  # fmt: skip
+                    count = max(math.ceil(deep * slabs - SLIVER), 1)
+                    part = 1.0 / count
+                    length = rays.length[ray] * deep * part
+                    here = min(max(c0, nearest), furthest)
+                    lit = False
+                    for slab in range(1, count + 1):
+                        t = slab * part
+                        before = here
+                        here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
+                        smallest, largest = min(before, here), max(before, here)
+                        if largest < low or smallest > high:
+                            continue
+                        spread = (largest - smallest) * rate
+                        if spread >= SPAN:
+                            first = min(max((smallest - origin) * rate, 0.0), float(last))
+                            second = min(max((largest - origin) * rate, 0.0), float(last))
+                            sigma = _mean(table, sums, 3, first, second, last, spread)
+                            if sigma <= 0.0:
+                                continue
+                            r = _mean(table, sums, 0, first, second, last, spread)
+                            g = _mean(table, sums, 1, first, second, last, spread)
+                            bl = _mean(table, sums, 2, first, second, last, spread)
+                        else:
+                            value = 0.5 * (smallest + largest)
+                            if value < low or value > high:
+                                continue
+                            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
+                            entry = int(place)
+                            share, after = place - entry, 4 * min(entry + 1, last - 1)
+                            entry *= 4
+                            sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
+                            if sigma <= 0.0:
+                                continue
+                            r = table[entry] * (1.0 - share) + table[after] * share
+                            g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
+                            bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
+                        if lights is not None and shining:
+                            if not lit:
+                                lit = True
+                                for channel in range(shining):
+                                    l0, l1, l2, l3 = _cubic(
+                                        _light_at(lights, light_unit, i, channel),
+                                        _light_at(lights, light_unit, i + 1, channel),
+                                        _light_at(lights, light_unit, j, channel),
+                                        _light_at(lights, light_unit, j + 1, channel),
+                                        _light_at(lights, light_unit, k, channel),
+                                        _light_at(lights, light_unit, k + 1, channel),
+                                        _light_at(lights, light_unit, m, channel),
+                                        _light_at(lights, light_unit, m + 1, channel),
+                                        px, py, pz, dx * deep, dy * deep, dz * deep,
+                                    )  # fmt: skip
+                                    to = POWERS * channel
+                                    shine[to], shine[to + 1], shine[to + 2], shine[to + 3] = l0, l1, l2, l3
+                            t -= 0.5 * part
+                            if len(matt) == 1:
+                                light = _power_sum(shine, 0, t)
+                                r, g, bl = r * light, g * light, bl * light
+                            elif len(matt) == 3:
+                                r *= _power_sum(shine, 0, t)
+                                g *= _power_sum(shine, 1, t)
+                                bl *= _power_sum(shine, 2, t)
+                            if len(gloss) == 1:
+                                light = sigma * _power_sum(shine, 1, t)
+                                r, g, bl = r + light, g + light, bl + light
+                            elif len(gloss) == 3:
+                                r += sigma * _power_sum(shine, 3, t)
+                                g += sigma * _power_sum(shine, 4, t)
+                                bl += sigma * _power_sum(shine, 5, t)
+                        thick = sigma * length
+                        absorbed = _absorbed(thick)
+                        gain = clear * absorbed / sigma
+                        red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
+                        left = clear * (1.0 - absorbed)
+                        if left <= HALF < clear:
+                            at_half = a + deep * part * (slab - 1.0 + math.log(clear / HALF) / thick)
+                        clear = left
+                        if clear < least:
+                            break
+                a = b
+            if tx <= reached:
+                x, tx = x + sx, tx + ax
+            elif ty <= reached:
+                y, ty = y + sy, ty + ay
+            else:
+                z, tz = z + sz, tz + az
+        out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - clear
+        half[ray] = at_half
+
+
+@kernel
+def trace_rays(voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
+    """Premultiplied rgba (n, 4) float32 of single rays, and where along them half is absorbed, (n,) float64, inf where
+    less is.
+
+    ``voxels``: RowVoxels; ``rays``: RayList.  ``look``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
+    them.  ``slabs``: that a voxel's depth is cut into, at least.  ``cubics``: scratch, (n, POWERS * channels of light)
+    float64.
+    """
+    share_out(_trace, out.shape[0], (voxels, rays, look, matt, gloss, slabs, least, cubics, out, half))

@@ -1,0 +1,117 @@
+"""Single rays without numba: all of them a stretch between two cuts at a time, the same sums as ``scalar_rays``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..splat.scalar_scanline import NOT_KEPT
+from ..splat.voxel_groups import CODE_BITS
+from .scalar_rays import HALF, SLIVER, SPAN
+
+CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
+
+
+def trace_rays_numpy(voxels, rays, look, matt, gloss, slabs, least, out, half):
+    """Fills ``out`` and ``half`` as ``scalar_rays.trace_rays`` does."""
+    if min(voxels.shape) < 2:
+        return
+    dense = _dense(voxels)
+    tops = np.array(dense.shape[2::-1]) - 2
+    state = np.zeros((len(out), 4))
+    state[:, 3] = 1.0
+    here = rays.enter.copy()
+    live = np.flatnonzero(here < rays.leave)
+    while len(live):
+        a, stop = here[live], rays.leave[live]
+        b = _next_cut(rays.first[live], rays.step[live], a, stop)
+        cell = np.floor(rays.first[live] + rays.step[live] * (0.5 * (a + b))[:, None])
+        cell = np.clip(cell, 0, tops).astype(np.int64)
+        corners = dense[tuple(np.moveaxis(cell[:, None] + CELL, -1, 0))[::-1]]
+        low, high = (choose(corners[..., 0], axis=1)[:, None] for choose in (np.min, np.max))
+        shown = ((high >= voxels.shown[:, 0]) & (low <= voxels.shown[:, 1])).any(axis=1)
+        kept = (corners[..., 0] > NOT_KEPT).all(axis=1) & shown
+        here[live] = b
+        mine = live[kept]
+        stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
+        state[mine], half[mine] = _composited(
+            state[mine], half[mine], corners[kept], *stretch, look, matt, gloss, slabs, least
+        )
+        live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
+    out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
+
+
+def _dense(voxels) -> np.ndarray:
+    """(z, y, x, channels) float32: scalar and light of every voxel, NOT_KEPT where it is not kept."""
+    n_z, n_y, n_x = voxels.shape
+    channels = 1 if voxels.lights is None else 1 + voxels.lights.shape[1]
+    kept = np.unpackbits(voxels.bits.astype("<u8").view(np.uint8).reshape(n_z * n_y, -1), axis=1, bitorder="little")
+    dense = np.full((n_z * n_y, n_x, channels), NOT_KEPT, np.float32)
+    kept = kept[:, :n_x] > 0
+    dense[kept, 0] = voxels.scalars
+    if voxels.lights is not None:
+        dense[kept, 1:] = (voxels.lights.astype(np.uint32) << CODE_BITS).view(np.float32) * voxels.light_unit
+    return dense.reshape(n_z, n_y, n_x, channels)
+
+
+def _next_cut(first, step, a, stop):
+    """(n,) where rays, (n, 3) places and steps, next meet a voxel plane after ``a``, ``stop`` at most."""
+    place = first + step * a[:, None]
+    ahead = np.sign(step)
+    cut = np.where(ahead > 0.0, np.floor(place) + 1.0, np.ceil(place) - 1.0) - first
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reached = cut / step
+        after = (cut + ahead) / step
+    reached = np.where(reached > (a + SLIVER)[:, None], reached, after)
+    reached[step == 0.0] = np.inf
+    return np.maximum(np.minimum(reached.min(axis=1), stop), np.minimum(a + SLIVER, stop))
+
+
+def _trilinear(corners, place):
+    """(n, channels) float64 between corners (n, 8, channels) at (n, 3) places in the cell."""
+    place = np.clip(place, 0.0, 1.0)[:, None]
+    weights = np.where(CELL == 1, place, 1.0 - place).prod(axis=-1)
+    return (weights[..., None] * corners).sum(axis=1)
+
+
+def _composited(state, half, corners, first, step, a, b, length, look, matt, gloss, slabs, least):
+    """The rays' colour and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
+    is absorbed."""
+    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
+    table, sums = table.reshape(-1, 4).astype(np.float64), sums.reshape(-1, 4).astype(np.float64)
+    count = np.maximum(np.ceil((b - a) * slabs - SLIVER), 1).astype(np.int64)
+    thick = (b - a) / count
+    before = np.zeros(len(a))
+    for slab in range(int(count.max(initial=-1)) + 1):
+        s = a + thick * slab
+        here = np.clip(_trilinear(corners, first + step * s[:, None])[:, 0], nearest, furthest)
+        smallest, largest = np.minimum(before, here), np.maximum(before, here)
+        before = here
+        if slab == 0:
+            continue
+        spread, middle = (largest - smallest) * rate, 0.5 * (smallest + largest)
+        ends = [np.clip((end - origin) * rate, 0.0, last) for end in (smallest, largest)]
+        cells = [np.minimum(end.astype(np.int64), last - 1) for end in ends]
+        low_sum, high_sum = (sums[c] + (end - c)[:, None] * table[c] for c, end in zip(cells, ends, strict=True))
+        mean = np.maximum((high_sum - low_sum) / np.maximum(spread, SPAN)[:, None], 0.0)
+        place = np.clip((middle - origin) * rate - 0.5, 0.0, last - 1.0)
+        entry = place.astype(np.int64)
+        part = (place - entry)[:, None]
+        own = table[entry] * (1.0 - part) + table[np.minimum(entry + 1, last - 1)] * part
+        own[(middle < low) | (middle > high)] = 0.0
+        looks = np.where((spread >= SPAN)[:, None], mean, own)
+        seen = (slab <= count) & (largest >= low) & (smallest <= high) & (looks[:, 3] > 0.0) & (state[:, 3] >= least)
+        light = _trilinear(corners, first + step * (s - 0.5 * thick)[:, None])
+        color, sigma = looks[:, :3], looks[:, 3]
+        if matt:
+            color = color * light[:, list(matt)]
+        if gloss:
+            color = color + sigma[:, None] * light[:, list(gloss)]
+        deep = sigma * length * thick
+        absorbed = -np.expm1(-deep)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            after = state[:, :3] + (state[:, 3] * absorbed / sigma)[:, None] * color
+            crossing = s - thick + thick * np.log(state[:, 3] / HALF) / deep
+        crosses = seen & (state[:, 3] > HALF) & (state[:, 3] * (1.0 - absorbed) <= HALF)
+        half = np.where(crosses, crossing, half)
+        state = np.where(seen[:, None], np.column_stack((after, state[:, 3] * (1.0 - absorbed))), state)
+    return state, half

@@ -1,0 +1,162 @@
+"""Where sheets seen from a light lie: the factorisation of the splat with the light in the place of the eye.
+
+All is in voxel-index space (algorithm.md 1.4, 4.2).  A sweep goes through the slices of one principal axis away from
+the light.  Its sheet is one grid for all slices, a pixel of it one ray of light: parallel rays are sheared, rays from a
+point have one slope each.  So nothing is resampled from slice to slice, and a shadow is no softer far away.
+
+    sheet pixel  X = scale * i + offset_x,  Y = scale * j + offset_y      for voxel (i, j) of a slice
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..volume.axes import AXES
+
+LEAST_DISTANCE = 1e-3  # slices from the light, below which a slice is the light's own place and casts nothing
+MARGIN = 1  # sheet pixels round all that are asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """One pass of light through a grid along ``axis`` (0, 1, 2 for x, y, z), away from the light.
+
+    For each slice that it meets, in order: ``slices`` (n,) int64 their numbers; ``scale``, ``offset_x``, ``offset_y``
+    (n,) float64, see the module; ``before`` and ``whole`` (n,) float32, how much of a slice counts for its own voxels
+    and for those behind it; ``spans`` (n, 4) int64, half-open: i from, i to, j from, j to of the voxels it is for.
+    ``width``, ``height``: of the sheet.  ``length``: (6,) float64, world length squared between two slices along the
+    ray of sheet pixel (X, Y), as factors of 1, X, Y, X^2, XY, Y^2.  ``to_sheet``: (4, 4) float64, world to homogeneous
+    (X w, Y w, w) and, its last row, how many slices along the axis, up from ``slices[0]``.  ``skipped``: so many slices
+    right before a voxel are not in its way.
+    """
+
+    axis: int
+    slices: np.ndarray
+    scale: np.ndarray
+    offset_x: np.ndarray
+    offset_y: np.ndarray
+    before: np.ndarray
+    whole: np.ndarray
+    spans: np.ndarray
+    width: int
+    height: int
+    length: np.ndarray
+    to_sheet: np.ndarray
+    skipped: int = 0
+
+    def without_nearest(self, skipped: int) -> Sweep:
+        """The same for voxels in whose way neither they themselves are nor the slice before them, nor ``skipped`` - 1
+        more."""
+        return replace(self, skipped=skipped, before=np.zeros_like(self.before))
+
+
+def sun_sweeps(direction, index_to_world, shape_xyz, boxed: bool) -> list[Sweep]:
+    """The one Sweep of parallel light that shines along ``direction`` (3,), world.
+
+    ``boxed``: the medium ends at the outermost voxels' centres; else it ramps down to zero within one voxel more.
+    """
+    along = np.linalg.solve(index_to_world[:3, :3], np.asarray(direction, np.float64))
+    axis = int(np.argmax(np.abs(along)))
+    a, b, c = AXES[axis]
+    sign = 1 if along[c] > 0.0 else -1
+    slope = along / abs(along[c])
+    slices = np.arange(shape_xyz[c])[::sign]
+    distance = np.arange(len(slices), dtype=np.float64)
+    offsets, sizes = [], []
+    for part in (a, b):
+        shift = -slope[part] * distance
+        offsets.append(shift - shift.min() + MARGIN)
+        sizes.append(int(np.ceil(np.ptp(shift))) + shape_xyz[part] + 2 * MARGIN)
+    before, whole = _weights(distance + 1.0, boxed, False)
+    spans = np.tile((0, shape_xyz[a], 0, shape_xyz[b]), (len(slices), 1))
+    length = np.zeros(6)
+    length[0] = np.square(index_to_world[:3, :3] @ slope).sum()
+    # X = i - slope_a (k - k0) + offset at k0, and so on, of the world's points as indices.
+    rows = np.zeros((4, 4))
+    for row, part, offset in ((0, a, offsets[0]), (1, b, offsets[1])):
+        rows[row, part], rows[row, c] = 1.0, -sign * slope[part]
+        rows[row, 3] = offset[0] + sign * slope[part] * slices[0]
+    rows[2, 3] = 1.0
+    rows[3, c], rows[3, 3] = sign, -sign * slices[0]
+    to_sheet = rows @ np.linalg.inv(index_to_world)
+    return [
+        Sweep(
+            axis, slices.astype(np.int64), np.ones(len(slices)), *offsets, before, whole, spans.astype(np.int64),
+            *sizes, length, to_sheet,
+        )
+    ]  # fmt: skip
+
+
+def point_sweeps(position, index_to_world, shape_xyz, boxed: bool) -> list[Sweep]:
+    """The Sweeps of light from ``position`` (3,), world: one for each pyramid of rays that meets voxels, six of them
+    when the light stands among them.  Voxels on the border of two pyramids are in both."""
+    place = np.linalg.solve(index_to_world[:3, :3], np.asarray(position, np.float64) - index_to_world[:3, 3])
+    found = []
+    for axis in AXES:
+        for sign in (1, -1):
+            sweep = _pyramid(place, index_to_world, shape_xyz, axis, sign, boxed)
+            if sweep is not None:
+                found.append(sweep)
+    return found
+
+
+def _pyramid(place, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool) -> Sweep | None:
+    a, b, c = AXES[axis]
+    slices = np.arange(shape_xyz[c])[::sign]
+    distance = sign * (slices - place[c])
+    slices, distance = slices[distance > LEAST_DISTANCE], distance[distance > LEAST_DISTANCE]
+    spans = np.zeros((len(slices), 4), np.int64)
+    for column, part in ((0, a), (2, b)):
+        # Beyond any index, numbers need not fit an integer.
+        low, high = (np.clip(place[part] + side * distance, -1.0, shape_xyz[part]) for side in (-1.0, 1.0))
+        spans[:, column] = np.maximum(np.ceil(low), 0)
+        spans[:, column + 1] = np.minimum(np.floor(high), shape_xyz[part] - 1) + 1
+    met = (spans[:, 0] < spans[:, 1]) & (spans[:, 2] < spans[:, 3])
+    if not met.any():
+        return None
+    last = int(np.flatnonzero(met)[-1]) + 1
+    slices, distance, spans, met = slices[:last], distance[:last], spans[:last], met[:last]
+    spans[~met] = 0
+    pitch = 1.0 / distance[-1]  # of slopes: one sheet pixel is one voxel of the furthest slice
+    scale = 1.0 / (distance * pitch)
+    lows, offsets, sizes = [], [], []
+    for column, part in ((0, a), (2, b)):
+        slopes = (spans[met, column : column + 2] - (0, 1) - place[part]) / distance[met, None]
+        low = slopes.min() - MARGIN * pitch
+        lows.append(low)
+        offsets.append(-place[part] * scale - low / pitch)
+        sizes.append(int(np.ceil(np.ptp(slopes) / pitch)) + 1 + 2 * MARGIN)
+    before, whole = _weights(distance, boxed, 0.0 <= place[c] <= shape_xyz[c] - 1)
+    matrix = index_to_world[:3, :3]
+    along = matrix[:, a] * lows[0] + matrix[:, b] * lows[1] + matrix[:, c] * sign
+    across, down = matrix[:, a] * pitch, matrix[:, b] * pitch
+    length = np.array((
+        along @ along, 2.0 * along @ across, 2.0 * along @ down, across @ across, 2.0 * across @ down, down @ down,
+    ))  # fmt: skip
+    # X w = (i - place_a) / pitch - low / pitch * w and w = the distance in slices.
+    rows = np.zeros((4, 4))
+    rows[2, c], rows[2, 3] = sign, -sign * place[c]
+    for row, part, low in ((0, a, lows[0]), (1, b, lows[1])):
+        rows[row, part], rows[row, 3] = 1.0 / pitch, -place[part] / pitch
+        rows[row] -= low / pitch * rows[2]
+    rows[3, c], rows[3, 3] = sign, -sign * slices[0]
+    to_sheet = rows @ np.linalg.inv(index_to_world)
+    return Sweep(axis, slices.astype(np.int64), scale, *offsets, before, whole, spans, *sizes, length, to_sheet)
+
+
+def _weights(distance, boxed: bool, inside: bool) -> tuple[np.ndarray, np.ndarray]:
+    """How much of each slice counts before its own voxels, and in all: the trapezoidal rule between slices.
+
+    ``distance``: of each slice from the light, in slices; ``inside``: whether the light stands among the slices.
+    """
+    before, whole = np.full(len(distance), 0.5, np.float32), np.ones(len(distance), np.float32)
+    if inside:  # from the light to the first slice there is matter like that slice's
+        before[0] = distance[0]
+    elif boxed:
+        before[0] = 0.0
+    else:  # a ramp, of which the light may stand in the midst
+        before[0] = min(0.5, distance[0])
+    whole[0] = before[0] + np.float32(0.5)
+    return before, whole

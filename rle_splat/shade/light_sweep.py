@@ -1,0 +1,304 @@
+"""How much of a light reaches each voxel: a sweep of run-length encoded extinction, front to back from the light.
+
+The splat once more (algorithm.md 4.2), of one number instead of four: the sheet holds the optical depth that each ray
+of the light has met so far, its footprint is the tent.  Before a slice is added to the sheet, the sheet is read at
+each voxel of the slice, half the voxel's own depth is added, and what is left of the light is written.  Bands of sheet
+rows need nothing of one another but the row where they meet, which both of them make.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
+from .light_sheets import Sweep
+from .lighting import FULL_CODE
+
+FULL = FULL_CODE  # the code of all of the light: a code is that many times the transmittance, rounded
+BAND = 16  # sheet rows that one worker sweeps at a time
+LOG2E = np.float32(1.0 / math.log(2.0))
+MOST = np.float32(64.0)  # powers of two of which nothing is left
+# 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!; what is left out is a hundredth of a code.
+TERMS = tuple(np.float32(math.log(2.0) ** n / math.factorial(n)) for n in range(1, 7))
+T1, T2, T3, T4, T5, T6 = TERMS
+_ZERO, _ONE, _HALF, _FULL = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(FULL)
+
+
+def sweep_light(
+    sweep: Sweep, tables, starts, extinction, meshes, codes, *, backend: str = "auto", threads: int = 0
+) -> None:
+    """Write the ``codes`` (m,) uint16 of the voxels that ``sweep`` is for; others stay as they are.
+
+    ``tables``: RunTables of the sweep's axis.  ``starts``: (n_slices, n_scanlines) int64, where each scanline begins
+    in ``extinction`` (m,) float32, 1 / world length, and in ``codes``.  ``meshes``: (height, width, samples) float32,
+    ascending, slices from the sweep's first to the meshes on each of a pixel's rays; None without any.
+    """
+    places = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
+    arrays = (tables.scanline_pointers, tables.runs, starts, extinction)
+    if not compiled(backend):
+        _sweep_numpy(sweep, tables, starts, extinction, meshes, codes)
+        return
+    held = tuple(read_only(array) for array in arrays)
+    with parallel_call(threads):
+        _sweep(places, sweep.skipped, held, meshes, sweep.width, sweep.height, tables.width, sweep.length, codes)
+
+
+@kernel
+def _sweep(places, skipped, held, meshes, width, height, n_voxels, length, codes):
+    """``places``: slices, scale, offset_x, offset_y, before, whole, spans of a Sweep, whose ``skipped``, ``width``,
+    ``height`` and ``length`` follow.  ``held``: scanline pointers, runs, starts and extinction; ``n_voxels`` of a
+    scanline."""
+    bands = (height + BAND - 1) // BAND
+    share_out(_sweep_bands, bands, (places, skipped, held, meshes, width, height, n_voxels, length, codes))
+
+
+@kernel(inner=True)
+def _sweep_bands(begin, end, places, skipped, held, meshes, width, height, n_voxels, length, codes):
+    slices, scales, offsets_x, offsets_y, before, whole, spans = places
+    pointers, _, _starts, _ = held
+    n_lines = pointers.shape[1]
+    line = np.zeros(n_voxels + 3, np.float32)  # voxel -1 first
+    depth = np.empty((BAND + 1, width), np.float32)
+    lit = np.empty((0 if meshes is None else BAND + 1, width), np.float32)
+    for band in range(begin, end):
+        top = band * BAND
+        rows = min(BAND + 1, height - top)
+        depth[:] = _ZERO
+        if meshes is not None:
+            lit[:] = _ONE
+        for n in range(slices.size):
+            k, scale, offset_x, offset_y = slices[n], scales[n], offsets_x[n], offsets_y[n]
+            if meshes is not None:
+                _pass_meshes(meshes, top, rows, np.float32(n), lit)
+            first = max(math.floor((top - offset_y) / scale) - 1, spans[n, 2])
+            last = min(math.ceil((top + BAND - offset_y) / scale) + 1, spans[n, 3])
+            for j in range(first, last):
+                if pointers[k, j] < 0:
+                    continue
+                y = scale * j + offset_y
+                row = math.floor(y) - top
+                if 0 <= row < BAND:
+                    below = depth[row : row + 2]
+                    _read_line(
+                        held,
+                        k,
+                        j,
+                        (scale, offset_x, y, np.float32(y - top - row)),
+                        spans[n],
+                        before[n],
+                        length,
+                        below,
+                        None if meshes is None else lit[row : row + 2],
+                        codes,
+                    )
+            if n < skipped:
+                continue
+            n -= skipped
+            k, scale, offset_x, offset_y = slices[n], scales[n], offsets_x[n], offsets_y[n]
+            for row in range(rows):
+                v = (top + row - offset_y) / scale
+                if not -1.0 < v < n_lines:
+                    continue
+                j = math.floor(v)
+                share = np.float32(v - j)
+                least, most = n_voxels, -1
+                for far in range(2):
+                    weight = share if far else _ONE - share
+                    at = j + far
+                    if 0 <= at < n_lines and weight > _ZERO and pointers[k, at] >= 0:
+                        least, most = _add_line(held, k, at, weight * whole[n], n_voxels, least, most, line)
+                if most >= 0:
+                    _add_row(line, scale, offset_x, least, most, depth[row])
+                    line[least + 1 : most + 2] = _ZERO
+
+
+@kernel(inner=True)
+def _pass_meshes(meshes, top, rows, reached, lit):
+    """What is left of each sheet pixel's rays by the slice ``reached``: those that have met no mesh before it."""
+    samples = meshes.shape[2]
+    for row in range(rows):
+        for x in range(lit.shape[1]):
+            if meshes[top + row, x, 0] <= reached:
+                met = 1
+                while met < samples and meshes[top + row, x, met] <= reached:
+                    met += 1
+                lit[row, x] = _ONE - np.float32(met) / np.float32(samples)
+
+
+@kernel(inner=True)
+def _add_line(held, k, j, weight, n_voxels, least, most, line):
+    """Add ``weight`` times a scanline's extinction to ``line``, voxel -1 first; the first and last voxel of all so
+    far."""
+    pointers, runs, starts, extinction = held
+    run = np.int64(pointers[k, j])
+    data = starts[k, j]
+    x = np.int64(0)
+    while x < n_voxels:
+        x += np.int64(runs[run])
+        run += 1
+        if x >= n_voxels:
+            break
+        count = np.int64(runs[run])
+        run += 1
+        here, there = line[x + 1 : x + 1 + count], extinction[data : data + count]
+        for i in range(count):
+            here[i] += weight * there[i]
+        least = min(least, x)
+        x += count
+        data += count
+        most = max(most, x - 1)
+    return least, most
+
+
+@kernel(inner=True)
+def _add_row(line, scale, offset_x, least, most, depth):
+    """Add the tents of voxels ``least`` to ``most`` of ``line`` to a row of the sheet."""
+    first = max(math.ceil(scale * (least - 1) + offset_x), 0)
+    last = min(math.floor(scale * (most + 1) + offset_x) + 1, depth.size)
+    if first >= last:
+        return
+    if scale == 1.0:
+        u = first - offset_x
+        cell = math.floor(u)
+        share = np.float32(u - cell)
+        to, left, right = depth[first:last], line[cell + 1 :], line[cell + 2 :]
+        for i in range(last - first):
+            to[i] += (_ONE - share) * left[i] + share * right[i]
+        return
+    inverse = 1.0 / scale
+    for x in range(first, last):
+        u = max((x - offset_x) * inverse + 1.0, 0.0)
+        cell = int(u)
+        share = np.float32(u - cell)
+        depth[x] += (_ONE - share) * line[cell] + share * line[cell + 1]
+
+
+@kernel(inner=True)
+def _read_line(held, k, j, place, span, before, length, depth, lit, codes):
+    """Codes of the voxels of a scanline, from the two rows of the sheet that it lies between.
+
+    ``place``: scale and offset along the scanline; the sheet row it lies on, and how far that is from the upper of the
+    two rows.  ``lit``: what meshes leave of the light in them, None without any.
+    """
+    pointers, runs, starts, extinction = held
+    scale, offset_x, y, down = place
+    up = _ONE - down
+    c = length[0] + y * (length[2] + y * length[5])
+    cx, cxx = length[1] + y * length[4], length[3]
+    alike = cx == 0.0 and cxx == 0.0  # of parallel light
+    far = np.float32(math.sqrt(c)) * LOG2E
+    run = np.int64(pointers[k, j])
+    data = starts[k, j]
+    x = np.int64(0)
+    while x < span[1]:
+        x += np.int64(runs[run])
+        run += 1
+        if x >= span[1]:
+            break
+        count = np.int64(runs[run])
+        run += 1
+        skip = max(span[0] - x, 0)
+        i = x + skip
+        n = min(x + count, span[1]) - i
+        if n > 0:
+            own, to = extinction[data + skip : data + skip + n], codes[data + skip : data + skip + n]
+            if scale == 1.0 and alike and lit is None:
+                u = i + offset_x
+                cell = math.floor(u)
+                right = np.float32(u - cell)
+                upper, lower = depth[0, cell:], depth[1, cell:]
+                for m in range(n):
+                    left_sum, right_sum = up * upper[m] + down * lower[m], up * upper[m + 1] + down * lower[m + 1]
+                    tau = (left_sum + right * (right_sum - left_sum) + before * own[m]) * far
+                    to[m] = np.uint16(_left(tau) * _FULL + _HALF)
+            else:
+                for m in range(n):
+                    u = scale * (i + m) + offset_x
+                    cell = int(u)
+                    right = np.float32(u - cell)
+                    left_sum = up * depth[0, cell] + down * depth[1, cell]
+                    right_sum = up * depth[0, cell + 1] + down * depth[1, cell + 1]
+                    long = np.float32(math.sqrt(max(c + u * (cx + u * cxx), 0.0))) * LOG2E
+                    passed = _left((left_sum + right * (right_sum - left_sum) + before * own[m]) * long)
+                    if lit is not None:
+                        left_lit = up * lit[0, cell] + down * lit[1, cell]
+                        right_lit = up * lit[0, cell + 1] + down * lit[1, cell + 1]
+                        passed *= left_lit + right * (right_lit - left_lit)
+                    to[m] = np.uint16(passed * _FULL + _HALF)
+        x += count
+        data += count
+
+
+@kernel(inline="always")
+def _left(tau2):
+    """2 ** -tau2, tau2 0 or more; about 2e-7 of 1 off at most."""
+    tau2 = min(tau2, MOST)
+    whole = np.int32(tau2 + _HALF)
+    r = np.float32(whole) - tau2
+    p = r * (T1 + r * (T2 + r * (T3 + r * (T4 + r * (T5 + r * T6)))))
+    power = np.int32((np.int32(127) - whole) << np.int32(23)).view(np.float32)
+    return power + power * p
+
+
+# --- twin -----------------------------------------------------------------------------------------------------
+
+
+def _sweep_numpy(sweep: Sweep, tables, starts, extinction, meshes, codes) -> None:
+    """Twin of ``_sweep``: slice by slice, each of them dense."""
+    depth = np.zeros((sweep.height, sweep.width))
+    columns, rows = np.arange(sweep.width), np.arange(sweep.height)
+    for n, k in enumerate(sweep.slices):
+        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
+        i, j, data = _voxels_numpy(tables, starts, k)
+        i0, i1, j0, j1 = sweep.spans[n]
+        for_these = (i >= i0) & (i < i1) & (j >= j0) & (j < j1)
+        x, y, at = scale * i[for_these] + offset_x, scale * j[for_these] + offset_y, data[for_these]
+        tau = _between_numpy(depth, y, x) + sweep.before[n] * extinction[at]
+        c = sweep.length
+        length = np.sqrt(np.maximum(c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y, 0.0))
+        left = np.exp(-tau * length)
+        if meshes is not None:
+            left = left * _between_numpy((meshes > np.float32(n)).mean(axis=2), y, x)
+        codes[at] = (left * FULL + 0.5).astype(np.uint16)
+        n -= sweep.skipped
+        if n < 0:
+            continue
+        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
+        i, j, data = _voxels_numpy(tables, starts, sweep.slices[n])
+        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # a voxel of nothing all round
+        dense[j + 1, i + 1] = extinction[data]
+        v = np.clip((rows - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
+        u = np.clip((columns - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
+        depth += sweep.whole[n] * _between_numpy(dense, v[:, None], u[None, :])
+
+
+def _voxels_numpy(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n,) column and scanline of each voxel of a slice, and its number in the lists."""
+    columns, lines, data = [], [], []
+    for j in np.flatnonzero(tables.scanline_pointers[k] >= 0):
+        run, x, at = int(tables.scanline_pointers[k, j]), 0, int(starts[k, j])
+        while x < tables.width:
+            x += int(tables.runs[run])
+            if x >= tables.width:
+                break
+            count = int(tables.runs[run + 1])
+            columns.append(np.arange(x, x + count))
+            lines.append(np.full(count, j))
+            data.append(np.arange(at, at + count))
+            run, x, at = run + 2, x + count, at + count
+    if not columns:
+        return (np.zeros(0, np.int64),) * 3
+    return np.concatenate(columns), np.concatenate(lines), np.concatenate(data)
+
+
+def _between_numpy(table, y, x) -> np.ndarray:
+    """Values of ``table`` between its entries: bilinear."""
+    row = np.minimum(np.floor(y).astype(np.int64), table.shape[0] - 2)
+    column = np.minimum(np.floor(x).astype(np.int64), table.shape[1] - 2)
+    down, right = y - row, x - column
+    upper = table[row, column] * (1.0 - right) + table[row, column + 1] * right
+    lower = table[row + 1, column] * (1.0 - right) + table[row + 1, column + 1] * right
+    return upper * (1.0 - down) + lower * down

@@ -1,0 +1,496 @@
+"""Pre-shading of the non-transparent voxels: Phong, or Blinn-Phong, of two sides or one (paper 2.1; algorithm.md 4.2).
+
+Split in two: the normals do not depend on the view and may be kept between frames; the light that falls on them is
+put straight into voxel records, any range of voxels at a time, so that no list of all shaded colours is needed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..classify.classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
+from ..classify.limits import BRIGHTEST
+from ..classify.placing import Places, find_targets
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
+from ..scene import RleSplatError
+from ..volume.gradient import CHUNK, unit_normals
+from .lighting import BACK, FULL_CODE, PHONG, Lighting, Shadows, lighting, unit_vectors
+from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
+
+DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # column of the looks that weights a colour
+
+# Voxels shaded together: their scratch stays in the first cache, and loops are long enough.
+LANES = 256
+# Planes of the float32 scratch: unit vectors to the light and to the eye; cosine, its power and the light's
+# falloff; light gathered by the matt colour and by the highlight; how much of all light arrives.
+LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB, SHARE, ALL = (LANES * p for p in range(17))
+SCRATCH = 17 * LANES
+PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
+PLACES = 3 * LANES
+_ZERO, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
+_PER_CODE = np.float32(1.0 / FULL_CODE)
+_FAINT = np.float32(1e-18)  # the product of two such is still a normal number
+
+
+def normals(classified, volume, index_to_world, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+    """(m, 3) float32 unit world normals of the visible voxels, (0, 0, 0) where the gradient is below the noise.
+
+    ``classified``: a ClassifiedVolume, or its VisibleVoxels.
+    """
+    return unit_normals(
+        volume, classified.row_start, classified.column, index_to_world, backend=backend, threads=threads
+    )
+
+
+def shade(
+    classified, normals, index_to_world, shading, lights=(), *,
+    headlight_direction=None, eye=None, backend: str = "auto", threads: int = 0,
+) -> np.ndarray:
+    """(m, 3) float32 shaded, unassociated, scene-linear colours of the visible voxels.
+
+    c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I over the lights, I an RGB scale (see
+    ``lights.py``), or what else the Shade says; c itself where there is no normal, and everywhere when nothing shades
+    or nothing shines.  Shadows dim the ambient term and each I; where there is no normal, c by the share of all I and
+    ambient light that arrives.
+
+    ``normals``: (m, 3) of ``normals()``, None when ``is_shaded`` is False.  ``shading``: a Shade, or None.
+    The others: see ``lighting``.
+    """
+    falling = lighting(index_to_world, shading, lights, headlight_direction=headlight_direction, eye=eye)
+    return shaded_colors(classified, normals, falling, backend=backend, threads=threads)
+
+
+def shaded_colors(
+    classified, normals, falling: Lighting | None, *, backend: str = "auto", threads: int = 0
+) -> np.ndarray:
+    """(m, 3) float32 colours of the visible voxels under ``falling``; their own without it."""
+    if falling is None:
+        return classified.color
+    records = np.empty((classified.visible_voxels, 4), dtype=np.float32)
+    everywhere = Places.in_order(classified.voxels, 0, classified.shape_xyz[2])
+    light_records(classified, normals, falling, None, everywhere, records, backend=backend, threads=threads)
+    return read_only(np.ascontiguousarray(records[:, :3]))
+
+
+def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float | None:
+    """A bound, never far off, of any channel of the shaded colours; None where lights stand among the voxels, so that
+    only shading them tells."""
+    most = float(classified.looks[:, RED:].max(initial=0.0))
+    if falling is None:
+        return most
+    if (falling.rows[:, KIND] != SUN).any():
+        return None
+    diffuse, specular = falling.material[1:3]
+    ambient = falling.material[4:7].max()
+    strongest = float(falling.rows[:, RGB:NEAREST].sum(axis=0).max())
+    return min(max(most, most * (ambient + diffuse * strongest) + specular * strongest), BRIGHTEST)
+
+
+def light_records(
+    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, places: Places, records, *,
+    backend: str = "auto", threads: int = 0,
+) -> float:
+    """Write the records of the voxels of ``places`` where they belong in ``records`` (n, 4) float32; the largest
+    channel of any of their colours.  RleSplatError when that is above BRIGHTEST.
+
+    A record is (density * RGB, density): by ``model`` the density is the extinction or the opacity, None makes it 1.
+    ``normals``: (m, 3) float32, None without ``falling``.
+    """
+    most = np.zeros(max(len(places.data_starts), 1), np.float32)
+    looks, density = classified.looks, DENSITY[model]
+    if density is None:
+        looks, density = looks.copy(), EXTINCTION
+        looks[:, density] = 1.0
+    look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
+    seen = (look_of, read_only(looks), density)
+    if not compiled(backend):
+        _write_numpy(places, *seen, normals, falling, records, most)
+    else:
+        light = (None, None, None, None)
+        if falling is not None:
+            near = falling.near
+            normals = read_only(np.asfortranarray(normals))  # as they come: one component after the other
+            light = (normals, falling.material, None if near else falling.rays(), near)
+        with parallel_call(threads):
+            _write_records(places.arguments, *seen, *light, records, most)
+    return refuse_too_bright(float(most.max()))
+
+
+def refuse_too_bright(brightest: float) -> float:
+    """``brightest``, a colour or a light, or a RleSplatError where it is above BRIGHTEST or no number."""
+    if not brightest <= BRIGHTEST:
+        raise RleSplatError(
+            f"Under these lights the volume is brighter than {BRIGHTEST:g}, where white is 1; make the lights "
+            "weaker or move them away."
+        )
+    return brightest
+
+
+# --- kernels: the loop over planes, in chunks of voxels --------------------------------------------------------
+
+
+@kernel
+def _write_records(places, look_of, looks, density_column, normals, material, rays, near, records, most):
+    """``places``: Places.arguments.  ``look_of``: (m,) index into ``looks`` (n, 5), None where it is the voxel's own
+    number.  ``normals`` (m, 3) and ``material``: None where nothing shines.  Then either ``rays``, see
+    ``Lighting.rays``, or ``near``, see ``Lighting.near``, is None: what is not wanted is not compiled."""
+    arguments = (places, look_of, looks, density_column, normals, material, rays, near, records, most)
+    share_out(_write_planes, places[5].shape[0], arguments)
+
+
+@kernel(inner=True)
+def _write_planes(
+    begin, end, places, look_of, looks, density_column, normals, material, rays, near, records, most
+):
+    """Records in chunks of LANES voxels, every step of the formula a loop over one chunk, so that it becomes wide SIMD.
+    (Chunks are handed on as slices: counted from zero, the compiler knows that no index is negative.)"""
+    n_y, first_plane, row_start, column, across, data_starts = places
+    cursors = np.empty(data_starts.shape[1], np.int64)
+    targets = np.empty(LANES, np.uint64)
+    s = np.empty(0 if normals is None else SCRATCH, np.float32)
+    for plane in range(begin, end):
+        for key in range(cursors.size):
+            cursors[key] = data_starts[plane, key]
+        first_row = (first_plane + plane) * n_y
+        row = first_row
+        at, last = row_start[first_row], row_start[first_row + n_y]
+        brightest = _ZERO
+        while at < last:
+            stop = min(at + LANES, last)
+            begun = row
+            row = find_targets(across, first_row, row, row_start, column, at, stop - at, cursors, targets)
+            if normals is not None:
+                clear_light(material, s)
+            if rays is not None:
+                add_rays(rays, normals[at:stop], material, stop - at, s)
+            if near is not None:
+                add_near(near, normals[at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
+            for i in range(stop - at):
+                look = at + i if look_of is None else np.int64(look_of[at + i])
+                red, green, blue = looks[look, RED], looks[look, RED + 1], looks[look, RED + 2]
+                if normals is not None:
+                    if normals[at + i, 0] != _ZERO or normals[at + i, 1] != _ZERO or normals[at + i, 2] != _ZERO:
+                        red = red * s[DR + i] + s[SR + i]
+                        green = green * s[DG + i] + s[SG + i]
+                        blue = blue * s[DB + i] + s[SB + i]
+                    else:
+                        red *= s[SHARE + i]
+                        green *= s[SHARE + i]
+                        blue *= s[SHARE + i]
+                density = looks[look, density_column]
+                to = targets[i]
+                records[to, 0] = density * red
+                records[to, 1] = density * green
+                records[to, 2] = density * blue
+                records[to, 3] = density
+                brightest = max(brightest, max(red, max(green, blue)))
+            at = stop
+        most[plane] = brightest
+
+
+@kernel(inline="always")
+def clear_light(material, s):
+    """A chunk in the light that comes from everywhere."""
+    for channel in range(3):
+        everywhere = np.float32(material[4 + channel])
+        for i in range(LANES):
+            s[DR + channel * LANES + i] = everywhere
+    for i in range(LANES):
+        s[SHARE + i] = _ONE
+    for i in range(3 * LANES):
+        s[SR + i] = _ZERO
+
+
+@kernel(inline="always")
+def _raise_to(shininess, count, s):
+    """POWER = COS ** shininess, COS 0 or more; the whole part, mostly all there is, by squarings.
+
+    What is too faint to see becomes 0 at once: denormal numbers would take a hundred times as long.
+    """
+    whole = np.int64(shininess)
+    rest = np.float32(shininess - whole)
+    for i in range(count):
+        s[POWER + i] = _ONE
+    if rest != _ZERO:
+        for i in range(count):
+            s[POWER + i] = s[COS + i] ** rest
+    while whole > 0:
+        if whole & 1:
+            for i in range(count):
+                power = s[POWER + i] * s[COS + i]
+                s[POWER + i] = power if power > _FAINT else _ZERO
+        whole >>= 1
+        if whole > 0:
+            for i in range(count):
+                square = s[COS + i] * s[COS + i]
+                s[COS + i] = square if square > _FAINT else _ZERO
+
+
+@kernel(inline="always")
+def add_rays(rays, normals, material, count, s):
+    """What parallel lights, seen along parallel rays, add to the matt colour and to the highlight of every voxel of a
+    chunk; ``rays``: see ``Lighting.rays``."""
+    diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
+    for k in range(rays.shape[0]):
+        lx, ly, lz = rays[k, 0], rays[k, 1], rays[k, 2]
+        hx, hy, hz = rays[k, 3], rays[k, 4], rays[k, 5]
+        red, green, blue = rays[k, 6], rays[k, 7], rays[k, 8]
+        for i in range(count):
+            facing = normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz
+            matt = diffuse * max(-facing, back * facing)
+            s[DR + i] += matt * red
+            s[DG + i] += matt * green
+            s[DB + i] += matt * blue
+        if specular > _ZERO:
+            for i in range(count):
+                s[COS + i] = abs(normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz)
+            if back == _ZERO:
+                for i in range(count):
+                    facing = normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz
+                    s[COS + i] = s[COS + i] if facing < _ZERO else _ZERO
+            _raise_to(material[3], count, s)
+            for i in range(count):
+                gloss = specular * s[POWER + i]
+                s[SR + i] += gloss * red
+                s[SG + i] += gloss * green
+                s[SB + i] += gloss * blue
+
+
+@kernel(inner=True)
+def add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
+    """As ``add_rays``, for lights and eyes that may stand among the voxels; the chunk's first is in ``row``."""
+    matrix, lights, eye, shadows = near
+    places = np.empty(PLACES, np.float64)
+    _place_voxels(n_y, row, row_start, column, matrix, begin, count, places)
+    if material[2] > 0.0:
+        _view_voxels(eye, count, places, s)
+    _shade_ambient(shadows, material, begin, count, s)
+    for k in range(lights.shape[0]):
+        _towards(lights[k], count, places, s)
+        _shade_light(shadows, k, lights[k], material, begin, count, s)
+        _add_light(lights[k], normals, material, count, s)
+    _divide_shares(shadows, count, s)
+
+
+@kernel(inner=True)
+def _shade_ambient(shadows, material, begin, count, s):
+    """What shadows leave of the light from everywhere; begins the sums SHARE and ALL of light that arrives and would.
+    Nothing without ``shadows``, here and in the two below: (codes, row_of) of a Shadows."""
+    if shadows is not None:
+        codes, row_of = shadows
+        everywhere = np.float32(material[4] + material[5] + material[6])
+        for i in range(count):
+            s[SHARE + i] = everywhere
+            s[ALL + i] = everywhere
+        row = row_of[row_of.size - 1]
+        if row >= 0:
+            left = codes[row, begin : begin + count]
+            for i in range(count):
+                share = np.float32(left[i]) * _PER_CODE
+                s[DR + i] *= share
+                s[DG + i] *= share
+                s[DB + i] *= share
+                s[SHARE + i] *= share
+
+
+@kernel(inner=True)
+def _shade_light(shadows, k, light, material, begin, count, s):
+    """What shadows leave of light number ``k``, in FALLOFF."""
+    if shadows is not None:
+        codes, row_of = shadows
+        strength = np.float32(material[1] * (light[RGB] + light[RGB + 1] + light[RGB + 2]))
+        for i in range(count):
+            s[ALL + i] += strength * s[FALLOFF + i]
+        if row_of[k] >= 0:
+            left = codes[row_of[k], begin : begin + count]
+            for i in range(count):
+                s[FALLOFF + i] *= np.float32(left[i]) * _PER_CODE
+        for i in range(count):
+            s[SHARE + i] += strength * s[FALLOFF + i]
+
+
+@kernel(inner=True)
+def _divide_shares(shadows, count, s):
+    """SHARE becomes the share of all light that arrives, 1 where there is none."""
+    if shadows is not None:
+        for i in range(count):
+            s[SHARE + i] = s[SHARE + i] / s[ALL + i] if s[ALL + i] > _ZERO else _ONE
+
+
+@kernel(inline="always")
+def _scale_of(x, y, z):
+    """One over the length of a vector, 0 for the zero vector."""
+    length = np.sqrt(x * x + y * y + z * z)
+    return 1.0 / length if length > 0.0 else 0.0
+
+
+@kernel(inner=True)
+def _place_voxels(n_y, row, row_start, column, matrix, begin, count, places):
+    """World positions of ``count`` voxels from number ``begin`` on, which is in ``row`` or after it."""
+    i = 0
+    while i < count:
+        z, y = row // n_y, row % n_y
+        stop = min(row_start[row + 1] - begin, count)
+        ox = matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3]
+        oy = matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3]
+        oz = matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
+        for j in range(i, stop):
+            x = np.float64(column[begin + j])
+            places[PX + j] = matrix[0, 0] * x + ox
+            places[PY + j] = matrix[1, 0] * x + oy
+            places[PZ + j] = matrix[2, 0] * x + oz
+        i = max(i, stop)
+        row += 1
+
+
+@kernel(inner=True)
+def _view_voxels(eye, count, places, s):
+    """Unit vectors to the eye into VX, VY, VZ."""
+    for i in range(count):
+        x = eye[0] - eye[3] * places[PX + i]
+        y = eye[1] - eye[3] * places[PY + i]
+        z = eye[2] - eye[3] * places[PZ + i]
+        scale = _scale_of(x, y, z)
+        s[VX + i] = x * scale
+        s[VY + i] = y * scale
+        s[VZ + i] = z * scale
+
+
+@kernel(inner=True)
+def _towards(light, count, places, s):
+    """Unit vectors to a light (a row of ``light_rows``) into LX, LY, LZ, and its FALLOFF."""
+    ax, ay, az = light[AXIS], light[AXIS + 1], light[AXIS + 2]
+    sx, sy, sz = np.float32(-ax), np.float32(-ay), np.float32(-az)
+    for i in range(count):
+        s[LX + i] = sx
+        s[LY + i] = sy
+        s[LZ + i] = sz
+        s[FALLOFF + i] = _ONE
+    kind = light[KIND]
+    if kind == SUN:
+        return
+    for i in range(count):
+        x, y = light[POSITION] - places[PX + i], light[POSITION + 1] - places[PY + i]
+        z = light[POSITION + 2] - places[PZ + i]
+        falloff = 1.0 / max(x * x + y * y + z * z, light[NEAREST])
+        scale = _scale_of(x, y, z)
+        x, y, z = x * scale, y * scale, z * scale
+        off_axis = -(x * ax + y * ay + z * az)
+        if kind == AREA:
+            falloff *= max(off_axis, 0.0)
+        elif kind == SPOT:
+            t = min(max((off_axis - light[CONE]) / light[EDGE], 0.0), 1.0)
+            falloff *= t * t * (3.0 - 2.0 * t)
+        s[LX + i] = x
+        s[LY + i] = y
+        s[LZ + i] = z
+        s[FALLOFF + i] = falloff
+
+
+@kernel(inner=True)
+def _add_light(light, normals, material, count, s):
+    """What one light adds to the matt colour and to the highlight of every voxel of a chunk."""
+    diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
+    red, green, blue = np.float32(light[RGB]), np.float32(light[RGB + 1]), np.float32(light[RGB + 2])
+    for i in range(count):
+        facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+        matt = diffuse * max(-facing, back * facing) * s[FALLOFF + i]
+        s[DR + i] += matt * red
+        s[DG + i] += matt * green
+        s[DB + i] += matt * blue
+    if specular == _ZERO:
+        return
+    for i in range(count):
+        hx, hy, hz = s[LX + i] + s[VX + i], s[LY + i] + s[VY + i], s[LZ + i] + s[VZ + i]
+        facing = normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz
+        length = np.sqrt(hx * hx + hy * hy + hz * hz)
+        s[COS + i] = abs(facing) / length if length > _ZERO else _ZERO
+    if material[PHONG] > 0.0:
+        for i in range(count):
+            facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+            seen = normals[i, 0] * s[VX + i] + normals[i, 1] * s[VY + i] + normals[i, 2] * s[VZ + i]
+            straight = s[LX + i] * s[VX + i] + s[LY + i] * s[VY + i] + s[LZ + i] * s[VZ + i]
+            s[COS + i] = max(_TWO * facing * seen - straight, _ZERO)
+    if back == _ZERO:
+        for i in range(count):
+            facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+            s[COS + i] = s[COS + i] if facing < _ZERO else _ZERO
+    _raise_to(material[3], count, s)
+    for i in range(count):
+        gloss = specular * s[POWER + i] * s[FALLOFF + i]
+        s[SR + i] += gloss * red
+        s[SG + i] += gloss * green
+        s[SB + i] += gloss * blue
+
+
+# --- twins ----------------------------------------------------------------------------------------------------
+
+
+def _write_numpy(places, look_of, looks, density_column, normals, falling, records, most):
+    """Twin of ``_write_records``, in chunks of voxels."""
+    voxels = places.voxels
+    targets = places.targets_numpy()
+    first, last = places.span
+    for begin in range(first, last, CHUNK):
+        part = slice(begin, min(begin + CHUNK, last))
+        seen = looks[part] if look_of is None else looks[look_of[part]]
+        colors = seen[:, RED:]
+        if falling is not None:
+            colors = lit_numpy(falling, voxels, part, normals[part].astype(np.float64), colors)
+        made = np.empty((len(seen), 4), np.float32)
+        made[:, 3] = seen[:, density_column]
+        made[:, :3] = made[:, 3:] * colors
+        records[targets[part.start - first : part.stop - first]] = made
+        most[0] = max(most[0], colors.max(initial=0.0))
+
+
+def lit_numpy(falling, voxels, part, n, colors):
+    """(k, 3) float32 shaded colours of voxels ``part``, a slice, with normals ``n`` and their own ``colors``."""
+    own = colors
+    n_y, matrix = voxels.shape_xyz[1], falling.matrix
+    _, diffuse, specular, shininess = falling.material[:4]
+    shadows = falling.shadows or Shadows(np.empty((0, 0), np.uint16), np.full(len(falling.rows) + 1, -1))
+    row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
+    index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
+    points = index @ matrix[:3, :3].T + matrix[:3, 3]
+    view = unit_vectors(falling.eye[:3] - falling.eye[3] * points)
+    everywhere, sky = falling.material[4:7], shadows.share(-1, part)
+    matt = np.full((len(points), 3), everywhere) * np.reshape(sky, (-1, 1))
+    gloss = np.zeros((len(points), 3))
+    arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
+    for number, light in enumerate(falling.rows):
+        towards, falloff = _towards_numpy(light, points)
+        every += diffuse * falloff * light[RGB:NEAREST].sum()
+        falloff = falloff * shadows.share(number, part)
+        arrives += diffuse * falloff * light[RGB:NEAREST].sum()
+        strength = falloff[:, None] * light[RGB:NEAREST]
+        facing = (n * towards).sum(axis=1)
+        matt += diffuse * np.maximum(-facing, falling.material[BACK] * facing)[:, None] * strength
+        if specular > 0.0:
+            cosine = np.abs((n * unit_vectors(towards + view)).sum(axis=1))
+            if falling.material[PHONG] > 0.0:
+                mirrored = 2.0 * facing[:, None] * n - towards
+                cosine = np.maximum((mirrored * view).sum(axis=1), 0.0)
+            if falling.material[BACK] == 0.0:
+                cosine = np.where(facing < 0.0, cosine, 0.0)
+            gloss += specular * cosine[:, None] ** shininess * strength
+    if falling.shadows is not None:
+        colors = colors * np.divide(arrives, every, out=np.ones_like(every), where=every > 0.0)[:, None]
+    return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)
+
+
+def _towards_numpy(light, points):
+    """Twin of ``_towards`` for (m, 3) points: (m, 3) unit vectors and (m,) falloff."""
+    if light[KIND] == SUN:
+        return np.broadcast_to(-light[AXIS:RGB], points.shape), np.ones(len(points))
+    way = light[POSITION:AXIS] - points
+    falloff = 1.0 / np.maximum((way**2).sum(axis=1), light[NEAREST])
+    towards = unit_vectors(way)
+    off_axis = -(towards @ light[AXIS:RGB])
+    if light[KIND] == AREA:
+        falloff *= np.maximum(off_axis, 0.0)
+    elif light[KIND] == SPOT:
+        t = np.clip((off_axis - light[CONE]) / light[EDGE], 0.0, 1.0)
+        falloff *= t * t * (3.0 - 2.0 * t)
+    return towards, falloff

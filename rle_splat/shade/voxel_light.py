@@ -1,0 +1,151 @@
+"""The light that falls on each voxel, apart from its colour: what post-classified sheets carry beside the scalar.
+
+The paper shades voxels before they are splatted; so does this, but the colour comes later, from the value table:
+
+    colour of a sample  =  classified colour * light + highlight        (algorithm.md 1.14)
+
+One number each where all light is white, else three.  They are kept as the 16-bit floats of ``records``: relative to a
+power of two, so that the 1 of unshaded voxels is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..classify.visible import VisibleVoxels
+from ..encode.records import UNBIAS, code_of, codes_numpy
+from ..runtime.buffer_pool import empty
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
+from ..volume.gradient import CHUNK
+from .lighting import Lighting
+from .lights import AXIS, KIND, NEAREST, POSITION, RGB, SUN
+from .shading import DR, LANES, SCRATCH, SHARE, SR, add_near, add_rays, clear_light, lit_numpy, refuse_too_bright
+
+_ZERO = np.float32(0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelLight:
+    """``codes``: (m, channels) uint16, light and then highlight of each voxel, 1 or 3 channels each; no highlight where
+    nothing is specular.  ``unit``: a code's float32 bits, shifted, times this are the number it stands for.
+    ``most_light``, ``most_highlight``: bounds of the largest of any voxel, by the lights alone: pictures are held to
+    them, and must not depend on which voxels are kept.
+    """
+
+    codes: np.ndarray
+    unit: float
+    most_light: float
+    most_highlight: float
+
+    @property
+    def nbytes(self) -> int:
+        return self.codes.nbytes
+
+
+def light_planes(channels: int) -> tuple[tuple, tuple]:
+    """The planes of a sheet, counted behind the scalar, that hold light and highlight, from their number together."""
+    return {1: ((1,), ()), 2: ((1,), (2,)), 3: ((1, 2, 3), ()), 6: ((1, 2, 3), (4, 5, 6))}[channels]
+
+
+def with_factor(light: VoxelLight | None, factor: np.ndarray) -> VoxelLight:
+    """The light with one channel more, the last: a ``factor`` (m,) in [0, 1] of each voxel's extinction."""
+    unit = float(UNBIAS) if light is None else light.unit
+    codes = codes_numpy(factor * (float(UNBIAS) / unit)).astype(np.uint16)[:, None]
+    if light is None:
+        return VoxelLight(codes, unit, 1.0, 0.0)
+    return replace(light, codes=np.concatenate((light.codes, codes), axis=1))
+
+
+def voxel_light(
+    voxels: VisibleVoxels, normals, falling: Lighting, *, backend: str = "auto", threads: int = 0
+) -> VoxelLight:
+    """What ``falling`` sheds on voxels with ``normals`` (m, 3) float32; where there is no normal, 0 of highlight and of
+    light 1, or what shadows leave of that."""
+    strengths = falling.rows[:, RGB:NEAREST]
+    everywhere = falling.material[4:7]
+    white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
+    glossy = bool(falling.material[2] > 0.0)
+    each = 1 if white else 3
+    ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
+    strongest = float((strengths / _nearest(falling, voxels.shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
+    most_light, most_highlight = max(1.0, float(ambient + diffuse * strongest)), float(specular * strongest)
+    scale = 2.0 ** math.ceil(math.log2(refuse_too_bright(max(most_light, most_highlight))))
+    codes = empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
+    _, ny, nz = voxels.shape_xyz
+    if compiled(backend):
+        near = falling.near
+        light = (read_only(np.asfortranarray(normals)), falling.material, None if near else falling.rays(), near)
+        rows = (ny, read_only(voxels.row_start), read_only(voxels.column))
+        with parallel_call(threads):
+            _code_light(rows, nz, *light, each, 1.0 / scale, codes)
+    else:
+        _code_light_numpy(voxels, normals, falling, each, scale, codes)
+    return VoxelLight(codes, float(UNBIAS) * scale, most_light, most_highlight)
+
+
+def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
+    """(n,) a bound of the squared distance at which each light falls on any voxel, 1 for parallel light.
+
+    Codes are relative to the strongest light there can be, so the bound has to be a good one for lights that stand
+    outside: it is that to the sphere around the volume.
+    """
+    matrix, rows = falling.matrix, falling.rows
+    half = 0.5 * (np.array(shape_xyz) - 1.0)
+    corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half
+    radius = np.linalg.norm(corners @ matrix[:3, :3].T, axis=1).max()
+    centre = matrix[:3, :3] @ half + matrix[:3, 3]
+    away = np.maximum(np.linalg.norm(rows[:, POSITION:AXIS] - centre, axis=1) * (1.0 - 1e-9) - radius, 0.0)
+    return np.where(rows[:, KIND] == SUN, 1.0, np.maximum(rows[:, NEAREST], away**2))
+
+
+@kernel
+def _code_light(rows, n_planes, normals, material, rays, near, each, inverse, codes):
+    """``rows``: ny, row_start, column of the voxels.  ``rays`` and ``near``: see ``shading._write_records``.  ``each``:
+    channels of light, and of highlight; ``inverse``: one over their scale."""
+    share_out(_code_planes, n_planes, (rows, normals, material, rays, near, each, inverse, codes))
+
+
+@kernel(inner=True)
+def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse, codes):
+    n_y, row_start, column = rows
+    s = np.empty(SCRATCH, np.float32)
+    for plane in range(begin, end):
+        row = plane * n_y
+        at, last = row_start[row], row_start[row + n_y]
+        while at < last:
+            count = min(LANES, last - at)
+            while row_start[row + 1] <= at:
+                row += 1
+            clear_light(material, s)
+            if rays is not None:
+                add_rays(rays, normals[at : at + count], material, count, s)
+            if near is not None:
+                add_near(near, normals[at : at + count], material, n_y, row, row_start, column, at, count, s)
+            for i in range(count):
+                if normals[at + i, 0] == _ZERO and normals[at + i, 1] == _ZERO and normals[at + i, 2] == _ZERO:
+                    for channel in range(each):
+                        s[DR + channel * LANES + i] = s[SHARE + i]
+                        s[SR + channel * LANES + i] = _ZERO
+            for part in range(codes.shape[1] // each):
+                for channel in range(each):
+                    light = s[(SR if part else DR) + channel * LANES :]
+                    for i in range(count):
+                        codes[at + i, part * each + channel] = np.uint16(code_of(light[i] * inverse))
+            at += count
+
+
+def _code_light_numpy(voxels, normals, falling, each, scale, codes):
+    """Twin of ``_code_light``, in chunks of voxels."""
+    for begin in range(0, len(voxels), CHUNK):
+        part = slice(begin, min(begin + CHUNK, len(voxels)))
+        n = normals[part].astype(np.float64)
+        # White matter shows the light and the highlight, black matter the highlight alone.
+        white, black = (lit_numpy(falling, voxels, part, n, np.full((len(n), 3), c, np.float64)) for c in (1.0, 0.0))
+        found = [white.astype(np.float64) - black, black][: codes.shape[1] // each]
+        for kind, light in enumerate(found):
+            made = codes_numpy(np.clip(light[:, :each] / scale, 0.0, 1.0)).astype(np.uint16)
+            codes[part, kind * each : (kind + 1) * each] = made

@@ -1,0 +1,213 @@
+"""Sheets of the scalar without numba: whole sheets at a time, the same sums.  Slow, for machines without numba."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...view.depth_rules import BEGINS, BETWEEN, OWN
+from ..cut_slab import cut_ends_numpy
+from ..intermediate_image import note_filled
+from ..mist_block import fade_added_numpy
+from ..pixel_block import accumulator
+from ..ray_sums import HALF
+from ..scalar_block import SPAN
+from ..scalar_scanline import NOT_KEPT
+from .sheet_buffer import composite_numpy, leave_unseen, slab_numpy, within_holes
+
+ONE = np.float32(1.0)
+
+
+def dense_slice(tables, k: int) -> np.ndarray | None:
+    """(n_scanlines, width, channels) float32: scalar and light of slice ``k``; None if nothing of it is kept."""
+    channels = 1 if tables.lights is None else 1 + tables.lights.shape[1]
+    dense = None
+    for j in range(tables.pointers.shape[1]):
+        run = int(tables.pointers[k, j])
+        if run < 0:
+            continue
+        if dense is None:
+            dense = np.zeros((tables.pointers.shape[1], tables.width, channels), np.float32)
+            dense[..., 0] = NOT_KEPT
+        x, voxel = 0, int(tables.data_starts[k, j])
+        while x < tables.width:
+            x += int(tables.runs[run])
+            if x >= tables.width:
+                break
+            count = int(tables.runs[run + 1])
+            dense[j, x : x + count, 0] = tables.scalars[voxel : voxel + count]
+            if tables.lights is not None:
+                bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
+                dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)
+            x, voxel, run = x + count, voxel + count, run + 2
+    return dense
+
+
+def _between(slices, first: int, weights) -> np.ndarray | None:
+    """Two slices mixed, (n_scanlines, width, channels); None where either of them, if it counts, is empty."""
+    near, far = slices.get(first), slices.get(first + 1)
+    if weights[1] == 0.0:
+        return near
+    if weights[0] == 0.0:
+        return far
+    if near is None or far is None:
+        return None
+    both = (near[..., :1] > NOT_KEPT) & (far[..., :1] > NOT_KEPT)
+    mixed = weights[0] * near + weights[1] * far
+    mixed[..., :1] = np.where(both, mixed[..., :1], NOT_KEPT)
+    return mixed
+
+
+def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
+    """The first axis of ``samples`` at ``count`` sheet pixels, linearly, none beyond its ends."""
+    last = len(samples) - 1
+    place = np.clip((np.arange(count) - offset) / scale, 0.0, last)
+    cell = np.clip(place.astype(np.int64), 0, max(last - 1, 0))
+    share = (place - cell).astype(np.float32).reshape(-1, *(1,) * (samples.ndim - 1))
+    after = np.minimum(cell + 1, last)
+    return samples[cell] * (ONE - share) + samples[after] * share
+
+
+def _own_looks(here, look):
+    """(H, W, channels) looks of the samples of one sheet, and the share of the slab that counts: all of it."""
+    table, _, origin, rate, _, low, high, _, _, last = look
+    value = here[..., 0]
+    inside = (value >= low) & (value <= high)
+    return table.reshape(last + 1, -1)[_entry(value, inside, origin, rate, last)], ONE, here[..., 1:]
+
+
+def _entry(value, inside, origin, rate, last):
+    with np.errstate(over="ignore", invalid="ignore"):
+        index = np.clip((value - origin) * rate, 0.0, last - 1).astype(np.int64)
+    return np.where(inside, index, last)
+
+
+def _looks_between(here, there, look, first, second):
+    """As ``_own_looks``, for the slab between two sheets, where the scalar goes from ``first`` to ``second``; twin of
+    ``scalar_block.look_between`` and what follows."""
+    table, sums, origin, rate, least, low, high, nearest, furthest, last = look
+    is_here, is_there = second >= least, first >= least
+    both, some = is_here & is_there, is_here | is_there
+    first, second = np.where(is_there, first, second), np.where(is_here, second, first)
+    first, second = np.clip(first, nearest, furthest), np.clip(second, nearest, furthest)
+    smallest, largest = np.minimum(first, second), np.maximum(first, second)
+    shown = (largest >= low) & (smallest <= high) & some
+    with np.errstate(over="ignore"):
+        middle = (smallest + largest) * np.float32(0.5)
+    inside = (middle >= low) & (middle <= high) & some
+    looks = table.reshape(last + 1, -1)[_entry(middle, inside, origin, rate, last)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        width = (largest - smallest) * rate
+        wide = (width >= SPAN) & shown
+        from_, to = (
+            np.clip((end - origin) * rate + np.float32(0.5), 0.0, last).astype(np.int64)[wide]
+            for end in (smallest, largest)
+        )
+    total = sums.reshape(last + 1, -1)
+    looks[wide] = np.maximum((total[to] - total[from_]) / np.maximum(width[wide], ONE)[:, None], 0.0)
+    light = np.where(both, np.float32(0.5), is_here.astype(np.float32))[..., None]
+    return looks, np.where(both, ONE, np.float32(0.5)), here[..., 1:] * light + there[..., 1:] * (ONE - light)
+
+
+def _gather_numpy(value, length, sign, origin, least, depth, ends, state, half):
+    """Twin of ``ray_sums.gather_values``: ``value`` and ``length`` (H, W); ``ends``: of the rays."""
+    kept = value >= least
+    if sign == 0.0:
+        weight = np.where(kept, length, np.float32(0.0))
+        state[..., 0] += (value - origin) * weight
+        state[..., 1] += weight
+        state[..., 3] = np.where(weight > 0.0, 0.0, state[..., 3])
+        return
+    counts = kept & (length > 0.0)
+    over = sign * value - origin
+    more = counts & (over > state[..., 0])
+    state[..., 0] = np.where(more, over, state[..., 0])
+    state[..., 3] = np.where(counts, 0.0, state[..., 3])
+    half[...] = np.where(more, np.clip(depth, *ends), half)
+
+
+def _add_depths_numpy(depth, slab, state, half):
+    """Twin of ``ray_sums.add_depths``: optical ``depth`` (H, W) of a slab between the ends ``slab``."""
+    before = state[..., 0].copy()
+    state[..., 0] += depth
+    after = state[..., 0]
+    crossed = (before < HALF) & (after >= HALF)
+    part = (HALF - before[crossed]) / (after - before)[crossed]
+    half[crossed] = slab[0][crossed] + part * (slab[1] - slab[0])[crossed]
+
+
+def splat_scalar_sheets_numpy(
+    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, pixels, half, filled
+):
+    """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
+    does."""
+    height, width = half.shape
+    half[...] = np.inf
+    length = rays.lengths()
+    enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
+    leave = np.minimum(box.columns[1], box.rows[1][:, None]).astype(np.float64)
+    if rays.limits is not None:
+        enter, leave = np.maximum(enter, rays.limits[0]), np.minimum(leave, rays.limits[1])
+    numbers = accumulator(len(sheets.begin))
+    state = np.zeros(pixels.shape, numbers)
+    state[..., 3] = 1.0
+    n_slices = tables.pointers.shape[0]
+    channels = 1 + len(matt) + len(gloss) + len(thinning)
+    absent = np.zeros((height, width, channels), np.float32)
+    absent[..., 0] = NOT_KEPT
+    slices: dict = {}
+    here = absent
+    for sheet in range(len(sheets.first_slice)):
+        yield sheet / len(sheets.first_slice)
+        there = here if sheets.kind[sheet] == BETWEEN else absent
+        first = int(sheets.first_slice[sheet])
+        slices = {
+            k: slices[k] if k in slices else dense_slice(tables, k) for k in (first, first + 1) if 0 <= k < n_slices
+        }
+        mixed = _between(slices, first, sheets.slice_weights[sheet])
+        here = absent
+        if mixed is not None:
+            (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
+            along = _resampled(mixed.transpose(1, 0, 2), width, scale_u, offset_u)
+            here = _resampled(along.transpose(1, 0, 2), height, scale_v, offset_v)
+        if sheets.kind[sheet] == BEGINS or (here is absent and there is absent):
+            continue
+        slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
+        deep = slab[1] - slab[0]
+        if rays.limits is not None:
+            deep = deep - within_holes(rays.limits, *slab)
+        inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
+        in_slab = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet])
+        if sign is not None:
+            place = first + sheets.slice_weights[sheet, 1]
+            place = place if sheets.begin[sheet] <= place <= sheets.end[sheet] else -place
+            _gather_numpy(here[..., 0], in_slab, sign, look[2], look[4], place, (enter, leave), state, half)
+            continue
+        if sheets.kind[sheet] == OWN:
+            looks, counted, light = _own_looks(here, look)
+        else:
+            first_value, last_value = there[..., 0], here[..., 0]
+            if rays.limits is not None:
+                slab_ends = sheets.begin[sheet], sheets.end[sheet]
+                first_value, last_value = cut_ends_numpy(
+                    rays.limits, *slab_ends, last_value, first_value, look[4]
+                )
+            looks, counted, light = _looks_between(here, there, look, first_value, last_value)
+        if thinning:
+            in_slab = in_slab * light[..., -1]
+        if absorbs is not None:
+            _add_depths_numpy(looks[..., 0] * (in_slab * counted), slab, state, half)
+            continue
+        color, sigma = looks[..., :3], looks[..., 3]
+        if matt:
+            color = color * light[..., [plane - 1 for plane in matt]]
+        if gloss:
+            color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
+        depth = in_slab * counted
+        classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
+        kept = None if mist is None else state.copy()
+        composite_numpy(slab_numpy, classified, depth.astype(numbers, copy=False), least, state, slab, half)
+        if mist is not None:
+            fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
+    pixels[...] = state
+    leave_unseen(rays, pixels, half)
+    note_filled(pixels, filled)
