@@ -24,7 +24,7 @@ from rle_splat.accuracy.planner.model import Model, splat_terms, warp_terms
 from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render, truth_of
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Quality, Scene
 
 from .frames import best_frame
@@ -65,18 +65,18 @@ def rules_of(classification: str) -> tuple[str, ...]:
 def observe(scene: Scene, base: Quality) -> dict:
     """What one scene tells, JSON-ready: its ``features``, and of each of ``plans`` its depth rule, density and filter,
     its largest error in levels, and the milliseconds of splat and warp."""
-    kept = Kept()
+    cache = StageCache()
 
     def draw(rule, density, warp_filter, repeats=1):
         plan = replace(
             base, name="calibration", depth_rule=rule, sheet_density=density, warp_filter=warp_filter,
             termination=NO_TERMINATION,
         )  # fmt: skip
-        return best_frame(scene, plan, repeats, kept)[0]
+        return best_frame(scene, plan, repeats, cache)[0]
 
     for plan in pilots(base).values():  # once before, so that tables are made and memory is at hand
-        render(scene, plan, kept=kept)
-    drawn = {name: render(scene, plan, kept=kept) for name, plan in pilots(base).items()}
+        render(scene, plan, cache=cache)
+    drawn = {name: render(scene, plan, cache=cache) for name, plan in pilots(base).items()}
     features = features_of(scene, base, drawn)
     fine = draw("midpoint-4", 2.0, "cubic").rgba
     probes, which = choose_probes(fine, PROBES), truth_of(base)

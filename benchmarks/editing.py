@@ -17,7 +17,7 @@ import numpy as np
 
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import MOST_RESULTS, Kept
+from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
 from rle_splat.scene import (
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
@@ -115,19 +115,19 @@ def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
     """One JSON-ready row per kind of edit: median milliseconds of each of STAGES, what was made anew per edit, and the
     visible voxels after the last."""
     render(scene, quality)  # whatever compiles or loads on first use
-    reports = [render(scene, quality, kept=Kept()).report for _ in range(edits)]
+    reports = [render(scene, quality, cache=StageCache()).report for _ in range(edits)]
     rows = [_row(FIRST, reports, {})]
     for name, (begin, edit) in KINDS.items():
-        kept, start = Kept(), begin(scene)
-        render(start, quality, kept=kept)
+        cache, start = StageCache(), begin(scene)
+        render(start, quality, cache=cache)
         # Until the store is full every edit takes memory that was never used before, which the system clears first.
         filling = MOST_RESULTS["records"]
         for number in range(1, filling + 1):
-            render(edit(start, number), quality, kept=kept)
-        before = dict(kept.made)
+            render(edit(start, number), quality, cache=cache)
+        before = dict(cache.made)
         numbers = range(filling + 1, filling + edits + 1)
-        reports = [render(edit(start, number), quality, kept=kept).report for number in numbers]
-        made = {stage: (count - before.get(stage, 0)) / edits for stage, count in kept.made.items()}
+        reports = [render(edit(start, number), quality, cache=cache).report for number in numbers]
+        made = {stage: (count - before.get(stage, 0)) / edits for stage, count in cache.made.items()}
         rows.append(_row(name, reports, {stage: count for stage, count in made.items() if count}))
     return rows
 

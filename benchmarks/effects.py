@@ -21,7 +21,7 @@ from rle_splat.classify.presets import preset
 from rle_splat.classify.transfer_function import GradientOpacity, Shade
 from rle_splat.effects.analyse import EFFECTS, analyse, called_for
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import (
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
@@ -284,16 +284,16 @@ class _Runs:
     made: frozenset = frozenset()
 
     def __post_init__(self):
-        self.kept = Kept()
+        self.cache = StageCache()
 
     def begin(self) -> None:
-        self.kept.clear()
-        self._taken(render(self.make(AZIMUTH), self.quality, kept=self.kept).report, "first")
+        self.cache.clear()
+        self._taken(render(self.make(AZIMUTH), self.quality, cache=self.cache).report, "first")
 
     def turn(self, number: int) -> None:
-        before = dict(self.kept.made)
-        report = render(self.make(AZIMUTH + STEP * number), self.quality, kept=self.kept).report
-        self.made |= {stage for stage, count in self.kept.made.items() if count > before.get(stage, 0)}
+        before = dict(self.cache.made)
+        report = render(self.make(AZIMUTH + STEP * number), self.quality, cache=self.cache).report
+        self.made |= {stage for stage, count in self.cache.made.items() if count > before.get(stage, 0)}
         if self._taken(report, "frame"):
             self.report = report
 

@@ -22,7 +22,7 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.comparison.judge import TOLERANCE, probe_truth
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import FRAME
 from rle_splat.scene import Quality
 
@@ -52,7 +52,7 @@ def measure(
     repeats: int = REPEATS, probes: int = PROBES, peers=(),
 ) -> list[dict]:
     """One JSON-ready row per quality, then one per Peer of ``peers`` that draws such a picture here."""
-    kept = Kept()
+    cache = StageCache()
     beside = [_Beside(peer, shaded) for peer in peers if not peer.absence(perspective)]
     reports = {name: [] for name in qualities}
     pictures = {name: [] for name in qualities}
@@ -64,8 +64,8 @@ def measure(
         truths["t2"].append(scalar_truth(scene, columns, rows))
         for name in qualities:
             quality = quality_of(name, threads)
-            render(scene, quality, kept=kept)  # tables are made, and whatever compiles lazily
-            rendering, _ = best_frame(scene, quality, repeats, kept)
+            render(scene, quality, cache=cache)  # tables are made, and whatever compiles lazily
+            rendering, _ = best_frame(scene, quality, repeats, cache)
             reports[name].append(rendering.report)
             kept_fractions[name] = rendering.report["volume"]["visible_fraction"]
             pictures[name].append(rendering.rgba[rows, columns])
@@ -121,7 +121,7 @@ def _preparation(scene, quality) -> dict:
     """
     best = {}
     for _ in range(2):
-        report = render(scene, quality, kept=Kept()).report
+        report = render(scene, quality, cache=StageCache()).report
         spent = {stage: report["stages_ms"][stage] for stage in ("classify", "shade", "encode")}
         spent["encode"] /= len(report["memory_bytes"]["axes_held"])
         best = {f"{stage}_ms": min(ms, best.get(f"{stage}_ms", ms)) for stage, ms in spent.items()}

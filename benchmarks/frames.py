@@ -33,14 +33,14 @@ def same_view(scene: Scene, volume) -> Scene:
     return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
-def best_frame(scene: Scene, quality: Quality, repeats: int, kept=None):
+def best_frame(scene: Scene, quality: Quality, repeats: int, cache=None):
     """The rendering whose ``frame_ms`` were fewest of ``repeats``, and those milliseconds.
 
     The quickest, because whatever else a machine does can only add.
     """
     best, least = None, np.inf
     for _ in range(repeats):
-        rendering = render(scene, quality, kept=kept)
+        rendering = render(scene, quality, cache=cache)
         spent = frame_ms(rendering.report)
         if spent < least:
             best, least = rendering, spent

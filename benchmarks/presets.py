@@ -17,7 +17,7 @@ import numpy as np
 
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality
 
 from .data_sets import PAPER
@@ -41,11 +41,11 @@ def subjects(names):
             yield f"{name}, bench", volume, function
 
 
-def measure(scenes_of_views, quality: Quality, kept: Kept, true, places, repeats: int) -> dict:
+def measure(scenes_of_views, quality: Quality, cache: StageCache, true, places, repeats: int) -> dict:
     """JSON-ready: median milliseconds, RMSE of full scale, and the share of the squared error in the worst pixels."""
     spent, squares = [], []
     for scene, expected in zip(scenes_of_views, true, strict=True):
-        rendering, _ = best_frame(scene, quality, repeats, kept)
+        rendering, _ = best_frame(scene, quality, repeats, cache)
         spent.append(frame_ms(rendering.report))
         squares.append(((rendering.rgba[places[1], places[0]] - expected) ** 2).mean(axis=-1))
     every = np.sort(np.concatenate(squares))[::-1]
@@ -70,9 +70,9 @@ def main(arguments) -> int:
             views = [view_scene(volume, function, view, SIZE, perspective, shaded=False) for view in VIEWS]
             centres = tuple(place + 0.5 for place in places)
             true = [truth(scene, "T2", pixels=centres, tolerance=TOLERANCE)[0] for scene in views]
-            kept, projection = Kept(), "perspective" if perspective else "orthographic"
+            cache, projection = StageCache(), "perspective" if perspective else "orthographic"
             for title, quality in (qualities | alone).items():
-                row = measure(views, quality, kept, true, places, REPEATS if title in qualities else 1)
+                row = measure(views, quality, cache, true, places, REPEATS if title in qualities else 1)
                 rows.append({"volume": name, "projection": projection, "quality": title, **row})
                 ms = f"{row['ms']:7.1f}" if title in qualities else f"{'':7}"
                 print(f"{name:<20}{projection:<14}{title:<18}{ms}{row['rmse']:9.4f}{row['worst']:8.0%}", flush=True)

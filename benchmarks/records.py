@@ -21,7 +21,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.comparison.judge import probe_truth
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.volume.volume import Volume
 
@@ -43,14 +43,14 @@ def compare_records(scenes, quality: Quality, probes: int = PROBES, repeats: int
     found = {record: {"against_16": [], "t1": [], "frame": []} for record in RECORDS}
     quality = quality.classified("pre")  # records are those of classified voxels
     for number, scene in enumerate(scenes):
-        kept = Kept()
+        cache = StageCache()
         columns, rows, truth = probe_truth(scene_medium(scene, quality), probes, seed=number)
         knobs = {record: replace(quality, record=record) for record in RECORDS}
-        pictures = {record: render(scene, knobs[record], kept=kept).rgba for record in RECORDS}
+        pictures = {record: render(scene, knobs[record], cache=cache).rgba for record in RECORDS}
         times = {record: np.inf for record in RECORDS}
         for _ in range(repeats):
             for record in RECORDS:
-                times[record] = min(times[record], best_frame(scene, knobs[record], 1, kept)[1])
+                times[record] = min(times[record], best_frame(scene, knobs[record], 1, cache)[1])
         for record, rows_of in found.items():
             rows_of["against_16"].append((pictures[record], pictures[RECORDS[0]]))
             rows_of["t1"].append((pictures[record][rows, columns], truth))

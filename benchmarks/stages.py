@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import FRAME, STAGES
 from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, Scene
 from rle_splat.view.turntable import turntable
@@ -22,7 +22,7 @@ SHOWN = ("classify", "shade", "encode", *FRAME, "frame")
 
 def measure(volume, tf, quality: Quality, perspective: bool, size: int) -> dict:
     """Median milliseconds per stage over the views; a stage that only a new volume needs from its first run."""
-    kept = Kept()
+    cache = StageCache()
     first: dict = {}
     runs = []
     for azimuth, elevation in VIEWS:
@@ -30,7 +30,7 @@ def measure(volume, tf, quality: Quality, perspective: bool, size: int) -> dict:
         scene = Scene(volume, tf, camera, size, size, matrix)
         best = None
         for _ in range(REPEATS):
-            report = render(scene, quality, kept=kept).report
+            report = render(scene, quality, cache=cache).report
             for stage, spent in report["stages_ms"].items():
                 first[stage] = max(first.get(stage, 0.0), spent)
             if best is None or frame_ms(report) < frame_ms(best):

@@ -22,7 +22,7 @@ from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.accuracy.probes import PROBES, STEEP_SHARE, probe_errors, steep_pixels, stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render, truth_of
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
 
 from .frames import Neighbours, circumstances, describe
@@ -51,13 +51,13 @@ def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> f
 
 def judge_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: int = PROBES) -> list[dict]:
     """One JSON-ready row per tolerance, from the mildest on, as long as no picture took longer than LONGEST."""
-    kept, rows, which = Kept(), [], truth_of(quality)
+    cache, rows, which = StageCache(), [], truth_of(quality)
     shading = shading_of(scene, which)
     for tolerance in sorted(tolerances, reverse=True):
         if rows and rows[-1]["seconds"] > LONGEST:
             break
         began = time.perf_counter()
-        rendering = render_within(scene, tolerance, quality, kept=kept, probes=probes)
+        rendering = render_within(scene, tolerance, quality, cache=cache, probes=probes)
         spent = time.perf_counter() - began
         error = rendering.report["error"]
         again = judged_again(scene, rendering.rgba, which, probes, shading)

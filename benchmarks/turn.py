@@ -21,7 +21,7 @@ from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render, truth_of
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, RleSplatError
 from rle_splat.view.eye import index_view
@@ -52,7 +52,7 @@ class Turn:
 
     def __init__(self, volume, tf, quality: Quality, size: int, elevation: float):
         self._volume, self._tf, self._size, self._elevation = volume, tf, size, elevation
-        self._quality, self._kept = quality, Kept()
+        self._quality, self._kept = quality, StageCache()
 
     def _scene(self, azimuth: float):
         return view_scene(self._volume, self._tf, (azimuth, self._elevation), self._size, shaded=False)
@@ -81,7 +81,7 @@ class Turn:
             return [(axis, sign, 1.0)]
 
         with patch("rle_splat.pipeline.render.axis_shares", axis_shares if axis is None else alone):
-            return render(self._scene(azimuth), quality, kept=self._kept).rgba
+            return render(self._scene(azimuth), quality, cache=self._kept).rgba
 
     def round(self, step: float) -> list[dict]:
         """JSON-ready, one entry a frame: difference in levels from the frame before, alpha, principal axis."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps
 from ..rle_splat.pipeline.previews import progressive_steps
 from ..rle_splat.pipeline.render import render_steps
-from ..rle_splat.pipeline.stage_cache import Kept
+from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.scene import RleSplatError, Scene
 from . import settings, transfer, volumes
 from .camera import frame_crop, read_camera
@@ -25,7 +25,7 @@ from .motion import read_motion
 from .presence import is_kept_up
 from .world import read_world
 
-KEPT = Kept()  # keyed by content, so it may outlive files and undo
+KEPT = StageCache()  # keyed by content, so it may outlive files and undo
 
 # What a picture to a maximum error is made without, as the truths have none of it, and why.
 

@@ -48,7 +48,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
         plain, quality = self.read(context)
         plans = sensible_plans(quality)
         return sweep_steps(
-            plain, plans, quality, probes=self.probes, repeats=self.repeats, kept=render_scene.KEPT)
+            plain, plans, quality, probes=self.probes, repeats=self.repeats, cache=render_scene.KEPT)
 
     def commit(self, context, sweep):
         report = sweep.report
@@ -99,7 +99,7 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
 
     def prepare(self, context):
         plain, quality = self.read(context)
-        return error_map_steps(plain, quality, step=self.step, kept=render_scene.KEPT)
+        return error_map_steps(plain, quality, step=self.step, cache=render_scene.KEPT)
 
     def commit(self, context, result):
         scene = self._scene.get()

@@ -12,7 +12,7 @@ from ..runtime.steps import Clock, drain, portion
 from ..scene import Quality, RleSplatError, Scene
 from ..volume.axes import AXES, AXIS_NAMES
 from .medium import axis_steps, look_steps
-from .stage_cache import Kept
+from .stage_cache import StageCache
 
 
 def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
@@ -33,7 +33,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
     scene = called_for(scene, analyse(scene, quality))
-    clock, job = Clock(), Kept(0).job()
+    clock, job = Clock(), StageCache(0).job()
     look = yield from look_steps(scene, quality, job, clock, len(axes))
     classified = look.classified
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)

@@ -39,7 +39,7 @@ from ..view.projection import world_to_camera
 from ..volume.axes import AXES, AXIS_NAMES
 from .memory_estimate import MemoryEstimate, estimate_of, refuse_too_much
 from .shadows import shadow_count, shadow_steps
-from .stage_cache import Job, Kept
+from .stage_cache import Job, StageCache
 
 IN_ORDER = 2  # the principal axis whose records are in the voxels' own order
 
@@ -158,7 +158,7 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
     shown = Mixture(volume, tf, scene.labels, scene.channels) if mixed else Visibility(volume, tf)
     stage = "mixing" if mixed else "classify"
     # A store without room needs no content key, and large volumes no second reading for it.
-    voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
+    voxels_key = (volume.key if job.cache.keeps else "", quality.backend)
     visible_key = (voxels_key, shown.key)
     looks_key = (visible_key, tf.classification_key, length)
     lit_matrix = matrix @ np.diag((refinement, refinement, refinement, 1.0))  # light falls on the scan's own voxels
@@ -177,7 +177,7 @@ def look_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, axes: int
         steps = timed(shown.count_steps(**machine) if mixed else count_steps(shown, blocks, **machine), clock, stage)
         counted = yield from portion(steps, 0.02, 0.06, "Counting")
         needs = wanted(counted)
-        job.kept.make_room(needs.needed)
+        job.cache.make_room(needs.needed)
         refuse_too_much(needs)
         told = f"Classifying {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all"
         yield Progress(0.06, told)
@@ -266,7 +266,7 @@ def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
 
     def records():
         needs = look.estimate.one_axis()
-        job.kept.make_room(needs.needed)
+        job.cache.make_room(needs.needed)
         refuse_too_much(needs)
         if job.has("records", key_of(IN_ORDER)):
             in_order = job.get("records", key_of(IN_ORDER), None)
@@ -293,7 +293,7 @@ def axis_steps(look: Look, quality: Quality, axis: int, job: Job, clock: Clock):
 
 def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
     """(ClassifiedVolume, (m, 3) float32 shaded colours) of a scene, nothing kept."""
-    look = drain(look_steps(scene, quality, Kept(0).job(), clock))
+    look = drain(look_steps(scene, quality, StageCache(0).job(), clock))
     with clock.stage("shade"):
         machine = dict(backend=quality.backend, threads=quality.threads)
         colors = shaded_colors(look.classified, look.normals, look.falling, **machine)

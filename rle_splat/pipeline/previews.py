@@ -30,7 +30,7 @@ from ..view.principal_axis import candidate_pyramids
 from .medium import Look, look_steps
 from .memory_estimate import SPARE
 from .render import render_steps
-from .stage_cache import Job, Kept
+from .stage_cache import Job, StageCache
 
 # A picture that takes less is there before a preview would be of use; milliseconds.
 WORTH_WAITING = 150.0
@@ -91,13 +91,13 @@ class Level:
         return self.means.nbytes + self.errors.nbytes
 
 
-def previews(scene: Scene, quality: Quality | None = None, kept: Kept | None = None):
+def previews(scene: Scene, quality: Quality | None = None, cache: StageCache | None = None):
     """Generator: Previews of a scene, coarse to fine; the last is the picture that ``render`` makes.
 
-    ``kept``: a store shared with other pictures, so that a new view of the same volume does not average it again.
+    ``cache``: a store shared with other pictures, so that a new view of the same volume does not average it again.
     Volumes that are a few nodes wide, `.rle` files and the opacity model have no previews.
     """
-    steps = progressive_steps(scene, quality or Quality(), kept, every=True)
+    steps = progressive_steps(scene, quality or Quality(), cache, every=True)
     while True:
         try:
             step = next(steps)
@@ -110,33 +110,34 @@ def previews(scene: Scene, quality: Quality | None = None, kept: Kept | None = N
 
 
 def progressive_steps(
-    scene: Scene, quality: Quality, kept: Kept | None = None, *, refuse_empty_view: bool = True, every: bool = False
-):
+    scene: Scene, quality: Quality, cache: StageCache | None = None, *, refuse_empty_view: bool = True,
+    every: bool = False,
+):  # fmt: skip
     """``render_steps`` that also yields Previews, where the picture is likely to take WORTH_WAITING.
 
     ``every``: show all of them, however little the picture takes.  The Rendering it returns is the same to the bit.
     """
-    kept, whole = kept if kept is not None else Kept(), scene
+    cache, whole = cache if cache is not None else StageCache(), scene
     scene = called_for(scene, analyse(scene, quality))
     levels = () if is_mixed(scene) else preview_levels(scene.volume.shape_xyz)
-    possible = levels and kept.keeps and quality.model == "extinction" and not isinstance(scene.volume, StoredVolume)
+    possible = levels and cache.keeps and quality.model == "extinction" and not isinstance(scene.volume, StoredVolume)
     possible = possible and scene.mode == MODES[0]  # averages of what absorbs tell no values
     planes = seen_planes(scene, scene.index_to_world, scene.volume.shape_xyz, quality) if possible else []
     if planes:
         settled = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
-        made = dict(kept.made)
-        job = kept.job()
+        made = dict(cache.made)
+        job = cache.job()
         look = yield from _look_steps(scene, settled, job, len({plane.axis for plane in planes}))
         job.keep()
         # Post-classified tables hold the same whatever a transfer function makes of the values.
         stages = ("visible", "normals") if quality.classification == "post" else ("visible", "looks", "normals")
-        fresh = any(kept.made.get(stage) != made.get(stage) for stage in stages)
+        fresh = any(cache.made.get(stage) != made.get(stage) for stage in stages)
         count = 0 if look is None else len(levels)
         if count and not every:
             count = how_many(planes, scene, quality, fresh * look.classified.visible_voxels)
         if count and fits(scene.volume.shape_xyz, levels):
-            yield from _preview_steps(scene, look, levels, count, settled, kept)
-    return (yield from render_steps(whole, quality, kept, refuse_empty_view=refuse_empty_view))
+            yield from _preview_steps(scene, look, levels, count, settled, cache)
+    return (yield from render_steps(whole, quality, cache, refuse_empty_view=refuse_empty_view))
 
 
 def preview_levels(shape_xyz) -> tuple[int, ...]:
@@ -193,9 +194,9 @@ def _look_steps(scene: Scene, quality: Quality, job: Job, axes: int):
         return None
 
 
-def _preview_steps(scene: Scene, look: Look, levels, count: int, quality: Quality, kept: Kept):
+def _preview_steps(scene: Scene, look: Look, levels, count: int, quality: Quality, cache: StageCache):
     """Generator of Progress and, coarsest first, Previews of the ``count`` finest of the levels."""
-    job = kept.job()
+    job = cache.job()
     steps = job.steps(
         "pyramid", (look.key, levels), lambda: _pyramid_steps(look, levels, quality),
         lambda pyramid: sum(level.nbytes for level in pyramid),

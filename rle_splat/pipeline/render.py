@@ -38,7 +38,7 @@ from .memory_estimate import picture_bytes, refuse_too_large
 from .pooled_medium import PooledVolume, pooled_medium_steps, pooled_scene
 from .scalar_medium import scalar_medium_steps
 from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbours
-from .stage_cache import Kept
+from .stage_cache import StageCache
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 COMPILING = "; compiling kernels, the first time only"
@@ -51,14 +51,14 @@ ALL_TRANSPARENT = "The transfer function makes every voxel transparent, so the p
 EMPTY_REMARKS = (ONE_VOXEL_THICK, ALL_TRANSPARENT, NOTHING_LEFT)  # those that say why a picture is empty
 
 
-def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Kept | None = None) -> Rendering:
+def render(scene: Scene, quality: Quality | None = None, progress=None, cache: StageCache | None = None) -> Rendering:
     """The picture of a scene.
 
-    ``progress``: called with a Progress now and then; an exception it raises stops the work.  ``kept``: a store
+    ``progress``: called with a Progress now and then; an exception it raises stops the work.  ``cache``: a store
     that lets the next frame redo only what changed.  Raises RleSplatError with one sentence when the scene cannot
     be rendered.
     """
-    steps = render_steps(scene, quality or Quality(), kept)
+    steps = render_steps(scene, quality or Quality(), cache)
     while True:
         try:
             step = next(steps)
@@ -68,16 +68,16 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, kept: Ke
             progress(step)
 
 
-def render_steps(scene: Scene, quality: Quality, kept: Kept | None = None, *, refuse_empty_view: bool = True):
+def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None, *, refuse_empty_view: bool = True):
     """Generator form of ``render``: yields Progress, returns the Rendering.  Closing it cancels the work.
 
-    Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``kept`` is as it was before.
+    Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is as it was before.
     ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as
     an animation needs it.
     """
     kernels: set[str] = set()
     first_ever = compiled(quality.backend) and nothing_compiled_yet()
-    steps = _road_steps(scene, quality, kept, refuse_empty_view)
+    steps = _road_steps(scene, quality, cache, refuse_empty_view)
     while True:
         try:
             with noting_kernels(kernels):
@@ -99,7 +99,7 @@ def _has_work_ahead(step: Progress) -> bool:
     return step.fraction < 1.0 and step.message != LOADING_KERNELS
 
 
-def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_view: bool):
+def _road_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
     """``render_steps`` but for the kernels that run, which are noted from outside."""
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and isinstance(scene.volume, StoredVolume):
@@ -112,19 +112,19 @@ def _road_steps(scene: Scene, quality: Quality, kept: Kept | None, refuse_empty_
         left = called_for(scene, effects)
     scene = left
     pictures = exposures(scene)
-    if kept is None:  # the pictures of a blur have most stages in common
-        kept = Kept(0) if len(pictures) == 1 else Kept()
+    if cache is None:  # the pictures of a blur have most stages in common
+        cache = StageCache(0) if len(pictures) == 1 else StageCache()
     refuse = refuse_empty_view and not scene.motion  # what moves may come into view
 
     def sharp_steps(one):
-        return _sharp_steps(one, quality, kept, effects, refuse)
+        return _sharp_steps(one, quality, cache, effects, refuse)
 
     if len(pictures) > 1:
         return (yield from exposure_steps(scene, pictures, sharp_steps))
     return (yield from sharp_steps(scene))
 
 
-def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet, refuse_empty_view: bool):
+def _sharp_steps(scene: Scene, quality: Quality, cache: StageCache, effects: EffectSet, refuse_empty_view: bool):
     """``render_steps`` of a scene without a lens and a shutter, and without the effects that are off."""
     clock = Clock()
     asked, quality, wanted = quality, mode_quality(scene, quality), scene
@@ -148,10 +148,10 @@ def _sharp_steps(scene: Scene, quality: Quality, kept: Kept, effects: EffectSet,
     picture = picture_bytes(
         planes, right - left, bottom - top, quality, limited=limited, meshes=meshes, scratch=scratch, traced=traced
     )
-    kept.make_room(picture)
+    cache.make_room(picture)
     refuse_too_large(picture, right - left, bottom - top)
 
-    job, axes = kept.job(), tuple(dict.fromkeys(plane.axis for plane in planes))
+    job, axes = cache.job(), tuple(dict.fromkeys(plane.axis for plane in planes))
     make_medium = scalar_medium_steps if quality.classification == "post" else medium_steps
     make_medium = pooled_medium_steps if isinstance(scene.volume, PooledVolume) else make_medium
     medium = yield from make_medium(scene, quality, job, clock, len(axes), picture)

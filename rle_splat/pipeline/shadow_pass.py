@@ -11,12 +11,12 @@ from ..runtime.steps import Progress
 from ..scene import NO_RAYS, Quality, RleSplatError, Scene
 from .render import render_steps
 from .shadows import shadow_count, without_shadows
-from .stage_cache import Kept
+from .stage_cache import StageCache
 
 FAINTEST = 1e-6  # light of a pixel, red, green and blue together, of which no share is told
 
 
-def shadow_pass_steps(scene: Scene, quality: Quality, kept: Kept | None = None):
+def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None = None):
     """Generator of Progress: (the scene's Rendering, (H, W) float32 share of each pixel's light that is taken away).
 
     The share is one less the picture's light over that of the same picture without shadows and ambient occlusion, red,
@@ -26,13 +26,13 @@ def shadow_pass_steps(scene: Scene, quality: Quality, kept: Kept | None = None):
     """
     if not shadow_count(called_for(scene, analyse(scene, quality))):
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")
-    kept = Kept() if kept is None else kept
+    cache = StageCache() if cache is None else cache
     unshaded = without_shadows(scene)
-    rendering = shaded = yield from _part(render_steps(scene, quality, kept), 0.0, 0.5)
+    rendering = shaded = yield from _part(render_steps(scene, quality, cache), 0.0, 0.5)
     quality = replace(quality, rays=NO_RAYS)
     if rendering.report["rays"]["pixels"]:
-        shaded = yield from _part(render_steps(scene, quality, kept), 0.5, 0.6)
-    plain = yield from _part(render_steps(unshaded, quality, kept), 0.6, 1.0)
+        shaded = yield from _part(render_steps(scene, quality, cache), 0.5, 0.6)
+    plain = yield from _part(render_steps(unshaded, quality, cache), 0.6, 1.0)
     light, whole = (made.rgba[..., :3].sum(axis=2) for made in (shaded, plain))
     share = np.divide(light, whole, out=np.ones_like(whole), where=whole > FAINTEST)
     return rendering, np.clip(1.0 - share, 0.0, 1.0)

@@ -22,7 +22,7 @@ MOST_RESULTS = {
 }  # fmt: skip
 
 
-class Kept:
+class StageCache:
     """A store of stage results, the least recently used leaving first when ``most_bytes`` are exceeded.
 
     Left out, ``most_bytes`` is a quarter of the machine's memory, one GiB at least.
@@ -82,8 +82,8 @@ class Kept:
 class Job:
     """One picture's or one file's work: results of stages by content, those kept and those made by itself."""
 
-    def __init__(self, kept: Kept):
-        self.kept = kept
+    def __init__(self, cache: StageCache):
+        self.cache = cache
         self._used: dict = {}
 
     def has(self, stage: str, key) -> bool:
@@ -110,7 +110,7 @@ class Job:
     def latest(self, stage: str, serves) -> object:
         """The key of the latest kept result of ``stage`` for which ``serves(key, result)``, which is at hand from now
         on; None if there is none."""
-        for place, held in reversed(self.kept._results.copy().items()):
+        for place, held in reversed(self.cache._results.copy().items()):
             if place[0] == stage and serves(place[1], held[0]):
                 self._used[place] = held
                 return place[1]
@@ -118,16 +118,16 @@ class Job:
 
     def keep(self) -> None:
         """Hand over to the store everything that the job used; call it when the job is done."""
-        if self.kept.keeps:
+        if self.cache.keeps:
             for place, (result, size) in self._used.items():
-                self.kept._add(place, result, size)
+                self.cache._add(place, result, size)
 
     def _find(self, place) -> bool:
-        held = self._used.pop(place, None) or self.kept._results.get(place)
+        held = self._used.pop(place, None) or self.cache._results.get(place)
         if held is not None:
             self._used[place] = held  # the last of them now
         return held is not None
 
     def _made(self, place, result, size) -> None:
-        self.kept.made[place[0]] = self.kept.made.get(place[0], 0) + 1
+        self.cache.made[place[0]] = self.cache.made.get(place[0], 0) + 1
         self._used[place] = (result, result.nbytes if size is None else size(result))

@@ -12,7 +12,7 @@ from rle_splat.encode import nodes
 from rle_splat.pipeline import previews as progressive
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import numba
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError
@@ -255,26 +255,26 @@ def test_levels_are_bounded(monkeypatch):
 
 
 def test_a_camera_move_does_not_average_again(stand):
-    kept, field = Kept(1 << 28), smooth_shell(36)
+    cache, field = StageCache(1 << 28), smooth_shell(36)
     for azimuth in (10.0, 20.0, 100.0):
-        list(progressive.previews(stand.scene(field, azimuth), stand.quality, kept))
-    assert kept.made["pyramid"] == 1 and kept.made["visible"] == 1
+        list(progressive.previews(stand.scene(field, azimuth), stand.quality, cache))
+    assert cache.made["pyramid"] == 1 and cache.made["visible"] == 1
     function = replace(stand.scene(field).transfer_function, shade=Shade(0.2, 0.8, 0.0, 1.0))
     for azimuth in (10.0, 20.0):  # a headlight moves with the camera, and colours with it
-        list(progressive.previews(stand.scene(field, azimuth, function=function, headlight=True), stand.quality, kept))
-    assert kept.made["pyramid"] == 3
-    assert sum(stage == "pyramid" for stage, _ in kept.contents) == 2
+        list(progressive.previews(stand.scene(field, azimuth, function=function, headlight=True), stand.quality, cache))
+    assert cache.made["pyramid"] == 3
+    assert sum(stage == "pyramid" for stage, _ in cache.contents) == 2
 
 
 def test_stopping_at_a_preview_leaves_the_store_good(stand):
-    kept, scene = Kept(1 << 28), stand.scene(smooth_shell(36), size=(32, 30))
+    cache, scene = StageCache(1 << 28), stand.scene(smooth_shell(36), size=(32, 30))
     plain = render(scene, stand.quality)
-    steps = progressive.progressive_steps(scene, stand.quality, kept, every=True)
+    steps = progressive.progressive_steps(scene, stand.quality, cache, every=True)
     while not isinstance(next(steps), progressive.Preview):
         pass
     steps.close()
-    np.testing.assert_array_equal(render(scene, stand.quality, kept=kept).rgba, plain.rgba)
-    assert kept.made["visible"] == 1
+    np.testing.assert_array_equal(render(scene, stand.quality, cache=cache).rgba, plain.rgba)
+    assert cache.made["visible"] == 1
 
 
 def test_a_preview_says_what_it_is(stand):

@@ -13,7 +13,7 @@ from rle_splat.effects.exposure import exposures
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Pose, Quality, RleSplatError, Scene
 from rle_splat.view.eye import index_view
 from rle_splat.view.projection import world_to_pixel
@@ -285,18 +285,18 @@ def test_what_all_pictures_of_a_blur_have_in_common_is_made_once(blurred, classi
     """Where whoever calls passes no stage cache, as the command line."""
     stores, quality = [], Quality(classification=classification)
 
-    class Noted(Kept):
+    class Noted(StageCache):
         def __init__(self, *room):
             super().__init__(*room)
             stores.append(self)
 
-    monkeypatch.setattr(sys.modules["rle_splat.pipeline.render"], "Kept", Noted)
+    monkeypatch.setattr(sys.modules["rle_splat.pipeline.render"], "StageCache", Noted)
     found = render(blurred, quality)
     made = sum((Counter(store.made) for store in stores), Counter())
     assert len(exposures(blurred)) > 4 and {"pre": "visible", "post": "scalars"}[classification] in made
     assert set(made.values()) == {1}, made
-    given = Kept(0)
-    again = render(blurred, quality, kept=given)
+    given = StageCache(0)
+    again = render(blurred, quality, cache=given)
     assert np.array_equal(found.rgba, again.rgba) and max(given.made.values()) == len(exposures(blurred))
     stores.clear()
     render(pinhole(replace(blurred, motion=())), quality)

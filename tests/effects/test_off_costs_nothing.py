@@ -10,7 +10,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled, kernel, noting_kernels
 from rle_splat.scene import Light, Quality, Scene
 from rle_splat.shade.shading import normals
@@ -60,9 +60,9 @@ def scene_of(azimuth=25.0, **more) -> Scene:
 
 def worked(scene, classification, backend="auto", **knobs):
     """(stages made, kernels run) for a first picture."""
-    kept = Kept()
-    report = render(scene, Quality(classification=classification, backend=backend, **knobs), kept=kept).report
-    return set(kept.made), set(report["kernels"])
+    cache = StageCache()
+    report = render(scene, Quality(classification=classification, backend=backend, **knobs), cache=cache).report
+    return set(cache.made), set(report["kernels"])
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -138,17 +138,17 @@ def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, 
     quality = Quality(classification=classification, backend=backend)
     shaded = {"pre": "records", "post": "light"}[classification]
     for look, again in ((MATT, 1), (SHINY, 2)):
-        kept = Kept()
+        cache = StageCache()
         for azimuth in (25.0, 27.0):
-            render(scene_of(azimuth, transfer_function=look, lights=(Light("SUN"),)), quality, kept=kept)
-        assert kept.made[shaded] == again and kept.made["normals"] == 1
+            render(scene_of(azimuth, transfer_function=look, lights=(Light("SUN"),)), quality, cache=cache)
+        assert cache.made[shaded] == again and cache.made["normals"] == 1
 
 
 @needs_kernels
 def test_a_second_frame_runs_only_what_it_makes_anew():
-    kept, scene = Kept(), scene_of()
-    render(scene, kept=kept)
-    again = render(scene, kept=kept).report["kernels"]
+    cache, scene = StageCache(), scene_of()
+    render(scene, cache=cache)
+    again = render(scene, cache=cache).report["kernels"]
     assert again == [
         "splat.scalar_sheets.splat_scalar_rows", "warp.resample._resample", "warp.spline_prefilter._filter_lines",
     ]  # fmt: skip

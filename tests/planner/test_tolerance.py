@@ -14,7 +14,7 @@ from rle_splat.accuracy.planner.model import CALIBRATION, Model
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, truth_of
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -48,10 +48,10 @@ def scene_of(function: str, perspective: bool, size: int = 40, **more) -> Scene:
 @pytest.mark.parametrize("classification", CALIBRATED)
 @pytest.mark.parametrize("function, perspective", (("wide", False), ("narrow", True)))
 def test_what_claims_to_keep_its_tolerance_does(function, perspective, classification, record_property):
-    scene, quality, kept = scene_of(function, perspective), Quality(classification=classification), Kept()
+    scene, quality, cache = scene_of(function, perspective), Quality(classification=classification), StageCache()
     which = truth_of(quality)
     for tolerance in TOLERANCES[function, classification]:
-        rendering = render_within(scene, tolerance, quality, kept=kept, probes=300)
+        rendering = render_within(scene, tolerance, quality, cache=cache, probes=300)
         error = rendering.report["error"]
         found = measure(scene, rendering.rgba, which, tolerance, count=600, seed=991, **shading_of(scene, which))
         record_property("levels", f"{tolerance:g}: {error['sentence']}, again {found['largest']:.2f}")
@@ -73,9 +73,9 @@ def plan_of(rendering, quality: Quality) -> Quality:
 @pytest.mark.parametrize("classification", CALIBRATED)
 def test_a_tolerance_does_not_depend_on_the_quality_beside_it(classification):
     """In Blender's panel both stand side by side; a draft's own depth rule is none that can be promised."""
-    scene, kept = scene_of("wide", False, 24), Kept()
+    scene, cache = scene_of("wide", False, 24), StageCache()
     pictures = [
-        render_within(scene, 2.0, Quality.preset(name, classification=classification), kept=kept, probes=0)
+        render_within(scene, 2.0, Quality.preset(name, classification=classification), cache=cache, probes=0)
         for name in QUALITY_PRESETS
     ]
     assert all(picture.report["error"]["kept"] for picture in pictures)

@@ -14,7 +14,7 @@ from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled, kernel
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import MODELS, WARP_FILTERS, Light, Quality
@@ -442,11 +442,11 @@ def test_A15_jobs_that_interleave_share_a_store_and_no_result(record, width, cla
     wrong, most = 0, len(list(render_steps(first, quality)))
     for other, picture in zip(others, fresh[1:], strict=True):
         for steps in range(1, most, 3):
-            store = Kept()
+            store = StageCache()
             begun = render_steps(first, quality, store)
             for _ in range(steps):
                 next(begun)
-            wrong += (render(other, quality, kept=store).rgba != picture).any()
+            wrong += (render(other, quality, cache=store).rgba != picture).any()
             wrong += (drain(begun).rgba != fresh[0]).any()
-            wrong += (render(other, quality, kept=store).rgba != picture).any()
+            wrong += (render(other, quality, cache=store).rgba != picture).any()
     record("A15", "stale pictures of jobs that interleave", wrong, 0, width)

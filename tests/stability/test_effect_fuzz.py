@@ -12,7 +12,7 @@ import numpy as np
 from hypothesis import event, given
 from hypothesis import strategies as st
 
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import RleSplatError
 from tests.stability.effect_strategies import BLURS, scenes_with_effects
@@ -54,9 +54,9 @@ def crop_of(scene, shares):
 @examples(30, shrink=False)
 def search_effects(given_scene, quality, shares):
     scene, plain, names = given_scene
-    kept = Kept()
+    cache = StageCache()
     try:
-        made, splats, warps = by_stages(scene, quality, kept)
+        made, splats, warps = by_stages(scene, quality, cache)
     except RleSplatError as problem:
         check_sentence(problem)
         return
@@ -65,7 +65,7 @@ def search_effects(given_scene, quality, shares):
     most = max([brightest(scene), 1.0, *(rest[-1] for _, rest, _ in warps)])
     check_range(made, most)
     assert bits_apart(made, picture(scene, replace(quality, threads=2))) == 0
-    assert bits_apart(made, by_stages(scene, quality, kept)[0]) == 0
+    assert bits_apart(made, by_stages(scene, quality, cache)[0]) == 0
     left, top, right, bottom = crop_of(scene, shares)
     part = picture(replace(scene, crop=(left, top, right, bottom)), quality)
     rgba, depth = (each[top:bottom, left:right].copy() for each in (made.rgba, made.depth))

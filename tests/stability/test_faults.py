@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime import memory
 from rle_splat.runtime.jit import CACHE_VARIABLE, compiled, kernel, parallel_call
 from rle_splat.runtime.parallel import share_out
@@ -44,7 +44,7 @@ AT_ONCE = """
 import sys, threading
 import numpy as np
 from rle_splat.runtime.jit import numba
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.runtime.steps import drain
 from tests.stability.pictures import SCENES, scene
@@ -54,13 +54,13 @@ try:
     layer = numba.threading_layer()
 except ValueError:
     layer = "none"
-store, wrong, done = Kept(), [], []
+store, wrong, done = StageCache(), [], []
 
 def background(names, kept, times):
     try:
         for n in range(times):
             for name in names:
-                if (render(*scene(name), kept=kept).rgba != wanted[name]).any():
+                if (render(*scene(name), cache=cache).rgba != wanted[name]).any():
                     wrong.append(name)
     except BaseException as problem:
         wrong.append(repr(problem))
@@ -73,7 +73,7 @@ threads = [
 for thread in threads:
     thread.start()
 for n in range(4):  # and the viewport, on the main thread, which begins one picture and wants another at once
-    first, second = (render_steps(*scene(name), Kept()) for name in (SCENES[n % 3], SCENES[(n + 1) % 3]))
+    first, second = (render_steps(*scene(name), StageCache()) for name in (SCENES[n % 3], SCENES[(n + 1) % 3]))
     for _ in range(2):
         next(first)
     if (drain(second).rgba != wanted[SCENES[(n + 1) % 3]]).any() or (drain(first).rgba != wanted[SCENES[n % 3]]).any():
@@ -149,7 +149,7 @@ def test_A15_cancelled_a_hundred_times_at_random(record, width):
     names = ("parallel", "inside", "post")
     undisturbed = {name: render(*scene(name)).rgba for name in names}
     steps = {name: len(list(render_steps(*scene(name)))) for name in names}
-    store, wrong, cancelled = Kept(), 0, 0
+    store, wrong, cancelled = StageCache(), 0, 0
     for turn in range(100):
         name = names[turn % 3]
         stop = int(random.integers(1, steps[name] + 1))
@@ -167,12 +167,12 @@ def test_A15_cancelled_a_hundred_times_at_random(record, width):
                     raise problem
 
             with suppress(problem):
-                render(*scene(name), progress=hear, kept=store)
+                render(*scene(name), progress=hear, cache=store)
             cancelled += len(heard) >= stop
         if turn % 10 == 9:
             for other in names:
-                wrong += (render(*scene(other), kept=store).rgba != undisturbed[other]).any()
-            store = Kept()
+                wrong += (render(*scene(other), cache=store).rgba != undisturbed[other]).any()
+            store = StageCache()
     assert cancelled > 20
     record("A15", "wrong pictures after a hundred cancelled at random", wrong, 0, width)
 

@@ -12,7 +12,7 @@ import pytest
 from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import NO_DEPTH, Camera, Quality
 from rle_splat.view.base_plane import base_plane
@@ -43,8 +43,8 @@ def plan(request):
     return PLANS[request.param]
 
 
-def picture(scene, quality=STANDARD, kept=None, **knobs):
-    return render(scene, replace(quality, **knobs), kept=kept).rgba.astype(np.float64)
+def picture(scene, quality=STANDARD, cache=None, **knobs):
+    return render(scene, replace(quality, **knobs), cache=cache).rgba.astype(np.float64)
 
 
 def placed(linear, at=(0.0, 0.0, 0.0)):
@@ -151,9 +151,9 @@ def test_C2_a_small_turn_makes_a_small_difference(record, width, plan, azimuth, 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 def test_C3_a_full_turn_in_steps_of_a_degree(record, width, plan, perspective):
-    first, kept = STAGE.on_turntable(np.pad(BLOBS, 1), 0.0, 12.0, perspective, size=(32, 32)), Kept()
+    first, cache = STAGE.on_turntable(np.pad(BLOBS, 1), 0.0, 12.0, perspective, size=(32, 32)), StageCache()
     views = (turntable(first.volume, float(a), 12.0, 1.25, perspective, 40.0, 32, 32) for a in range(360))
-    frames = [picture(replace(first, camera=camera, volume_matrix=matrix), plan, kept) for camera, matrix in views]
+    frames = [picture(replace(first, camera=camera, volume_matrix=matrix), plan, cache) for camera, matrix in views]
     steps = np.array([np.abs(frames[a] - frames[a - 1]).max() for a in range(360)])
     switches = np.array((45, 46, 135, 136, 225, 226, 315, 316))  # a frame at 45 degrees belongs to either
     beside = np.maximum.reduce([np.roll(steps, n) for n in (-3, -2, 2, 3)])

@@ -20,7 +20,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_sta
 from devtools.fuzzing import asked_for
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
@@ -44,10 +44,10 @@ MOST_BYTES = 1 << 26  # more than a search's stages take
 REUSED: Counter = Counter()
 
 
-def picture(shot: Shot, kept: Kept):
+def picture(shot: Shot, cache: StageCache):
     """The Rendering, or the sentence that refuses it."""
     try:
-        return render(shot.scene, shot.quality, kept=kept)
+        return render(shot.scene, shot.quality, cache=cache)
     except RleSplatError as problem:
         check_sentence(problem)
         return str(problem)
@@ -57,21 +57,21 @@ class Editing:
     """A scene that is edited, what it was before, and the store of its stages."""
 
     def __init__(self, shot: Shot):
-        self.kept, self.shot, self.before = Kept(MOST_BYTES), shot, [shot]
+        self.cache, self.shot, self.before = StageCache(MOST_BYTES), shot, [shot]
         self.shown = False
         self.show(shot)
 
     def show(self, shot: Shot):
         """Render what the edit made of the scene; an edit that is refused, or leaves nothing to see, is taken back."""
-        shot, made, empty = limited_blur(shot), dict(self.kept.made), Kept(0)
-        found, true = picture(shot, self.kept), picture(shot, empty)
+        shot, made, empty = limited_blur(shot), dict(self.cache.made), StageCache(0)
+        found, true = picture(shot, self.cache), picture(shot, empty)
         if isinstance(true, str):
             assert found == true
             return
         assert not isinstance(found, str), found
         assert bits_apart(found, true) == 0
         for stage, times in empty.made.items():
-            REUSED[stage] += times - (self.kept.made.get(stage, 0) - made.get(stage, 0))
+            REUSED[stage] += times - (self.cache.made.get(stage, 0) - made.get(stage, 0))
         shown = (true.rgba[..., 3] > 0.02).mean() > 0.02
         if shown or not self.shown:
             self.before.append(self.shot)
@@ -179,11 +179,11 @@ def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
             replace(scene, lights=(Light("POINT", energy=20.0 * reach**2, matrix_world=pose),)),
             Quality.preset("fine", "post", threads=1, rays=0.0),
         )
-        kept = Kept()
-        picture(shot, kept)
+        cache = StageCache()
+        picture(shot, cache)
         shot = shot.with_scene(transfer_function=narrow)
-        wrong += bits_apart(picture(shot, kept), picture(shot, Kept(0)))
-        reused += kept.made["relevant"] == 1
+        wrong += bits_apart(picture(shot, cache), picture(shot, StageCache(0)))
+        reused += cache.made["relevant"] == 1
     assert reused == 5
     claim = "numbers that differ where voxels are lit that another range kept"
     record("P5", claim, wrong, 0, "either", "whole numbers")

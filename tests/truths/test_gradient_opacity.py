@@ -12,7 +12,7 @@ from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Quality, RleSplatError
 from rle_splat.volume.gradient_size import gradient_sizes
 from rle_splat.volume.volume import Volume
@@ -115,11 +115,11 @@ def test_threads_and_numpy_make_the_same_picture(stage):
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_off_is_the_picture_without_it_and_measures_no_gradient(stage, classification):
     scene = stage.on_turntable(radius_from_centre(12), size=(24, 24), transfer_function=steep(0.2, 0.9))
-    kept, quality = Kept(), Quality(classification=classification)
-    off = render(replace(scene, effects={"gradient opacity": False}), quality, kept=kept)
+    cache, quality = StageCache(), Quality(classification=classification)
+    off = render(replace(scene, effects={"gradient opacity": False}), quality, cache=cache)
     plain = render(replace(scene, transfer_function=EVEN), quality)
     np.testing.assert_array_equal(off.rgba.view(np.uint32), plain.rgba.view(np.uint32))
-    assert not {"gradients", "thinned", "lights"} & set(kept.made)
+    assert not {"gradients", "thinned", "lights"} & set(cache.made)
     row = next(e for e in render(scene, quality).report["effects"] if e["name"] == "gradient opacity")
     assert row["on"] and row["reason"] == "from 0.2 to 0.9 values per unit of length"
 

@@ -11,7 +11,7 @@ from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import MIST_FALLOFFS, Mist, Quality, RleSplatError
 
 COLOR, FOG = np.array((0.9, 0.4, 0.2)), np.array((0.1, 0.6, 1.5))
@@ -106,7 +106,7 @@ def test_threads_and_numpy_make_the_same_picture(stage, classification):
 def test_off_is_the_picture_without_it_bit_for_bit(stage, classification):
     scene = replace(slab(stage), mist=Mist(1.0, 90.0))
     quality = Quality(classification=classification)
-    off = render(replace(scene, effects={"mist": False}), quality, kept=Kept())
+    off = render(replace(scene, effects={"mist": False}), quality, cache=StageCache())
     plain = render(replace(scene, mist=None), quality)
     np.testing.assert_array_equal(off.rgba.view(np.uint32), plain.rgba.view(np.uint32))
     assert off.report["kernels"] == plain.report["kernels"]

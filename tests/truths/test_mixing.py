@@ -159,18 +159,18 @@ def test_modes_of_values_are_of_one_volume(stage):
 
 
 def test_nothing_is_redone_when_the_camera_moves(stage):
-    from rle_splat.pipeline.stage_cache import Kept
+    from rle_splat.pipeline.stage_cache import StageCache
 
     labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: flat(0.3, BLUE)})
     scene = seen_along_y(stage, np.full((N, N, N), 100), flat(0.1, RED), labels=labels)
-    kept = Kept()
-    render(scene, Quality(), kept=kept)
-    made = dict(kept.made)
+    cache = StageCache()
+    render(scene, Quality(), cache=cache)
+    made = dict(cache.made)
     camera = replace(scene.camera, ortho_scale=2.0 * scene.camera.ortho_scale)
-    moved = render(replace(scene, camera=camera), Quality(), kept=kept)
-    assert kept.made == made
+    moved = render(replace(scene, camera=camera), Quality(), cache=cache)
+    assert cache.made == made
     changed = replace(labels, functions={1: flat(0.3, GREEN)})
-    other = render(replace(scene, camera=camera, labels=changed), Quality(), kept=kept)
+    other = render(replace(scene, camera=camera, labels=changed), Quality(), cache=cache)
     assert np.abs(other.rgba - moved.rgba).max() > 10 * LEVEL, "another colour is another picture"
 
 

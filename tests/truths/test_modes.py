@@ -13,7 +13,7 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 
@@ -285,12 +285,12 @@ def test_the_modes_look_at_no_gradients_and_no_light_and_post_is_taken_where_it_
     shaded = replace(WINDOW, shade=Shade())
     field = random_field(19, 12)
     scene = stage.on_turntable(field, transfer_function=shaded, mode="mip", size=(20, 20), headlight=True)
-    kept = Kept()
-    pre = render(scene, Quality(classification="pre", kernel="bspline2"), kept=kept)
-    assert not {"normals", "light", "lights", "table", "looks"} & set(kept.made)
+    cache = StageCache()
+    pre = render(scene, Quality(classification="pre", kernel="bspline2"), cache=cache)
+    assert not {"normals", "light", "lights", "table", "looks"} & set(cache.made)
     assert "The mode mip shows values, so it was rendered by post, not by pre." in pre.report["remarks"]
     assert pre.report["plan"]["classification"] == "post"
-    same = render(scene, Quality(classification="post"), kept=kept)
+    same = render(scene, Quality(classification="post"), cache=cache)
     np.testing.assert_array_equal(pre.rgba, same.rgba)
     off = render(replace(scene, effects={"mode": False}), Quality())
     np.testing.assert_array_equal(off.rgba, render(replace(scene, mode="composite"), Quality()).rgba)

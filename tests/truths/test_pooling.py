@@ -14,7 +14,7 @@ from rle_splat.encode.store import StoredVolume
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.medium import look_steps
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import numba
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Light, Quality, RleSplatError
@@ -52,7 +52,7 @@ def test_a_node_is_the_average_of_its_cube(stage, level, backend):
     field[field < 0.3] = 0.0
     scene = stage.on_turntable(field)
     quality = Quality(classification="pre", backend=backend)
-    look = drain(look_steps(scene, quality, Kept(0).job(), Clock()))
+    look = drain(look_steps(scene, quality, StageCache(0).job(), Clock()))
     voxels, write = look.classified.voxels, look.write_records("extinction", backend, 2)
     nodes, colors = drain(pooled_steps(voxels, write, level, look.classified, backend=backend, threads=2))
     side, extinction = 2**level, -np.log1p(-field.astype(np.float64))
@@ -104,19 +104,19 @@ def test_no_node_is_larger_than_a_sheet_pixel(stage):
 
 
 def test_work_follows_the_picture_and_is_kept(stage):
-    scene, kept = stage.on_turntable(FIELDS["smooth"](60), size=(16, 16), fit=1.0), Kept()
+    scene, cache = stage.on_turntable(FIELDS["smooth"](60), size=(16, 16), fit=1.0), StageCache()
     quality = Quality(classification="pre", **POOL)
-    first = render(scene, quality, kept=kept)
+    first = render(scene, quality, cache=cache)
     plain = render(scene, replace(quality, minification="off"))
     assert first.report["plan"]["base_planes"][0]["sheets"] * 3 < plain.report["plan"]["base_planes"][0]["sheets"]
     assert first.report["memory_bytes"]["total"] * 8 < plain.report["memory_bytes"]["total"]
     assert first.report["volume"] == plain.report["volume"]
-    ((nodes, colors), size), = (held for (stage, _), held in kept._results.items() if stage == "nodes")
+    ((nodes, colors), size), = (held for (stage, _), held in cache._results.items() if stage == "nodes")
     assert size == sum(a.nbytes for a in (*vars(nodes.voxels).values(), nodes.looks, colors) if hasattr(a, "nbytes"))
-    made = dict(kept.made)
+    made = dict(cache.made)
     turned = replace(scene, camera=stage.on_turntable(FIELDS["smooth"](60), 37.0, size=(16, 16), fit=1.0).camera)
-    second = render(turned, quality, kept=kept)
-    assert kept.made == made and (second.rgba != first.rgba).any()
+    second = render(turned, quality, cache=cache)
+    assert cache.made == made and (second.rgba != first.rgba).any()
     np.testing.assert_array_equal(second.rgba, render(turned, quality).rgba)
 
 

@@ -13,7 +13,7 @@ from rle_splat.effects.shadows import NEAR_SKY
 from rle_splat.pipeline.medium import classify_and_shade
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
@@ -57,10 +57,10 @@ def scene_of(field, affine=None, lights=(), **more) -> Scene:
 
 def reaching(scene, classification="pre", stage="shadows", backend="numpy", threads=0):
     """(m, 3) indices x, y, z of voxels, and (m,) what reaches each of the scene's light."""
-    kept = Kept()
+    cache = StageCache()
     quality = Quality(classification=classification, backend=backend, threads=threads, name="")
-    render(scene, quality, kept=kept)
-    held = {place[0]: kept.job().get(*place, None) for place in kept.contents}
+    render(scene, quality, cache=cache)
+    held = {place[0]: cache.job().get(*place, None) for place in cache.contents}
     voxels = held["visible"] if classification == "pre" else held["relevant"].voxels
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     ny = voxels.shape_xyz[1]
@@ -386,14 +386,14 @@ def test_the_world_lights_matter_alike_from_everywhere():
 def test_without_shadows_nothing_is_swept_and_nothing_changes(classification):
     quality = Quality(classification=classification, backend="numpy")
     usual = render(replace(lit_blob(), volume_shadows=False), quality)
-    kept = Kept()
+    cache = StageCache()
     for scene in (
         replace(lit_blob(), lights=tuple(replace(light, casts_shadow=False) for light in lit_blob().lights)),
         replace(lit_blob(), effects={"shadows": False, "ambient occlusion": False}, ambient_occlusion=1.0),
     ):
-        rendering = render(scene, quality, kept=kept)
+        rendering = render(scene, quality, cache=cache)
         np.testing.assert_array_equal(rendering.rgba, usual.rgba)
-        assert "shadows" not in kept.made and "ambient occlusion" not in kept.made
+        assert "shadows" not in cache.made and "ambient occlusion" not in cache.made
         rows = {row["name"]: row for row in rendering.report["effects"]}
         assert not rows["shadows"]["on"] and rows["shadows"]["ms"] == 0.0 == rows["ambient occlusion"]["ms"]
     lightless = replace(lit_blob(), lights=(sun((0, 0, -1), casts_shadow=False),))
@@ -402,13 +402,13 @@ def test_without_shadows_nothing_is_swept_and_nothing_changes(classification):
 
 @pytest.mark.parametrize("classification", ["pre", "post"])
 def test_only_what_shadows_depend_on_sweeps_again(stage, classification):
-    kept, quality = Kept(), Quality(classification=classification, backend="numpy")
+    cache, quality = StageCache(), Quality(classification=classification, backend="numpy")
     scene = lit_blob()
 
     def sweeps(changed):
-        before = kept.made.get("shadows", 0)
-        render(changed, quality, kept=kept)
-        return kept.made.get("shadows", 0) - before
+        before = cache.made.get("shadows", 0)
+        render(changed, quality, cache=cache)
+        return cache.made.get("shadows", 0) - before
 
     assert sweeps(scene) == 1
     assert sweeps(replace(scene, camera=stage.looking((40, 40, 40), (8, 8, 8)))) == 0

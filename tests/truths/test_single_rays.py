@@ -14,7 +14,7 @@ from rle_splat.accuracy.planner.retrace import retrace_steps
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.single_rays import can_trace
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality
 
@@ -39,7 +39,7 @@ def waves():
 
 def traced(scene, slabs, quality=POST):
     rows, columns = np.divmod(np.arange(scene.width * scene.height), scene.width)
-    return drain(retrace_steps(scene, quality, columns, rows, slabs, Kept(0)))[0]
+    return drain(retrace_steps(scene, quality, columns, rows, slabs, StageCache(0)))[0]
 
 
 def errors(scene, slabs):

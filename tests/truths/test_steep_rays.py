@@ -12,7 +12,7 @@ from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Quality, RleSplatError
 from rle_splat.warp import steep as steepness
 from rle_splat.warp.steep import ALWAYS, TILE, most_in_tile, steep_pixels
@@ -62,10 +62,10 @@ def test_steep_pixels_are_the_truth_and_others_as_they_were(stage, name, slabs, 
 @PROJECTIONS
 def test_a_crop_is_the_same_part_of_the_picture(stage, perspective):
     scene = scene_of(stage, perspective, headlight=True)
-    whole, kept = render(scene, POST), Kept()
+    whole, cache = render(scene, POST), StageCache()
     crops = (0, 0, 9, 64), (23, 17, 60, 44), (31, 30, 32, 31), (60, 50, 72, 64), (1, 1, 71, 63)
     for left, top, right, bottom in crops:
-        part = render(replace(scene, crop=(left, top, right, bottom)), POST, kept=kept)
+        part = render(replace(scene, crop=(left, top, right, bottom)), POST, cache=cache)
         assert (part.rgba == whole.rgba[top:bottom, left:right]).all()
         assert (part.depth == whole.depth[top:bottom, left:right]).all()
         assert part.report["image"]["crop"] == [left, top, right, bottom]
@@ -104,11 +104,11 @@ def test_depths_of_rays_are_where_half_is_absorbed(stage, perspective):
 
 
 def test_what_was_shown_before_does_not_change_a_picture(stage):
-    kept = Kept()
+    cache = StageCache()
     wide = replace(BONE, name="wide", opacity=((0.1, 0.0), (0.3, 0.5), (1.0, 0.9)))
     quality = replace(POST, depth_rule="gauss2")
-    render(scene_of(stage, transfer_function=wide), quality, kept=kept)
-    again = render(scene_of(stage), quality, kept=kept)
+    render(scene_of(stage, transfer_function=wide), quality, cache=cache)
+    again = render(scene_of(stage), quality, cache=cache)
     assert (again.rgba == render(scene_of(stage), quality).rgba).all()
 
 
@@ -142,13 +142,13 @@ def test_of_noise_no_more_than_a_part_is_traced_and_a_crop_has_the_same_pixels(s
     monkeypatch.setattr(steepness, "ENOUGH", 100)
     noise, quality = np.random.default_rng(5).random((24, 24, 24)).astype(np.float32), replace(POST, rays=0.05)
     scene = stage.on_turntable(noise, perspective=perspective, size=SIZE, fit=1.0, transfer_function=BONE)
-    whole, plain, kept = render(scene, quality), render(scene, without(quality)), Kept()
+    whole, plain, cache = render(scene, quality), render(scene, without(quality)), StageCache()
     traced = (whole.rgba != plain.rgba).any(axis=-1)
     assert 0.8 < steep_pixels(plain.rgba, quality.rays).mean()
     assert whole.report["rays"]["pixels"] == 5 * 4 * ALWAYS  # tiles, those that the frame cuts among them
     assert 0.9 * whole.report["rays"]["pixels"] < traced.sum() <= whole.report["rays"]["pixels"]
     for left, top, right, bottom in ((0, 0, 9, 64), (23, 17, 60, 44), (31, 32, 32, 33), (48, 48, 72, 64)):
-        part = render(replace(scene, crop=(left, top, right, bottom)), quality, kept=kept)
+        part = render(replace(scene, crop=(left, top, right, bottom)), quality, cache=cache)
         assert (part.rgba == whole.rgba[top:bottom, left:right]).all()
         assert (part.depth == whole.depth[top:bottom, left:right]).all()
 

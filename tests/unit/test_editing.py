@@ -10,7 +10,7 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline import medium
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import MOST_RESULTS, Kept
+from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
 from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.shade.shading import light_records
 from rle_splat.view.turntable import turntable
@@ -40,12 +40,12 @@ def scene(azimuth=20, function=FUNCTION, lights=(), headlight=False, volume=BALL
 
 def work_of(edited, first, quality=QUALITY):
     """Which stages the edit ran again; its picture is held against a fresh one."""
-    kept = Kept()
-    render(first, quality, kept=kept)
-    before = dict(kept.made)
-    picture = render(edited, quality, kept=kept).rgba
+    cache = StageCache()
+    render(first, quality, cache=cache)
+    before = dict(cache.made)
+    picture = render(edited, quality, cache=cache).rgba
     np.testing.assert_array_equal(picture, render(edited, quality).rgba)
-    return {stage for stage, count in kept.made.items() if count > before.get(stage, 0)}
+    return {stage for stage, count in cache.made.items() if count > before.get(stage, 0)}
 
 
 def heights(function, factor):
@@ -96,95 +96,95 @@ NARROWER = replace(FUNCTION, opacity=((100, 0.0), (140, 0.3), (250, 0.6)))
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
 @pytest.mark.parametrize("threads", (1, 2))
 def test_pictures_and_normals_of_other_ranges_are_those_of_a_fresh_start(dtype, threads):
-    kept, volume = Kept(), ball(dtype)
+    cache, volume = StageCache(), ball(dtype)
     quality, shown = replace(QUALITY, threads=threads), []
     for function in (FUNCTION, WIDER, NARROWER, WIDER):
         edited = scene(function=function, lights=(SUN,), volume=volume)
-        picture = render(edited, quality, kept=kept)
+        picture = render(edited, quality, cache=cache)
         shown.append(picture.report["volume"]["visible_voxels"])
-        fresh = Kept()
-        np.testing.assert_array_equal(picture.rgba, render(edited, quality, kept=fresh).rgba)
+        fresh = StageCache()
+        np.testing.assert_array_equal(picture.rgba, render(edited, quality, cache=fresh).rgba)
         for (stage, key), (result, _) in fresh._results.items():
             if stage == "normals":
-                np.testing.assert_array_equal(result, kept._results[stage, key][0])
+                np.testing.assert_array_equal(result, cache._results[stage, key][0])
     assert shown[2] < shown[0] < shown[1] == shown[3]
-    assert kept.made["normals"] == 3  # the last was there already
+    assert cache.made["normals"] == 3  # the last was there already
 
 
 def test_normals_of_another_volume_or_another_place_do_not_serve():
     """Content decides: equal voxels serve whoever holds them, others never do."""
-    kept, lit = Kept(), dict(function=MATT_FUNCTION, lights=(SUN,))
+    cache, lit = StageCache(), dict(function=MATT_FUNCTION, lights=(SUN,))
     first = scene(**lit)
-    render(first, QUALITY, kept=kept)
+    render(first, QUALITY, cache=cache)
     longer = np.diag((1.0, 1.0, 2.0, 1.0)) @ first.volume_matrix
     bent = replace(BALL, voxels=BALL.voxels + (BALL.voxels > 130).astype(np.uint8))
     for made, other in enumerate((replace(first, volume_matrix=longer), scene(**lit, volume=bent)), start=2):
-        picture = render(other, QUALITY, kept=kept).rgba
+        picture = render(other, QUALITY, cache=cache).rgba
         np.testing.assert_array_equal(picture, render(other, QUALITY).rgba)
-        assert kept.made["normals"] == made
-    render(scene(**lit, volume=ball()), QUALITY, kept=kept)
-    assert kept.made["normals"] == 3
+        assert cache.made["normals"] == made
+    render(scene(**lit, volume=ball()), QUALITY, cache=cache)
+    assert cache.made["normals"] == 3
 
 
 def test_a_dragged_transfer_function_does_not_fill_the_memory():
-    kept, sizes = Kept(), []
+    cache, sizes = StageCache(), []
     for step in range(2 * max(MOST_RESULTS.values())):
         wider = replace(FUNCTION, opacity=((80 - 2 * step, 0.0), *FUNCTION.opacity[1:]))
-        render(scene(function=wider, lights=(SUN,)), QUALITY, kept=kept)
-        sizes.append(kept.nbytes)
-    counts = Counter(stage for stage, _ in kept.contents)
+        render(scene(function=wider, lights=(SUN,)), QUALITY, cache=cache)
+        sizes.append(cache.nbytes)
+    counts = Counter(stage for stage, _ in cache.contents)
     assert counts["normals"] == MOST_RESULTS["normals"] and sizes[-1] < 1.5 * sizes[len(sizes) // 2]
 
 
 def test_the_tables_are_shared_between_lights():
-    kept = Kept()
-    render(scene(lights=(SUN,)), QUALITY, kept=kept)
-    runs = [size for (stage, _), (_, size) in kept._results.items() if stage == "runs"]
-    render(scene(lights=(replace(SUN, energy=1.0),)), QUALITY, kept=kept)
-    records = [result for (stage, _), (result, _) in kept._results.items() if stage == "records"]
+    cache = StageCache()
+    render(scene(lights=(SUN,)), QUALITY, cache=cache)
+    runs = [size for (stage, _), (_, size) in cache._results.items() if stage == "runs"]
+    render(scene(lights=(replace(SUN, energy=1.0),)), QUALITY, cache=cache)
+    records = [result for (stage, _), (result, _) in cache._results.items() if stage == "records"]
     assert len(runs) == 1 and len(records) == 2 and records[0].runs is records[1].runs
 
 
 def test_going_back_costs_nothing():
-    kept = Kept()
+    cache = StageCache()
     for energy in (1.0, 2.0, 1.0, 2.0):
-        render(scene(lights=(replace(SUN, energy=energy),)), QUALITY, kept=kept)
-    assert kept.made["records"] == 2
+        render(scene(lights=(replace(SUN, energy=energy),)), QUALITY, cache=cache)
+    assert cache.made["records"] == 2
 
 
 def test_equal_voxels_are_the_same_content():
-    kept = Kept()
+    cache = StageCache()
     for volume in (ball(), ball()):
-        render(scene(volume=volume), QUALITY, kept=kept)
-    assert set(kept.made.values()) == {1}
+        render(scene(volume=volume), QUALITY, cache=cache)
+    assert set(cache.made.values()) == {1}
 
 
 def test_without_a_store_no_voxel_is_hashed():
     volume = ball()
     render(scene(volume=volume), QUALITY)
     assert "key" not in vars(volume)
-    render(scene(volume=volume), QUALITY, kept=Kept())
+    render(scene(volume=volume), QUALITY, cache=StageCache())
     assert "key" in vars(volume)
 
 
 def test_a15_a_cancelled_job_leaves_what_is_kept_as_it_was():
-    kept = Kept()
-    first = render(scene(lights=(SUN,)), QUALITY, kept=kept).rgba
-    before, size = kept.contents, kept.nbytes
+    cache = StageCache()
+    first = render(scene(lights=(SUN,)), QUALITY, cache=cache).rgba
+    before, size = cache.contents, cache.nbytes
     edited = scene(azimuth=70, function=WIDER, headlight=True)
     steps = 0
     while True:
-        work = render_steps(edited, QUALITY, kept)
+        work = render_steps(edited, QUALITY, cache)
         messages = []
         for _ in range(steps + 1):
             messages.append(next(work).message)
         work.close()
         if messages[-1] == "Done":
             break
-        assert kept.contents == before and kept.nbytes == size, messages[-1]
+        assert cache.contents == before and cache.nbytes == size, messages[-1]
         steps += 1
     assert steps > 3 and "Splatting" in messages and "Encoding" in messages
-    np.testing.assert_array_equal(render(scene(lights=(SUN,)), QUALITY, kept=kept).rgba, first)
+    np.testing.assert_array_equal(render(scene(lights=(SUN,)), QUALITY, cache=cache).rgba, first)
 
 
 @pytest.mark.parametrize("record", (16, 8, 6, 4))
@@ -213,6 +213,6 @@ def test_a_camera_inside_shades_once(monkeypatch):
     inside[:3, 3] = (12.3, 11.2, 12.1)
     camera = Camera(inside, type="PERSP", lens=8.0, clip_start=0.01, clip_end=100.0)
     wide = Scene(BALL, replace(FUNCTION, shade=MATT), camera, 40, 40, lights=(SUN,))
-    kept = Kept()
-    render(wide, QUALITY, kept=kept)
-    assert kept.made["records"] == 3 and kept.made["visible"] == 1
+    cache = StageCache()
+    render(wide, QUALITY, cache=cache)
+    assert cache.made["records"] == 3 and cache.made["visible"] == 1

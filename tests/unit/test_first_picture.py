@@ -22,14 +22,14 @@ from dataclasses import replace
 import numpy as np
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.runtime.jit import numba
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Light, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 voxels = np.random.default_rng(0).integers(0, 255, (20, 18, 16)).astype(np.uint8)
-volume, kept = Volume(voxels, np.eye(4)), Kept()
+volume, cache = Volume(voxels, np.eye(4)), StageCache()
 camera, matrix = turntable(volume, 20, 10, width=24, height=24)
 tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),))
 scene = Scene(volume, tf, camera, 24, 24, matrix, headlight=True)
@@ -40,7 +40,7 @@ for edited in (
     replace(scene, transfer_function=replace(tf, opacity=((60, 0.0), (250, 0.6)))),
     replace(scene, transfer_function=replace(tf, shade=Shade(specular=0.0))),
 ):
-    render(edited, Quality.preset("draft", classification=sys.argv[1]), kept=kept)
+    render(edited, Quality.preset("draft", classification=sys.argv[1]), cache=cache)
 rooms = ("rle_splat.volume", "rle_splat.classify", "rle_splat.shade", "rle_splat.encode")
 kernels = [k for k in gc.get_objects() if isinstance(k, numba.core.dispatcher.Dispatcher)]
 kernels = [k for k in kernels if k.py_func.__module__.startswith(rooms)]

@@ -10,7 +10,7 @@ from rle_splat.classify.gaps import SHORT, close_gaps
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline import scalar_medium
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -100,18 +100,18 @@ def test_pictures_of_sheets_by_themselves_are_the_same_to_the_bit(monkeypatch, p
 @pytest.mark.parametrize("first", ("draft", "standard"))
 def test_slabs_between_sheets_have_voxels_of_their_own(first):
     """Where both ends of a slab count, a voxel more may change what is seen: whatever was drawn before."""
-    wanted, kept = scene(noisy(np.uint8), True), Kept()
-    render(wanted, Quality.preset(first), kept=kept)
+    wanted, cache = scene(noisy(np.uint8), True), StageCache()
+    render(wanted, Quality.preset(first), cache=cache)
     for preset in ("draft", "standard"):
-        picture = render(wanted, Quality.preset(preset), kept=kept).rgba
+        picture = render(wanted, Quality.preset(preset), cache=cache).rgba
         assert picture.tobytes() == render(wanted, Quality.preset(preset)).rgba.tobytes()
     # What standard needs serves draft, and not the other way round.
-    assert kept.made["relevant"] == (2 if first == "draft" else 1)
+    assert cache.made["relevant"] == (2 if first == "draft" else 1)
 
 
 def test_what_is_no_number_is_never_kept():
     volume = noisy(np.float32, holes=True)
-    kept = Kept()
-    render(scene(volume, True), Quality.preset("draft"), kept=kept)
-    (voxels,) = [held.voxels for (stage, _), (held, _) in kept._results.items() if stage == "relevant"]
+    cache = StageCache()
+    render(scene(volume, True), Quality.preset("draft"), cache=cache)
+    (voxels,) = [held.voxels for (stage, _), (held, _) in cache._results.items() if stage == "relevant"]
     assert len(voxels) > 0 and not np.isnan(voxels.stored).any()

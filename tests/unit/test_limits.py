@@ -10,7 +10,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline.encode_scene import encode_scene, encode_scene_steps
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
@@ -44,8 +44,8 @@ def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(record, mon
     first, other = two_pictures()
     quality = replace(QUALITY, record=record)
     undisturbed = {name: render(scene, quality) for name, scene in (("first", first), ("other", other))}
-    store = Kept()
-    render(first, quality, kept=store)
+    store = StageCache()
+    render(first, quality, cache=store)
     told = []
     while True:
         before, size = store.contents, store.nbytes
@@ -56,7 +56,7 @@ def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(record, mon
         if told[-1] == "Done":
             break
         assert store.contents == before and store.nbytes == size, told
-        again = {"first": render(first, quality, kept=store), "other": render(other, quality, kept=Kept())}
+        again = {"first": render(first, quality, cache=store), "other": render(other, quality, cache=StageCache())}
         for name, picture in again.items():
             np.testing.assert_array_equal(picture.rgba, undisturbed[name].rgba)
             np.testing.assert_array_equal(picture.depth, undisturbed[name].depth)

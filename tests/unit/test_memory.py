@@ -18,7 +18,7 @@ from rle_splat.encode.encode import VOXELS_AT_ONCE, encode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime import memory
 from rle_splat.runtime.jit import compiled
@@ -358,11 +358,11 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
 
 
 def test_another_light_is_refused_too_when_it_no_longer_fits(monkeypatch):
-    kept, scene = Kept(), scene_of(noise(), headlight=False)
-    render(scene, QUALITY, kept=kept)
+    cache, scene = StageCache(), scene_of(noise(), headlight=False)
+    render(scene, QUALITY, cache=cache)
     short_of_memory(monkeypatch, 3 << 20)
     with pytest.raises(RleSplatError, match="are free"):
-        render(replace(scene, headlight=True), QUALITY, kept=kept)
+        render(replace(scene, headlight=True), QUALITY, cache=cache)
 
 
 def test_a_picture_too_large_is_refused_at_once(monkeypatch):
@@ -375,16 +375,16 @@ def test_a_picture_too_large_is_refused_at_once(monkeypatch):
 
 
 def test_what_is_kept_makes_room(monkeypatch):
-    kept, scene = Kept(), scene_of(noise())
-    picture = render(scene, QUALITY, kept=kept).rgba
-    assert kept.nbytes > 0
-    kept.make_room(kept.nbytes)
-    assert kept.nbytes > 0  # there is enough
+    cache, scene = StageCache(), scene_of(noise())
+    picture = render(scene, QUALITY, cache=cache).rgba
+    assert cache.nbytes > 0
+    cache.make_room(cache.nbytes)
+    assert cache.nbytes > 0  # there is enough
     short_of_memory(monkeypatch, 100)
-    kept.make_room(1000)
-    assert kept.nbytes == 0 and kept.contents == ()
+    cache.make_room(1000)
+    assert cache.nbytes == 0 and cache.contents == ()
     monkeypatch.undo()
-    np.testing.assert_array_equal(render(scene, QUALITY, kept=kept).rgba, picture)
+    np.testing.assert_array_equal(render(scene, QUALITY, cache=cache).rgba, picture)
 
 
 def test_solid_noise_keeps_working():

@@ -11,7 +11,7 @@ from rle_splat.classify.relevant import Reach
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.memory_estimate import refuse_too_much, scalar_estimate
 from rle_splat.pipeline.render import render, render_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -41,14 +41,14 @@ def scene(azimuth=20, function=FUNCTION, lights=(), headlight=False, volume=BALL
 
 def work_of(edited, first, quality=QUALITY):
     """Which stages the edit ran again; its picture is held against a fresh one, to the bit."""
-    kept = Kept()
-    render(first, quality, kept=kept)
-    before = dict(kept.made)
-    picture = render(edited, quality, kept=kept).rgba
+    cache = StageCache()
+    render(first, quality, cache=cache)
+    before = dict(cache.made)
+    picture = render(edited, quality, cache=cache).rgba
     fresh = render(edited, quality).rgba
     np.testing.assert_array_equal(picture, fresh)
     assert fresh.max() > 0.1 or edited.transfer_function is HIDING
-    return {stage for stage, count in kept.made.items() if count > before.get(stage, 0)}
+    return {stage for stage, count in cache.made.items() if count > before.get(stage, 0)}
 
 
 def shown(*points):
@@ -105,11 +105,11 @@ def test_a_wider_range_that_is_kept_gives_the_same_picture(dtype, rule):
     volume, quality = ball(dtype), replace(QUALITY, depth_rule=rule, backend="numpy")
     for function in (NARROWER, STEPS, SPLIT):
         edited = scene(function=function, volume=volume, headlight=True)
-        kept = Kept()
-        render(scene(function=FUNCTION, volume=volume, headlight=True), quality, kept=kept)
-        assert kept.made["relevant"] == 1
-        picture, fresh = render(edited, quality, kept=kept), render(edited, quality)
-        assert kept.made["relevant"] == (1 if rule == "simpson" else 2) and kept.made["table"] == 2
+        cache = StageCache()
+        render(scene(function=FUNCTION, volume=volume, headlight=True), quality, cache=cache)
+        assert cache.made["relevant"] == 1
+        picture, fresh = render(edited, quality, cache=cache), render(edited, quality)
+        assert cache.made["relevant"] == (1 if rule == "simpson" else 2) and cache.made["table"] == 2
         more = picture.report["volume"]["visible_voxels"] - fresh.report["volume"]["visible_voxels"]
         assert more > 0 if rule == "simpson" else more == 0
         np.testing.assert_array_equal(picture.rgba, fresh.rgba)
@@ -138,12 +138,12 @@ def test_infinite_values_are_placed_again_when_the_ends_change():
 
 
 def test_going_back_costs_nothing_and_equal_voxels_are_the_same_content():
-    kept = Kept()
+    cache = StageCache()
     for energy in (1.0, 2.0, 1.0, 2.0):
         for function in (FUNCTION, NARROWER):
             lit = scene(function=function, lights=(replace(SUN, energy=energy),), volume=ball())
-            render(lit, QUALITY, kept=kept)
-    assert kept.made == {
+            render(lit, QUALITY, cache=cache)
+    assert cache.made == {
         "blocks": 1, "relevant": 1, "normals": 1, "runs": 1, "scalars": 1, "light": 2, "lights": 2, "table": 2,
         "bricks": 1,
     }
@@ -156,43 +156,43 @@ def test_without_a_store_no_voxel_is_hashed():
 
 
 def test_a_cancelled_job_leaves_what_is_kept_as_it_was():
-    kept = Kept()
-    first = render(scene(**LIT), QUALITY, kept=kept).rgba
-    before, size = kept.contents, kept.nbytes
+    cache = StageCache()
+    first = render(scene(**LIT), QUALITY, cache=cache).rgba
+    before, size = cache.contents, cache.nbytes
     edited = scene(azimuth=70, function=WIDER, headlight=True)
     steps = 0
     while True:
-        work = render_steps(edited, QUALITY, kept)
+        work = render_steps(edited, QUALITY, cache)
         messages = []
         for _ in range(steps + 1):
             messages.append(next(work).message)
         work.close()
         if messages[-1] == "Done":
             break
-        assert kept.contents == before and kept.nbytes == size, messages[-1]
+        assert cache.contents == before and cache.nbytes == size, messages[-1]
         steps += 1
     assert steps > 3 and {"Splatting", "Encoding", "Finding the voxels that matter"} <= set(messages)
-    np.testing.assert_array_equal(render(scene(**LIT), QUALITY, kept=kept).rgba, first)
+    np.testing.assert_array_equal(render(scene(**LIT), QUALITY, cache=cache).rgba, first)
 
 
 def test_a_camera_inside_lights_once():
     inside = np.eye(4)
     inside[:3, 3] = (12.3, 11.2, 12.1)
     camera = Camera(inside, type="PERSP", lens=8.0, clip_start=0.01, clip_end=100.0)
-    kept = Kept()
-    render(Scene(BALL, MATT_FUNCTION, camera, 40, 40, lights=(SUN,)), QUALITY, kept=kept)
-    assert kept.made["runs"] == 3 and kept.made["scalars"] == kept.made["lights"] == 2, "y and z share their records"
-    assert kept.made["light"] == kept.made["relevant"] == kept.made["table"] == 1
+    cache = StageCache()
+    render(Scene(BALL, MATT_FUNCTION, camera, 40, 40, lights=(SUN,)), QUALITY, cache=cache)
+    assert cache.made["runs"] == 3 and cache.made["scalars"] == cache.made["lights"] == 2, "y and z share their records"
+    assert cache.made["light"] == cache.made["relevant"] == cache.made["table"] == 1
 
 
 def test_a_dragged_transfer_function_or_light_does_not_fill_the_memory():
-    kept, sizes = Kept(), []
+    cache, sizes = StageCache(), []
     for step in range(20):
         wider = shown((80 - 2 * step, 0.0), *FUNCTION.opacity[1:])
         lit = scene(function=wider, lights=(replace(SUN, energy=1.0 + step),))
-        render(lit, QUALITY, kept=kept)
-        sizes.append(kept.nbytes)
-    counts = Counter(stage for stage, _ in kept.contents)
+        render(lit, QUALITY, cache=cache)
+        sizes.append(cache.nbytes)
+    counts = Counter(stage for stage, _ in cache.contents)
     assert max(counts.values()) < 20 and sizes[-1] < 1.5 * sizes[len(sizes) // 2], counts
 
 

@@ -17,7 +17,7 @@ from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, f
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.shade.lighting import lighting
@@ -241,24 +241,24 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
 
 
 def test_what_is_kept_is_of_one_refinement():
-    kept, scene = Kept(), scene_of(waves(), headlight=True)
-    first = render(scene, refined_quality(2), kept=kept)
-    assert (render(scene, refined_quality(2), kept=kept).rgba == first.rgba).all()
-    assert {"visible": 1, "normals": 1, "records": 1}.items() <= kept.made.items()
+    cache, scene = StageCache(), scene_of(waves(), headlight=True)
+    first = render(scene, refined_quality(2), cache=cache)
+    assert (render(scene, refined_quality(2), cache=cache).rgba == first.rgba).all()
+    assert {"visible": 1, "normals": 1, "records": 1}.items() <= cache.made.items()
     for number, quality in enumerate((refined_quality(3), Quality(classification="pre"), refined_quality(4)), 2):
-        other = render(scene, quality, kept=kept)
-        assert kept.made["visible"] == kept.made["records"] == number
+        other = render(scene, quality, cache=cache)
+        assert cache.made["visible"] == cache.made["records"] == number
         assert (other.rgba == render(scene, quality).rgba).all() and (other.rgba != first.rgba).any()
 
 
 def test_a_change_of_colour_or_light_finds_no_voxels_anew():
-    kept, scene = Kept(), scene_of(waves(), headlight=True)
-    render(scene, refined_quality(), kept=kept)
+    cache, scene = StageCache(), scene_of(waves(), headlight=True)
+    render(scene, refined_quality(), cache=cache)
     bluer = replace(scene, transfer_function=replace(FUNCTION, color=((80, 0.1, 0.3, 1.0), (250, 0.9, 0.9, 0.8))))
     turned = scene_of(waves(), headlight=False, lights=(Light("SUN", (1.0, 1.0, 1.0), 3.0),))
     for number, changed in enumerate((bluer, turned), 2):
-        found = render(changed, refined_quality(), kept=kept)
-        assert kept.made["visible"] == kept.made["normals"] == 1 and kept.made["records"] == number
+        found = render(changed, refined_quality(), cache=cache)
+        assert cache.made["visible"] == cache.made["normals"] == 1 and cache.made["records"] == number
         assert (found.rgba == render(changed, refined_quality()).rgba).all()
 
 

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime import buffer_pool as reused
 
 MANY = 1 << 18  # float32 numbers that are worth it here
@@ -77,12 +77,12 @@ def test_what_does_not_fit_goes_back_before_more_is_taken():
 
 
 def test_a_store_that_is_emptied_gives_everything_back():
-    kept = Kept()
-    job = kept.job()
+    cache = StageCache()
+    job = cache.job()
     job.get("records", 1, lambda: reused.empty(MANY, np.float32))
     job.keep()
     job = None
-    kept.clear()
+    cache.clear()
     assert not reused._Loan.idle
 
 

@@ -10,7 +10,7 @@ from rle_splat.accuracy.lighting import VoxelLight
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.scalars import NOT_A_NUMBER, scalars_of
 from rle_splat.pipeline.scalar_medium import scalar_medium_steps
-from rle_splat.pipeline.stage_cache import Kept
+from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.view.turntable import turntable
@@ -43,7 +43,8 @@ def scene_of(volume, begin=0.0, shade=None, **more):
 
 def encoded(scene, axes=(0, 1, 2), **machine):
     """The ScalarVolume of each axis, and the number of voxels."""
-    steps = scalar_medium_steps(scene, Quality(classification="post", **machine), Kept(0).job(), Clock(), len(axes))
+    quality = Quality(classification="post", **machine)
+    steps = scalar_medium_steps(scene, quality, StageCache(0).job(), Clock(), len(axes))
     medium = drain(steps)
     return {axis: drain(medium.encode_steps(axis)) for axis in axes}
 

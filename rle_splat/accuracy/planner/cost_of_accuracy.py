@@ -20,7 +20,7 @@ from ...encode.store import StoredVolume
 from ...pipeline.render import render_steps, truth_of
 from ...pipeline.shadows import shadow_count
 from ...pipeline.single_rays import can_trace
-from ...pipeline.stage_cache import Kept
+from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import FRAME, Progress, portion
 from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
 from ..lighting import shading_of
@@ -137,20 +137,20 @@ class Singles:
         return {"pixels": len(self.columns), "slabs": self.slabs}
 
 
-def planned_steps(scene: Scene, base: Quality, tolerances, kept: Kept, end: float):
+def planned_steps(scene: Scene, base: Quality, tolerances, cache: StageCache, end: float):
     """Generator of Progress up to ``end``: name -> Choice, the plans that each tolerance, in levels, would choose, and
     name -> Singles, of those that have pixels by single rays."""
     model = Model.of(base.classification)
     drawn, frames = {}, []
     for number, (name, plan) in enumerate(pilots(base).items()):
-        drawn[name] = yield from _rendered(scene, plan, kept, end * number / 3, end * (number + 1) / 3)
+        drawn[name] = yield from _rendered(scene, plan, cache, end * number / 3, end * (number + 1) / 3)
         frames.append((plan, drawn[name].report["stages_ms"]))
     features = features_of(scene, base, drawn)
     speed = Speed.of(model, features, frames[1:])  # the first one also filled the caches
     doubt, seen = None, called_for(scene, analyse(scene, base))
     if can_trace(seen, base):
         doubt = Doubt.of(drawn)
-        cost = yield from portion(ray_cost_steps(seen, base, doubt, kept), end, end, SINGLE_RAYS)
+        cost = yield from portion(ray_cost_steps(seen, base, doubt, cache), end, end, SINGLE_RAYS)
     chosen, singles = {}, {}
     for tolerance in tolerances:
         name = f"for {tolerance:g} level{'' if tolerance == 1 else 's'}"
@@ -191,7 +191,8 @@ def front(plans, key: str = "rmse") -> list[str]:
 
 def sweep_steps(
     scene: Scene, plans, chosen: Quality, *, probes: int = PROBES, repeats: int = REPEATS, error: str = "rmse",
-    tolerances=(), crop_side: int = CROP_SIDE, flip: Callable | None = None, kept: Kept | None = None, seed: int = 0,
+    tolerances=(), crop_side: int = CROP_SIDE, flip: Callable | None = None,
+    cache: StageCache | None = None, seed: int = 0,
 ):  # fmt: skip
     """Generator: yields Progress, returns a Sweep of the plans, with ``chosen`` among them.
 
@@ -207,24 +208,24 @@ def sweep_steps(
     scene = _measurable(scene, chosen)
     if probes < 1 or repeats < 1:
         raise RleSplatError("Measuring takes one probe and one repeat at least.")
-    kept = Kept() if kept is None else kept
+    cache = StageCache() if cache is None else cache
     choices, singles, remarks = {}, {}, []
     if tolerances:
         remarks = [f"No plans for tolerances: {why}" for why in _no_promise(chosen)]
     if tolerances and not remarks:
-        choices, singles = yield from planned_steps(scene, chosen, tolerances, kept, PILOTS_SHARE)
+        choices, singles = yield from planned_steps(scene, chosen, tolerances, cache, PILOTS_SHARE)
         plans, remarks = _with_choices(plans, choices)
     plans, chosen_name = with_plan(plans, chosen)
     # The last plan is rendered first: where its picture is steep, all are looked at.
     began_at = PILOTS_SHARE if tolerances else 0.0
     share = (FRAMES_SHARE - began_at) / (len(plans) + 1)
-    finest = yield from _drawn(scene, plans[-1], singles, kept, began_at, began_at + share)
+    finest = yield from _drawn(scene, plans[-1], singles, cache, began_at, began_at + share)
     where = choose_probes(finest.rgba, probes, seed)
     window = steepest_window(finest.rgba, crop_side)
     looks, reports, stages, chosen_rendering = {}, {}, {}, None
     for number, plan in enumerate(plans, start=1):
         begin = began_at + share * number
-        rendering = yield from _drawn(scene, plan, singles, kept, begin, begin + 0.5 * share)
+        rendering = yield from _drawn(scene, plan, singles, cache, begin, begin + 0.5 * share)
         looks[plan.name] = (where.of(rendering.rgba), rendering.rgba[window.rows, window.columns].copy())
         reports[plan.name] = rendering.report
         if plan.name == chosen_name:
@@ -233,7 +234,7 @@ def sweep_steps(
         stages[plan.name] = []
         for turn in range(repeats):
             done = begin + share * (0.5 + 0.5 * turn / repeats)
-            rendering = yield from _drawn(scene, plan, singles, kept, done, done)
+            rendering = yield from _drawn(scene, plan, singles, cache, done, done)
             stages[plan.name].append(rendering.report["stages_ms"])
     promised = {name: report["error"]["truth"] for name, report in reports.items()}
     began = time.perf_counter()
@@ -304,15 +305,15 @@ def _prediction(choice: Choice | None) -> dict | None:
     return {"largest": choice.errors.total, "frame_ms": choice.milliseconds, "keeps": choice.keeps}
 
 
-def error_map_steps(scene: Scene, quality: Quality, *, step: int = 1, kept: Kept | None = None):
+def error_map_steps(scene: Scene, quality: Quality, *, step: int = 1, cache: StageCache | None = None):
     """Generator: yields Progress, returns ((h, w) float32 levels, report) of the plan's picture of the scene.
 
     Each value is the largest error of any channel at the middle pixel of a block of ``step`` x ``step``; a block that
     the picture's edge cuts off before its middle has none.  ``report`` is the picture's, its ``error`` filled in.
     """
     scene = _measurable(scene, quality)
-    kept = Kept() if kept is None else kept
-    rendering = yield from _rendered(scene, quality, kept, 0.0, 0.3)
+    cache = StageCache() if cache is None else cache
+    rendering = yield from _rendered(scene, quality, cache, 0.0, 0.3)
     first = min(step // 2, scene.height - 1, scene.width - 1)
     rows, columns = np.mgrid[first : scene.height : step, first : scene.width : step]
     name = rendering.report["error"]["truth"]
@@ -419,9 +420,9 @@ def _measurable(scene: Scene, quality: Quality) -> Scene:
     return replace(scene, crop=None)
 
 
-def _rendered(scene, plan, kept, start: float, end: float):
+def _rendered(scene, plan, cache, start: float, end: float):
     """Generator of Progress from ``start`` to ``end``: the Rendering of a plan."""
-    steps = render_steps(scene, plan, kept)
+    steps = render_steps(scene, plan, cache)
     while True:
         try:
             step = next(steps)
@@ -430,14 +431,14 @@ def _rendered(scene, plan, kept, start: float, end: float):
         yield Progress(start + (end - start) * step.fraction, f"{plan.name}: {step.message}")
 
 
-def _drawn(scene, plan, singles, kept, start: float, end: float):
+def _drawn(scene, plan, singles, cache, start: float, end: float):
     """As ``_rendered``, with the plan's Singles, if it has some, and in the report's ``stages_ms`` what they took."""
-    rendering = yield from _rendered(scene, plan, kept, start, end)
+    rendering = yield from _rendered(scene, plan, cache, start, end)
     single = singles.get(plan.name)
     if single is None:
         return rendering
     seen = called_for(scene, analyse(scene, plan))
-    steps = retrace_steps(seen, plan, single.columns, single.rows, single.slabs, kept)
+    steps = retrace_steps(seen, plan, single.columns, single.rows, single.slabs, cache)
     values, spent = yield from portion(steps, end, end, SINGLE_RAYS)
     rgba = rendering.rgba.copy()
     rgba[single.rows, single.columns] = values

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...pipeline.scalar_medium import scalar_medium_steps
 from ...pipeline.single_rays import trace_steps
-from ...pipeline.stage_cache import Kept
+from ...pipeline.stage_cache import StageCache
 from ...runtime.jit import compiled
 from ...runtime.steps import Clock
 from ...scene import Quality, Scene
@@ -23,15 +23,15 @@ DOUBTFUL_RAYS, TIMED_RAYS, FEW_SLABS = 256, 1024, 4
 TRIED_TERMINATION = 1 / 16384
 
 
-def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, kept: Kept):
+def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, cache: StageCache):
     """Generator of fractions done; returns premultiplied rgba (n, 4) float32 of pixels of the picture, and the
     milliseconds that their rays took.
 
-    ``columns``, ``rows``: (n,) ints.  ``slabs``: that a voxel's depth is cut into, at least.  ``kept``: what made the
+    ``columns``, ``rows``: (n,) ints.  ``slabs``: that a voxel's depth is cut into, at least.  ``cache``: what made the
     scene's picture, whose tables are used.
     """
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
-    view, job = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), kept.job()
+    view, job = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job()
     medium = yield from _quietly(scalar_medium_steps(scene, quality, job, Clock()))
     steps, spent = trace_steps(scene, view, medium, columns, rows, slabs), 0.0
     while True:
@@ -51,14 +51,14 @@ def with_rays(stages_ms: dict, spent: float) -> dict:
     return {**stages_ms, "rays": stages_ms["rays"] + spent, "total": stages_ms["total"] + spent}
 
 
-def ray_cost_steps(scene: Scene, quality: Quality, doubt: Doubt, kept: Kept):
+def ray_cost_steps(scene: Scene, quality: Quality, doubt: Doubt, cache: StageCache):
     """Generator of fractions done; returns the RayCost of a scene's picture, from a few of its pixels."""
     quality = replace(quality, termination=TRIED_TERMINATION)
     doubtful, anywhere = doubt.most_doubtful(DOUBTFUL_RAYS), doubt.anywhere(TIMED_RAYS)
     apart, spent = [], []
     for places in (doubtful, anywhere):  # the first of them may have to load the kernel
         for slabs in (FEW_SLABS, 2 * FEW_SLABS):
-            values, took = yield from retrace_steps(scene, quality, *places, slabs, kept)
+            values, took = yield from retrace_steps(scene, quality, *places, slabs, cache)
             apart.append(values)
             spent.append(took)
     differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (apart[:2], apart[2:]))

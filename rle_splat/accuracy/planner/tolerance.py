@@ -21,7 +21,7 @@ from ...encode.store import StoredVolume
 from ...pipeline.render import render_steps, truth_of
 from ...pipeline.shadows import SHADOW_EFFECTS, shadow_count, without_shadows
 from ...pipeline.single_rays import can_trace
-from ...pipeline.stage_cache import Kept
+from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, portion
 from ...scene import MODES, Quality, Rendering, RleSplatError, Scene
 from ..probes import PROBES
@@ -81,14 +81,14 @@ class _Round:
 
 
 def render_within(
-    scene: Scene, tolerance: float, quality: Quality | None = None, progress=None, kept: Kept | None = None, *,
+    scene: Scene, tolerance: float, quality: Quality | None = None, progress=None, cache: StageCache | None = None, *,
     probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
 ) -> Rendering:  # fmt: skip
     """The picture of a scene whose largest error is at most ``tolerance`` levels, 1/255, at the least expense.
 
     ``quality``: what the tolerance does not decide, such as the classification, the record and the threads.
     ``probes``: ordinary probe pixels that the picture is measured at, 0 for a prediction alone.  ``progress``,
-    ``kept``: as ``render`` has them.  ``leave_out_shadows``: make the picture without shadows and ambient occlusion, of
+    ``cache``: as ``render`` has them.  ``leave_out_shadows``: make it without shadows and ambient occlusion, of
     which there is no truth, and say so in the report's ``remarks`` and ``effects``; else a scene with them is refused.
     The report's ``error`` says what was predicted and measured, against which truth, on how many probes, whether the
     tolerance is ``kept`` and, if not, which ``floor`` there is; and in milliseconds what the picture and what planning
@@ -97,7 +97,7 @@ def render_within(
     """
     quality = quality or Quality(classification=default_classification())
     knobs = dict(probes=probes, seed=seed, leave_out_shadows=leave_out_shadows)
-    steps = tolerance_steps(scene, tolerance, quality, kept, **knobs)
+    steps = tolerance_steps(scene, tolerance, quality, cache, **knobs)
     while True:
         try:
             step = next(steps)
@@ -108,8 +108,8 @@ def render_within(
 
 
 def tolerance_steps(
-    scene: Scene, tolerance: float, quality: Quality, kept: Kept | None = None, *, refuse_empty_view: bool = True,
-    probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
+    scene: Scene, tolerance: float, quality: Quality, cache: StageCache | None = None, *,
+    refuse_empty_view: bool = True, probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
 ):  # fmt: skip
     """Generator form of ``render_within``: yields Progress, returns the Rendering."""
     began = time.perf_counter()
@@ -118,17 +118,17 @@ def tolerance_steps(
     if leave_out_shadows:
         scene, left_out = without_shadows_of(scene, quality)
     check_measurable(scene, quality)
-    kept = Kept() if kept is None else kept
+    cache = StageCache() if cache is None else cache
     model = Model.of(quality.classification)
     drawn, frames = {}, []
     for number, (name, plan) in enumerate(pilots(quality).items()):
         ends = PILOTED * number / 3, PILOTED * (number + 1) / 3
-        drawn[name] = yield from _rendered(scene, plan, kept, refuse_empty_view, *ends, "Looking at the scene")
+        drawn[name] = yield from _rendered(scene, plan, cache, refuse_empty_view, *ends, "Looking at the scene")
         frames.append((plan, drawn[name].report["stages_ms"]))
     features = features_of(scene, quality, drawn)
     seen = called_for(scene, analyse(scene, quality))
     judge = Judge(seen, quality, probes, seed) if probes else None
-    wanted = _Wanted(scene, seen, tolerance, quality, kept, refuse_empty_view, model, features, frames[1:])
+    wanted = _Wanted(scene, seen, tolerance, quality, cache, refuse_empty_view, model, features, frames[1:])
     if can_trace(seen, quality):
         rounds = yield from _rounds_with_rays(wanted, Doubt.of(drawn), judge)
     else:
@@ -158,7 +158,7 @@ class _Wanted:
     seen: Scene
     tolerance: float
     quality: Quality
-    kept: Kept
+    cache: StageCache
     refuse_empty_view: bool
     model: Model
     features: Features
@@ -174,7 +174,7 @@ class _Wanted:
         if choice.milliseconds > WORTH_SAYING_MS:
             text += f", about {choice.milliseconds / 1e3:.0f} s"
         found = yield from _rendered(
-            self.scene, choice.plan, self.kept, self.refuse_empty_view, begin, end, text
+            self.scene, choice.plan, self.cache, self.refuse_empty_view, begin, end, text
         )  # fmt: skip
         self.frames.append((choice.plan, found.report["stages_ms"]))
         return found
@@ -182,7 +182,7 @@ class _Wanted:
     def traced(self, columns, rows, slabs: int, termination: float, begin: float, end: float):
         """Generator of Progress: (n, 4) values of pixels of the picture by rays of their own, and milliseconds."""
         quality = replace(self.quality, termination=termination)
-        steps = retrace_steps(self.seen, quality, columns, rows, slabs, self.kept)
+        steps = retrace_steps(self.seen, quality, columns, rows, slabs, self.cache)
         return (yield from portion(steps, begin, end, "Following single rays"))
 
 
@@ -219,7 +219,7 @@ def _rounds_with_rays(wanted: _Wanted, doubt: Doubt, judge: Judge | None):
     rounds: list[_Round] = []
     tolerance, correction = wanted.tolerance, 1.0
     chosen = wanted.features, wanted.quality, tolerance, wanted.model, doubt
-    steps = ray_cost_steps(wanted.seen, wanted.quality, doubt, wanted.kept)
+    steps = ray_cost_steps(wanted.seen, wanted.quality, doubt, wanted.cache)
     cost = yield from portion(steps, PILOTED, PILOTED, "Following single rays")
     choice = choose_with_rays(*chosen, cost, wanted.speed)
     begin, end = _span(0)
@@ -313,9 +313,9 @@ def _span(number: int) -> tuple[float, float]:
     return begin, 1.0 - (1.0 - begin) * 0.4
 
 
-def _rendered(scene, plan, kept, refuse_empty_view, begin, end, text):
+def _rendered(scene, plan, cache, refuse_empty_view, begin, end, text):
     """Generator: the steps of one picture, as a part of the whole work; returns its Rendering."""
-    steps = render_steps(scene, plan, kept, refuse_empty_view=refuse_empty_view)
+    steps = render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view)
     while True:
         try:
             step = next(steps)
