@@ -56,7 +56,7 @@ def test_what_there_is_is_a_part_of_the_machine():
 @pytest.mark.skipif(memory.resource is None, reason="this system has no limits of address space")
 def test_the_limit_of_the_process_counts():
     program = (
-        "import resource; from rle_splat import memory; before = memory.available_bytes(); "
+        "import resource; from rle_splat.runtime import memory; before = memory.available_bytes(); "
         f"resource.setrlimit(resource.RLIMIT_AS, ({GIB}, {GIB})); print(memory.available_bytes(), before)"
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
