@@ -259,7 +259,7 @@ def test_the_voxels_are_hashed_once():
 def short_of_memory(monkeypatch, free):
     """As if there were ``free`` bytes; and work on few voxels at a time, as large volumes have it."""
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
-    for module in ("memory_estimate", "kept", "memory"):
+    for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
 
