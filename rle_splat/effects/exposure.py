@@ -1,4 +1,4 @@
-"""What a camera with a lens and a shutter sees: the mean of sharp pictures through the lens, while it is open."""
+"""Depth of field and motion blur: the mean of sharp pictures through points of the lens at times of the shutter."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LENS, SHUTTER = "depth of field", "motion blur"  # their names in the table of e
 
 
 def exposures(scene: Scene) -> list[Scene]:
-    """The sharp, still scenes whose mean picture the scene's is; itself alone if nothing is blurred.
+    """The sharp, still scenes whose mean is the scene's picture; the scene alone if nothing is blurred.
 
-    Every point of the lens has a time of its own, both evenly spread, so that one set of pictures blurs both.
+    Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
     """
     through, during = lens_pictures(scene), motion_pictures(scene)
     count = max(through, during)
@@ -70,7 +70,7 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
 
 
 def _times(scene: Scene, reports: list[dict]) -> dict:
-    """The stages' and the effects' milliseconds in all pictures; all pictures but the first are the blur's price."""
+    """The stages' and the effects' milliseconds in all pictures; those after the first are counted for the blur."""
     stages = {stage: sum(report["stages_ms"][stage] for report in reports) for stage in reports[0]["stages_ms"]}
     extra = stages["total"] - reports[0]["stages_ms"]["total"]
     blur = LENS if lens_pictures(scene) >= motion_pictures(scene) else SHUTTER  # the other shares its pictures

@@ -1,4 +1,4 @@
-"""Modes: what a pixel shows of its ray in place of emission and absorption, front to back (algorithm.md 4.2).
+"""Modes: what a pixel shows of its ray in place of emission and absorption (algorithm.md 4.2).
 
     xray      absorption alone: 1 - exp(-sum of optical depths), white on nothing, bone bright as on film
     mip       the largest value on the ray, minip the smallest, average the mean over its path: values first, the

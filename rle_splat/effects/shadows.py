@@ -1,4 +1,4 @@
-"""What reaches each voxel of a light, and of the sky: volumetric shadows, those of meshes, ambient occlusion.
+"""Shadows of the volume and of meshes, and ambient occlusion: what reaches each voxel of a light and of the sky.
 
 Each is one number a voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives.
 The extinction that casts shadows is that of the voxels, interpolated, whatever the classification.

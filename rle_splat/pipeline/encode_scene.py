@@ -1,4 +1,4 @@
-"""The first half of the road, kept: a scene's volume classified, shaded and encoded, ready for a `.rle` file."""
+"""Encode a scene: its volume classified, shaded and run-length encoded, ready for a ``.rle`` file."""
 
 from __future__ import annotations
 
@@ -17,19 +17,28 @@ from .stage_cache import StageCache
 
 
 def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
-    """The tables of ``scene`` for the principal ``axes`` (0, 1, 2 for x, y, z); can be saved, and rendered as a volume.
+    """Classify, shade and encode the volume of a scene.
 
-    Of ``quality`` only the model, the record and what does the work matter: tables always hold classified voxels.
-    ``source``: see ``encode_scene_steps``.
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality, optional
+        Its model, record, backend and threads count; tables always hold pre-classified voxels.
+    axes : sequence of int
+        Principal axes to encode, 0, 1, 2 for x, y, z.
+    source : str
+        Name of the file that the volume was read from, for whoever opens the result.
+
+    Returns
+    -------
+    StoredVolume
+        Can be saved, and rendered as a volume.
     """
     return drain(encode_scene_steps(scene, quality or Quality(classification="pre"), axes, source))[0]
 
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
-    """Generator form: yields Progress, returns (StoredVolume, report).  Colours are those a rendering has.
-
-    ``source``: name of the file the volume was read from, for whoever opens the result.
-    """
+    """Generator form of ``encode_scene``: yields Progress, returns (StoredVolume, report)."""
     if quality.classification == "refined":
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
@@ -78,10 +87,10 @@ def looking_direction(camera) -> np.ndarray:
 
 
 def describe_lighting(scene: Scene) -> dict:
-    """What the shaded colours of a scene depend on besides volume and transfer function, JSON-ready.
+    """JSON-ready: what the lit colors of a scene depend on besides the volume and the transfer function.
 
-    ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position
-    of the eye, which highlights depend on.
+    ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position of
+    the eye, for highlights.
     """
     camera, looking = scene.camera, looking_direction(scene.camera)
     parallel = camera.type == "ORTHO"
@@ -94,6 +103,6 @@ def describe_lighting(scene: Scene) -> dict:
 
 
 def describe_light(light) -> dict:
-    """A light as the lights file has it."""
+    """A light in the format of the lights file."""
     described = {entry.name: getattr(light, entry.name) for entry in fields(light)}
     return {**described, "color": list(light.color), "matrix_world": light.matrix_world.tolist()}
