@@ -115,7 +115,7 @@ class Job:
         return self._used[place][0]
 
     def latest(self, stage: str, serves) -> object:
-        """The key of the latest cached result of a stage for which ``serves(key, result)`` holds; None if there is none.
+        """The key of the latest cached result of a stage for which ``serves(key, result)`` holds; None for none.
 
         The result then stays until the job is done.
         """
