@@ -1,4 +1,5 @@
-"""docs/stability.md, written from what the tests of the catalogue measured, and from the table of situations."""
+"""docs/explanation/stability.md, written from the figures of the catalogue's tests and the table of
+situations."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from .places import ROOT, Failure
 
 # Names the file, as JSON, that the tests write their figures to; not set, they are only held against their bounds.
 FIGURES_VARIABLE = "RLE_SPLAT_CATALOGUE"
-PAGE = ROOT / "docs" / "stability.md"
+PAGE = ROOT / "docs" / "explanation" / "stability.md"
 WIDTHS = ("float32", "float64")
 HEAD = """# Hard cases, and what holds in each
 
