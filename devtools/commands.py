@@ -71,6 +71,12 @@ def _build(known, rest) -> int:
     return 0
 
 
+def _docs(known, rest) -> int:
+    from .docs import docs
+
+    return docs()
+
+
 def _lint(known, rest) -> int:
     from .checks import lint
 
@@ -132,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
+    add("docs", _docs, "build the documentation site in build/docs")
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
     blender = add("blender", _blender, "set up a real Blender executable for the tests (Debian, as root)")
     blender.add_argument("--test", action="store_true", help="and run the whole of tests/blender inside it")
