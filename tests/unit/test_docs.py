@@ -163,9 +163,11 @@ def test_the_glossary_has_the_words_of_the_project():
     glossary = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
     terms = re.findall(r"^(\S.*)\n: [A-Z0-9]", glossary, re.MULTILINE)
     assert len(terms) == len(set(terms)) == len(re.findall(r"^: ", glossary, re.MULTILINE))
-    wanted = """voxel, transfer function, lookup table, extinction, optical depth, transmittance, opacity,
-        pre-classified, post-classified, refined grid, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
+    wanted = """
+        voxel, transfer function, lookup table, extinction, optical depth, transmittance, opacity, pre-classified,
+        post-classified, refined grid, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
         intermediate image, warp, ray interval, stage cache, buffer pool, reference implementation, error estimate,
-        probe error, error map, tolerance, level, band, row, block, stage, pipeline, plan, footprint, principal axis,
-        T1, T2"""
+        probe error, error map, tolerance, level, band, row, block, stage, pipeline, plan, footprint, principal
+        axis, T1, T2
+    """
     assert {" ".join(word.split()) for word in wanted.split(",")} <= set(terms)
