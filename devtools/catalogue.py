@@ -16,18 +16,18 @@ PAGE = ROOT / "docs" / "explanation" / "stability.md"
 WIDTHS = ("float32", "float64")
 HEAD = """# Hard cases, and what holds in each
 
-`python3 dev.py test --catalogue` writes this page from the tests in `tests/stability`; do not edit it by hand. Each line
-is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in 32-bit and in
-64-bit arithmetic. A test whose figure exceeds its bound fails, and no page is written. The ids are those of
+`python3 dev.py test --catalogue` writes this page from the tests in `tests/stability`; do not edit it by hand. Each
+line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in 32-bit
+and in 64-bit arithmetic. A test whose figure exceeds its bound fails, and no page is written. The ids are those of
 [the algorithm](algorithm.md#3-numerical-stability).
 
-`python3 dev.py test --mutations` shows that each guard is needed: it puts naive forms in place of stable ones and checks
-that these tests notice. `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
+`python3 dev.py test --mutations` shows that each guard is needed: it puts naive forms in place of stable ones and
+checks that these tests notice. `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
 
 Numbers at the edge are treated alike under every classification:
 
-- NaN voxels are transparent, and counted in the report. Where values are interpolated before they are classified, a cell
-  is transparent when any of its corners is NaN.
+- NaN voxels are transparent, and counted in the report. Where values are interpolated before they are classified, a
+  cell is transparent when any of its corners is NaN.
 - Infinite voxels take the transfer function's value at its nearest end. So do finite ones beyond the ends.
 - A step of a transfer function is taken from the right. A range of a single value is a step.
 - An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 tells from infinity.
