@@ -16,9 +16,8 @@ html_theme = "furo"
 html_title = "RLE Splat"
 html_copy_source = html_show_sphinx = False
 
-myst_enable_extensions = ["deflist", "dollarmath"]
+myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 4
-myst_dmath_double_inline = True
 
 # Docstrings say what type a parameter has, for annotations alone give neither shape nor unit.
 autodoc_typehints = "none"
