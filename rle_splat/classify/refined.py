@@ -209,11 +209,9 @@ class FineVoxels:
                 out[k] = self._coded_numpy(across)
 
 
-def value_block_steps(volume, *, backend: str = "auto", threads: int = 0):
-    """As ``blocks.block_steps``, for a RefinedVolume too; its NaN are those of the volume it is made from."""
+def fine_block_steps(volume: RefinedVolume, *, backend: str = "auto", threads: int = 0):
+    """As ``blocks.block_steps``, of a refined volume; its NaN are those of the volume that it is made from."""
     machine = dict(backend=backend, threads=threads)
-    if not isinstance(volume, RefinedVolume):
-        return (yield from block_steps(volume, **machine))
     blocks = yield from volume.voxels.block_steps(**machine)
     if volume.voxels.dtype.kind == "u":
         return blocks

@@ -88,6 +88,16 @@ class EffectSet:
         found = replace(self[name], on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
 
+    def fitted(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
+        """The quality that the effects which are on can be rendered by, and sentences on why it is another."""
+        remarks = []
+        for effect in self.effects:
+            kind = EFFECTS[effect.name]
+            if effect.on and kind.fitted is not None:
+                quality, remark = kind.fitted(scene, quality)
+                remarks.append(remark)
+        return quality, tuple(dict.fromkeys(remark for remark in remarks if remark))
+
     def report(self, clock: Clock) -> list[dict]:
         """JSON-ready rows: name, on, reason and ms, the milliseconds of its own work.
 

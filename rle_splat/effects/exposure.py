@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..runtime.steps import Progress
+from ..runtime.steps import part
 from ..scene import Rendering, Scene
 from .lens import lens_pictures, lens_points, through_lens
 from .motion import at_time, motion_pictures
@@ -37,22 +37,29 @@ def exposures(scene: Scene) -> list[Scene]:
     return sharp
 
 
-def exposure_steps(scene: Scene, scenes: list[Scene], render_one):
-    """Generator of Progress: the mean of the pictures of ``scenes``, the scene's exposures, as one Rendering.
+def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
+    """Generator of Progress: the mean of the pictures of some scenes as one Rendering.
 
-    ``render_one``: a scene -> the generator of its Rendering.  Depth and report are those of the first picture, which
-    is the one nearest the middle of the lens and of the time; the report's times are those of all.
+    Parameters
+    ----------
+    scene : Scene
+        With its lens and its shutter.
+    scenes : list of Scene
+        Its ``exposures``.
+    sharp_steps : callable
+        ``sharp_steps(scene)``: generator of Progress, returns the Rendering of a sharp scene.
+
+    Returns
+    -------
+    Rendering
+        Depth and report are those of the first picture, which is the one nearest the middle of the lens and of the
+        time; the report's times are those of all.
     """
+    if len(scenes) == 1:
+        return (yield from sharp_steps(scenes[0]))
     rgba, first, reports = None, None, []
     for number, sharp in enumerate(scenes):
-        steps = render_one(sharp)
-        while True:
-            try:
-                step = next(steps)
-            except StopIteration as finished:
-                one = finished.value
-                break
-            yield Progress((number + step.fraction) / len(scenes), step.message)
+        one = yield from part(sharp_steps(sharp), number / len(scenes), (number + 1) / len(scenes))
         reports.append(one.report)
         if first is None:
             rgba, first = one.rgba.astype(np.float64), one

@@ -17,6 +17,8 @@ class Kind:
     and its milliseconds cannot be told apart.  ``with_default(scene) -> scene``: what turning it on by hand adds, which
     is nothing to a scene that has it; None when nothing could be meant.  ``may_be_idle``: whether it may stay where it
     changes nothing: then only a hand takes it out of a scene, and turning it on there is not refused.
+    ``fitted(scene, quality) -> (quality, remark)``: the quality that a scene with the effect can be rendered by, and a
+    sentence for the report, "" for none; None when any quality will do.
     """
 
     text: str
@@ -26,3 +28,4 @@ class Kind:
     within: str | None = None
     with_default: Callable | None = None
     may_be_idle: bool = False
+    fitted: Callable | None = None

@@ -11,7 +11,8 @@ from ..encode.store import StoredVolume
 from ..runtime.steps import Clock, drain, portion
 from ..scene import Quality, RleSplatError, Scene
 from ..volume.axes import AXES, AXIS_NAMES
-from .medium import axis_steps, look_steps
+from .scan_source import scan_source
+from .source import Work
 from .stage_cache import StageCache
 
 
@@ -33,12 +34,13 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
     scene = called_for(scene, analyse(scene, quality))
-    clock, job = Clock(), StageCache(0).job()
-    look = yield from look_steps(scene, quality, job, clock, len(axes))
-    classified = look.classified
+    clock = Clock()
+    source, work = scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))
+    lit = yield from source.lit_steps(work)
+    classified = lit.classified
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)
     for axis in sorted(axes, reverse=True):  # the others take the records of z, so that all is shaded once
-        steps = axis_steps(look, quality, axis, job, clock)
+        steps = source.axis_steps(lit, axis, work)
         encoded[axis] = yield from portion(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
         begun += share
     encoded = {axis: encoded[axis] for axis in axes}
@@ -58,7 +60,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         },
         "model": quality.model,
         "record": quality.record,
-        "memory_estimate_bytes": look.estimate.report(),
+        "memory_estimate_bytes": lit.estimate.report(),
         "axes": {
             AXIS_NAMES[axis]: {
                 "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},

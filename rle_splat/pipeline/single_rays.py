@@ -16,7 +16,7 @@ from ..view.base_plane import base_plane
 from ..view.eye import IndexView
 from ..view.principal_axis import candidate_pyramids, dominant_axis
 from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
-from .medium import Medium
+from .source import Medium
 
 AT_ONCE = 4096  # rays between two looks at the user's Esc
 NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays

@@ -36,6 +36,7 @@ from .quality import (
     not_in_post,
     preintegrated_of,
     preset_knobs,
+    truth_of,
 )
 from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, checked_crop
 
@@ -89,4 +90,5 @@ __all__ = [
     "preintegrated_of",
     "preset_knobs",
     "read_json",
+    "truth_of",
 ]

@@ -71,6 +71,16 @@ KNOB_TEXTS = {
 }
 
 
+# Which truth a picture's errors are against: the integral of the interpolated classified medium (T1), or of the
+# classified interpolated scalar (T2).
+TRUTHS = {"pre": "T1", "refined": "T2", "post": "T2"}
+
+
+def truth_of(quality: Quality) -> str:
+    """The name of the truth that a quality promises to come near to."""
+    return TRUTHS[quality.classification]
+
+
 def preintegrated_of(depth_rule: str) -> int | None:
     """How many slabs a cell has under the rule preintegrated (one) or preintegrated-M; None for any other name."""
     found = re.fullmatch("preintegrated(?:-([1-9]))?", str(depth_rule))

@@ -14,8 +14,8 @@ from rle_splat.encode.records import decoding_of, empty_records, pack, record_by
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.validate import validate
 from rle_splat.pipeline.encode_scene import encode_scene
-from rle_splat.pipeline.medium import classify_and_shade
 from rle_splat.pipeline.render import render
+from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.steps import Clock
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.shade.lighting import lighting

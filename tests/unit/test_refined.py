@@ -11,7 +11,7 @@ import pytest
 from rle_splat.classify import refined
 from rle_splat.classify.classification import ClassifiedVolume
 from rle_splat.classify.placing import Places
-from rle_splat.classify.refined import FineVoxels, RefinedVolume, value_block_steps
+from rle_splat.classify.refined import FineVoxels, RefinedVolume, fine_block_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
 from rle_splat.pipeline import memory_estimate as estimate
@@ -103,7 +103,7 @@ def test_codes_are_as_fine_as_the_varying_values_allow():
 
 
 def _visibility(volume, backend="auto"):
-    return Visibility(volume, volume.tf), drain(value_block_steps(volume, backend=backend))
+    return Visibility(volume, volume.tf), drain(fine_block_steps(volume, backend=backend))
 
 
 def test_a_region_at_the_very_value_of_a_step_is_not_lost():
@@ -132,7 +132,7 @@ def test_values_that_are_no_numbers(backend):
     expected[1:4, 1:4, 1:4] = True
     np.testing.assert_array_equal(np.isnan(made), expected)
     assert made[0, 0, 8] == 250.0 and made[4, 4, 8] == 80.0 and made[0, 0, 7] == 175.0
-    blocks = drain(value_block_steps(volume, backend=backend))
+    blocks = drain(fine_block_steps(volume, backend=backend))
     assert blocks.nan_voxels == 1 and blocks.low.min() == 80.0 and blocks.high.max() == 250.0
     picture = render(scene_of(volume.source), refined_quality(backend=backend))
     assert np.isfinite(picture.rgba).all() and "1 voxels are not numbers" in " ".join(picture.report["remarks"])
@@ -143,11 +143,11 @@ def test_values_that_are_no_numbers(backend):
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
 def test_blocks_bound_every_fine_voxel(dtype, refinement, backend):
     volume = RefinedVolume(waves(dtype), FUNCTION, refinement)
-    blocks, made = drain(value_block_steps(volume, backend=backend)), all_planes(volume.voxels)
+    blocks, made = drain(fine_block_steps(volume, backend=backend)), all_planes(volume.voxels)
     for k, j, b in np.ndindex(blocks.low.shape):
         part = made[k * BLOCK_Z :, j * BLOCK_Y :, b * BLOCK_X :][:BLOCK_Z, :BLOCK_Y, :BLOCK_X]
         assert blocks.low[k, j, b] <= part.min() and part.max() <= blocks.high[k, j, b]
-    assert (blocks.low == drain(value_block_steps(volume)).low).all()
+    assert (blocks.low == drain(fine_block_steps(volume)).low).all()
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -343,5 +343,5 @@ def test_a_volume_one_voxel_thick_fills_no_box():
 
 def test_blocks_of_a_plain_volume_are_its_own():
     volume = waves()
-    ours, theirs = drain(value_block_steps(volume)), drain(block_steps(volume))
+    ours, theirs = drain(fine_block_steps(volume)), drain(block_steps(volume))
     assert (ours.low == theirs.low).all() and (ours.high == theirs.high).all()
