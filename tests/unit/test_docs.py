@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,24 @@ def test_a_broken_link_is_noticed():
     page = ROOT / "docs/index.md"
     assert docs.broken_links(page, "[a](glossary.md) [b](#here) ![c](images/demo.jpg) `[d](no.md)`") == []
     assert len(docs.broken_links(page, "[a](glossaries.md#x) [b](../../outside.md)")) == 2
+
+
+def test_the_walk_through_the_code_has_at_most_fifteen_stops():
+    text = (ROOT / "docs/explanation/follow-one-picture.md").read_text(encoding="utf-8")
+    stops = [int(number) for number in re.findall(r"^\*\*(\d+)\. \[", text, re.MULTILINE)]
+    assert stops == list(range(1, len(stops) + 1)) and 10 <= len(stops) <= 15
+
+
+def test_documented_commands_are_understood():
+    """Every command line in the pages is one that its parser takes."""
+    seen = set()
+    for page in docs.pages():
+        for block in re.findall(r"^```\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+            for line in re.findall(r"^(?:rle-splat|python3 -m rle_splat) (.*)$", block, re.MULTILINE):
+                command, *words = shlex.split(line, comments=True)
+                docs_reference.command_parser(command).parse_args(words)
+                seen.add(command)
+    assert {"render", "info", "encode", "accuracy"} <= seen
 
 
 def test_pages_are_linked_from_an_index():
