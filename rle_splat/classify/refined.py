@@ -19,10 +19,9 @@ from ..runtime.steps import drain
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, block_steps, slabs
 from ..volume.counts import counts_values
 from .points import LARGEST
+from .sizes import FINE_VOXELS_AT_ONCE
 
 MOST_CODE = 65535
-# Fine voxels that are made at once: enough for all threads, and no more than some 16 to 64 MB.
-VOXELS_AT_ONCE = 1 << 23
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +150,7 @@ class FineVoxels:
         """Generator: yields the fraction done, returns the Blocks of the fine voxels."""
         shape = tuple(-(-n // size) for n, size in zip(self.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X)))
         low, high = np.empty((2, *shape), self.dtype)
-        for first, last in slabs(shape[0], math.prod(shape[1:]), VOXELS_AT_ONCE // (BLOCK_Z * BLOCK_Y * BLOCK_X)):
+        for first, last in slabs(shape[0], math.prod(shape[1:]), FINE_VOXELS_AT_ONCE // (BLOCK_Z * BLOCK_Y * BLOCK_X)):
             yield first / shape[0]
             arguments = (self.coarse, self.refinement, first, *self.shape, self.ends, self._coding)
             if compiled(backend):

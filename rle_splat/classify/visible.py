@@ -17,8 +17,8 @@ from ..runtime.jit import compiled, parallel_call, read_only
 from ..volume.blocks import BLOCK_Z, VOXELS_AT_ONCE, Blocks, slabs
 from . import classify_kernels as passes
 from .points import LARGEST, pieces, positive_intervals
-from .refined import VOXELS_AT_ONCE as FINE_VOXELS_AT_ONCE
 from .refined import FineVoxels
+from .sizes import FINE_VOXELS_AT_ONCE
 
 
 @dataclass(frozen=True, eq=False)

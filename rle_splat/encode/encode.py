@@ -17,6 +17,7 @@ from ..scene import MODELS, RECORDS, RleSplatError
 from ..volume.axes import AXES
 from . import encode_kernels as passes
 from .records import decoding_of, empty_records, pack, words_of
+from .sizes import VOXELS_AT_ONCE
 from .tables import (
     RunLengthVolume,
     RunTables,
@@ -26,7 +27,6 @@ from .tables import (
     scanline_pointers_from_counts,
 )
 
-VOXELS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two chances to cancel, some 50 ms
 # Of shorter records so many for each thread: what they are packed from, 16 bytes each, then stays in a cache.  (64 MiB
 # anew for every light cost as much as the packing.)
 PACKED_AT_ONCE = 1 << 18

@@ -11,6 +11,7 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 
 from ..raycast.scalar_rays import rays_through
+from ..raycast.sizes import AT_ONCE
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
 from ..view.eye import IndexView
@@ -18,7 +19,6 @@ from ..view.principal_axis import candidate_pyramids, dominant_axis
 from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
 from .source import Medium
 
-AT_ONCE = 4096  # rays between two looks at the user's Esc
 NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays
 LEAST_SLABS = 4
 # What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.

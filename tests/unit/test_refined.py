@@ -1,14 +1,12 @@
 """Proves the finer grid of the classification refined: that its voxels, made a few planes at a time, are those of the
 whole grid; which of them are shown and where; the light between the scan's voxels; what is kept; and what it costs."""
 
-import sys
 import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rle_splat.classify import refined
 from rle_splat.classify.classification import ClassifiedVolume
 from rle_splat.classify.placing import Places
 from rle_splat.classify.refined import FineVoxels, RefinedVolume, fine_block_steps
@@ -24,7 +22,7 @@ from rle_splat.shade.lighting import lighting
 from rle_splat.shade.refined_light import RefinedLight, lit_voxels
 from rle_splat.shade.shading import normals, shaded_colors
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps
+from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z
 from rle_splat.volume.volume import Volume
 
 FUNCTION = TransferFunction(
@@ -275,7 +273,7 @@ def noise(n=48, dtype=np.uint8):
 @pytest.mark.parametrize("headlight", (False, True))
 @pytest.mark.parametrize(("refinement", "dtype"), ((2, np.uint8), (3, np.uint8), (2, np.float32)))
 def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, monkeypatch):
-    for name in ("classify.visible", "pipeline.memory_estimate"):  # as large volumes have it: some planes at a time
+    for name in ("classify.visible", "classify.sizes"):  # as large volumes have it: some planes at a time
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 16)
     scene, quality = scene_of(noise(dtype=dtype), headlight=headlight), refined_quality(refinement)
     render(scene, quality)  # whatever is made once
@@ -288,7 +286,6 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
     assert report["memory_estimate_bytes"]["volume"] == scene.volume.voxels.nbytes
     quick = estimate.estimate(scene.volume, FUNCTION, quality, shaded=headlight)
     assert quick.needed == pytest.approx(needed, rel=0.4) and quick.refinement == refinement
-    assert estimate.FINE_VOXELS_AT_ONCE == 1 << 16 and refined.VOXELS_AT_ONCE == 1 << 23
 
 
 @pytest.mark.parametrize(
@@ -298,11 +295,11 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
      (0.001, 16, "crop or thin the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
-    for name in ("classify.visible", "pipeline.memory_estimate"):
+    for name in ("classify.visible", "classify.sizes"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
-    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
+    monkeypatch.setattr("rle_splat.encode.sizes.VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
-    monkeypatch.setattr(sys.modules[render.__module__], "scratch_bytes", lambda *_: 0)
+    monkeypatch.setattr("rle_splat.pipeline.source.scratch_bytes", lambda *_: 0)
     scene, quality = scene_of(noise(32), size=8), refined_quality(4, record=record)
     needed = render(scene, quality).report["memory_estimate_bytes"]["needed"]
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache"):
@@ -339,9 +336,3 @@ def test_a_volume_one_voxel_thick_fills_no_box():
     """Nothing lies between the centres of one plane of voxels: an empty picture, not a mistake."""
     volume = waves(shape=(12, 12, 1))
     assert (render(scene_of(volume), refined_quality()).rgba == 0.0).all()
-
-
-def test_blocks_of_a_plain_volume_are_its_own():
-    volume = waves()
-    ours, theirs = drain(fine_block_steps(volume)), drain(block_steps(volume))
-    assert (ours.low == theirs.low).all() and (ours.high == theirs.high).all()
