@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""The one command of this repository: demo, test, bench, accuracy, calibrate, build, docs, lint,
-blender, lock.
+"""The one command of this repository: demo, test, bench, accuracy, calibrate, build, lint, blender, lock.
 
 It needs nothing but Python 3.11 or 3.13 (the two that Blender 4.5 to 5.2 carry) and sets up the rest itself.
 This file is written so that any older Python can read it far enough to say so.
