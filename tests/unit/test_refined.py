@@ -295,7 +295,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
     ("share", "record", "words"),
     ((0.9, 16, "records of 8 bytes would fit"), (0.6, 4, "a refinement of 3 would fit"),
      (0.3, 16, "a refinement of 2 would fit"), (0.09, 16, "on the grid of the scan would fit"),
-     (0.001, 16, "crop or thin the volume")),
+     (0.001, 16, "crop or downsample the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
     for name in ("classify.visible", "pipeline.memory_estimate"):
