@@ -1,4 +1,4 @@
-"""What labels look like, from how people say it: hidden, in a colour, by a preset, or by a transfer function."""
+"""Appearance of labels: hidden, in one color, by a preset or by a transfer function."""
 
 from __future__ import annotations
 
@@ -11,9 +11,27 @@ from .transfer_function import TransferFunction
 
 @dataclass(frozen=True)
 class LabelLook:
-    """One label: its ``name``; whether it is ``hidden``; else its ``color``, linear RGB in place of the transfer
-    function's own colours, and its ``transfer_function``, or the ``preset`` that is fitted to the volume, in place of
-    the volume's."""
+    """Appearance of one label.
+
+    Parameters
+    ----------
+    label : int
+    name : str
+        Name for display.
+    hidden : bool
+        Whether voxels of the label are transparent.
+    color : (3,) sequence of float or None
+        Scene-linear RGB that replaces the colors of the transfer function.
+    preset : str or None
+        Preset that is fitted to the volume and replaces its transfer function.
+    transfer_function : TransferFunction, dict or None
+        Transfer function that replaces the volume's.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is of the wrong type or range, or both a preset and a transfer function are given.
+    """
 
     label: int
     name: str = ""
@@ -27,21 +45,21 @@ class LabelLook:
         if isinstance(self.label, bool) or not isinstance(self.label, int):
             raise RleSplatError(f"A label must be a whole number, not {self.label!r}.")
         if not (isinstance(self.name, str) and isinstance(self.hidden, bool)):
-            raise RleSplatError(f"{what} needs a text for its name, and true or false for hidden.")
+            raise RleSplatError(f"{what}: name must be text, and hidden must be true or false.")
         if self.color is not None:
             color = tuple(map(as_float, self.color)) if isinstance(self.color, (list, tuple)) else ()
             if len(color) != 3 or not all(0.0 <= c < float("inf") for c in color):
-                raise RleSplatError(f"{what} needs three finite numbers for its color, none below zero.")
+                raise RleSplatError(f"{what}: color must be three finite numbers, none below zero.")
             object.__setattr__(self, "color", color)
         if self.preset is not None and self.transfer_function is not None:
-            raise RleSplatError(f"{what} has a preset and a transfer function; give one of the two.")
+            raise RleSplatError(f"{what} has a preset and a transfer function; give only one of them.")
         if self.preset is not None:
             preset(self.preset)
         if isinstance(self.transfer_function, dict):
             object.__setattr__(self, "transfer_function", TransferFunction.from_json(self.transfer_function))
 
     def function(self, volume, own: TransferFunction) -> TransferFunction | None:
-        """The transfer function of the label on ``volume``, whose own is ``own``; None if it is hidden."""
+        """Transfer function of the label on ``volume``, whose own is ``own``; None if the label is hidden."""
         if self.hidden:
             return None
         found = self.transfer_function or own
@@ -51,18 +69,48 @@ class LabelLook:
 
 
 def read_label_looks(path) -> tuple[LabelLook, ...]:
-    """The list of labels in a JSON file, each an object with the fields of LabelLook."""
+    """Read the appearance of labels from a JSON file.
+
+    Parameters
+    ----------
+    path : str or Path
+        File with a list of objects; their keys are the parameters of LabelLook.
+
+    Returns
+    -------
+    tuple of LabelLook
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read or names a label twice.
+    """
     entries = read_json(path, "the label file")
     if not isinstance(entries, list):
-        raise RleSplatError(f"The label file {path} must hold a list of labels.")
+        raise RleSplatError(f"The label file {path} must hold a list of labels, one object for each.")
     found = tuple(from_mapping(LabelLook, entry, "A label of the label file") for entry in entries)
     if len({look.label for look in found}) < len(found):
-        raise RleSplatError(f"The label file {path} has a label twice; give each once.")
+        raise RleSplatError(f"The label file {path} lists a label twice; list each label once.")
     return found
 
 
 def labels_of(label_volume, looks, volume, own: TransferFunction) -> Labels:
-    """The Labels of a scene from the looks of some; a label that is only named looks as the volume does."""
+    """Make the Labels of a scene.
+
+    Parameters
+    ----------
+    label_volume : Volume
+        Labels as integers, on the grid of ``volume``.
+    looks : sequence of LabelLook
+        A label that has only a name uses the volume's transfer function.
+    volume : Volume
+    own : TransferFunction
+        The volume's transfer function.
+
+    Returns
+    -------
+    Labels
+    """
     changed = {look.label: look.function(volume, own) for look in looks}
     functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}
     return Labels(label_volume, functions, {look.label: look.name for look in looks if look.name})
