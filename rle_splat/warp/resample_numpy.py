@@ -1,4 +1,4 @@
-"""The numpy twin of ``resample``."""
+"""Reference implementation of ``resample``."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from .resample import SAME_SURFACE
 
 
 def _product(matrix, values):
-    """``matrix @ values`` along the first axis of ``values``, element by element: the bits of numpy's own product
-    depend on how many elements there are, so that a window of a picture would differ from the whole."""
+    """``matrix @ values`` along the first axis of ``values``, elementwise.
+
+    The bits of numpy's matrix product depend on the number of elements, so a window would differ from the whole.
+    """
     return np.stack([sum(weight * value for weight, value in zip(row, values, strict=True)) for row in matrix])
 
 
 def _weights(fraction, polynomials):
-    """(4, ...) float32 tap weights at fractions: ``polynomials``, (4, 4), has a row for each power."""
+    """(4, ...) float32 tap weights at fractions; ``polynomials`` (4, 4): one row per power."""
     fraction = fraction.astype(np.float32)
     square = fraction * fraction
     return _product(polynomials.T, (np.ones_like(fraction), fraction, square, square * fraction))
 
 
 def clear(rgba, depth):
-    """Nothing to be seen in a picture, (H, W, 4), and its depths, (H, W)."""
+    """Clear a picture (H, W, 4) and its depths (H, W)."""
     rgba[...] = 0.0
     depth[...] = NO_DEPTH
 
@@ -32,7 +34,7 @@ def resample_numpy(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     first, rgba, depth,
 ):
-    """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
+    """Fill the pixels that belong to one base plane; arguments as of ``resample``."""
     if first:
         clear(rgba, depth)
     height, width = depth.shape
