@@ -1,8 +1,8 @@
 """Close short gaps between kept voxels. Each costs a few voxels more and saves a run.
 
 The cost of a run is mostly a mispredicted branch at its end, and in a noisy scan most gaps are one or two voxels wide
-(X-ray foot: a tenth more voxels give half as many runs). No picture changes where each sheet stands for itself: either
-all voxels of a sample are kept, or nothing between them is shown (``relevant``).
+(X-ray foot: a tenth more voxels give half as many runs). The picture does not change if every sheet is classified by
+its own samples: either all voxels of a sample are kept, or nothing between them is visible (``relevant``).
 """
 
 from __future__ import annotations

@@ -108,12 +108,12 @@ class _Part:
         own = np.repeat(self._distances(volume, length), self.size)
         return self.alphas, optical_depth(self.alphas) / own, self.colors, own == distance
 
-    def looked_up(self, places, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
-        """As ``tables``, evaluated for the voxels at ``places``, indices into the flat volume."""
-        stored = self.stored[places]
+    def looked_up(self, indices, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
+        """As ``tables``, evaluated for the voxels at ``indices``, indices into the flat volume."""
+        stored = self.stored[indices]
         numbers = np.zeros(len(stored), np.intp)
         if self.labels is not None:
-            numbers = self._numbers(self.labels.reshape(-1)[places])
+            numbers = self._numbers(self.labels.reshape(-1)[indices])
         alpha, color = np.zeros(len(stored)), np.zeros((len(stored), 3))
         for number, function in enumerate(self.functions):
             chosen = numbers == number
@@ -237,14 +237,14 @@ class Mixture:
             end = min(begin + VOXELS_AT_ONCE, len(voxels))
             first, last = np.searchsorted(row_start, (begin, end - 1), side="right") - 1
             held = np.diff(np.clip(row_start[first : last + 2], begin, end))
-            places = np.repeat(np.arange(first, last + 1) * nx, held) + voxels.column[begin:end]
+            indices = np.repeat(np.arange(first, last + 1) * nx, held) + voxels.column[begin:end]
             mixed = np.zeros((end - begin, LOOKS))
             for part, table in zip(self._parts, tables):
                 if table is None:
-                    mix(mixed, *part.looked_up(places, self.volume, length, distance), distance)
+                    mix(mixed, *part.looked_up(indices, self.volume, length, distance), distance)
                 else:
                     add_looks(
-                        places, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
+                        indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
                         backend, threads,
                     )
             looks[begin:end, EXTINCTION], looks[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
@@ -254,14 +254,14 @@ class Mixture:
     def _seen(self, first: int, last: int, backend: str, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) are visible in any channel."""
         nx, ny, _ = self.volume.shape_xyz
-        places = slice(first * ny * nx, last * ny * nx)
+        flat = slice(first * ny * nx, last * ny * nx)
         seen = np.zeros((last - first) * ny * nx, bool)
         for part in self._parts:
             if part.has_tables:
-                labels = None if part.labels is None else part.label_patterns[places]
+                labels = None if part.labels is None else part.label_patterns[flat]
                 mark_seen(
-                    part.stored[places], labels, part.number_table, part.alphas > 0.0, part.size, seen, backend, threads
+                    part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, backend, threads
                 )
             else:
-                seen |= part.looked_up(places, self.volume, 1.0, 1.0)[0] > 0.0
+                seen |= part.looked_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
         return seen.reshape(-1, nx)

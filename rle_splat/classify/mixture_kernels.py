@@ -64,13 +64,13 @@ def put_columns(seen, row_start, column, backend: str = "auto", threads: int = 0
 
 
 def add_looks(
-    places, stored, labels, numbers, tables, size: int, distance: float, looks, backend: str = "auto", threads: int = 0
+    indices, stored, labels, numbers, tables, size: int, distance: float, looks, backend: str = "auto", threads: int = 0
 ) -> None:
     """Add one channel to the optical properties of voxels.
 
     Parameters
     ----------
-    places : (n,) ndarray of int64
+    indices : (n,) ndarray of int64
         Indices into the flat volume.
     stored, labels, numbers
         As in ``mark_seen``, for the whole volume.
@@ -88,9 +88,9 @@ def add_looks(
     """
     if compiled(backend):
         with parallel_call(threads):
-            _add(-(-len(places) // PIECE), (places, stored, labels, numbers, *tables, size, distance, looks))
+            _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, looks))
     else:
-        entry = _entries(stored[places], None if labels is None else labels[places], numbers, size)
+        entry = _entries(stored[indices], None if labels is None else labels[indices], numbers, size)
         mix(looks, *(table[entry] for table in tables), distance)
 
 
@@ -136,13 +136,13 @@ def _add(pieces, arguments):
 
 @kernel(inner=True, exact=True)
 def _add_pieces(
-    begin, end, places, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, looks
+    begin, end, indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, looks
 ):
     """``_add`` for pieces [begin, end); arithmetic as in ``mix``."""
-    for i in range(begin * PIECE, min(end * PIECE, places.size)):
-        entry = np.int64(stored[places[i]])
+    for i in range(begin * PIECE, min(end * PIECE, indices.size)):
+        entry = np.int64(stored[indices[i]])
         if labels is not None:
-            entry += size * np.int64(numbers[labels[places[i]]])
+            entry += size * np.int64(numbers[labels[indices[i]]])
         extinction = extinctions[entry]
         if extinction > 0.0:
             alone = looks[i, 0] == 0.0 and per_distance[entry]

@@ -15,7 +15,7 @@ from .visible import VisibleVoxels
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class RecordPositions:
     """Planes of visible voxels, and the positions of their records.
 
     Attributes
@@ -35,7 +35,7 @@ class Places:
     data_starts: np.ndarray
 
     @classmethod
-    def in_order(cls, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> Places:
+    def in_order(cls, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> RecordPositions:
         """Records in the order of the voxels of planes [``first_plane``, ``last_plane``), from position 0 on."""
         ny = voxels.shape_xyz[1]
         starts = voxels.row_start[first_plane * ny : last_plane * ny]

@@ -150,10 +150,10 @@ def extinction_of(table: ValueTable, stored, kind, infinite=()) -> np.ndarray:
 def _looked_up(table: ValueTable, values) -> np.ndarray:
     """(n,) float32 extinction of stored values (n,) float64."""
     shown = (values >= table.low) & (values <= table.high)
-    place = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate
+    entry = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate
     last = len(table.entries) - 1  # the transparent entry
-    place = np.where(shown, np.clip(np.nan_to_num(place), 0.0, last - 1.0), last)
-    return table.entries[place.astype(np.int64), 3]
+    entry = np.where(shown, np.clip(np.nan_to_num(entry), 0.0, last - 1.0), last)
+    return table.entries[entry.astype(np.int64), 3]
 
 
 def _within_reach(volume, tf, first: float, last: float):

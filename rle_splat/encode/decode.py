@@ -40,8 +40,8 @@ def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0)
 def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:
     """View a (n_slices, n_scanlines, width, ...) grid of principal ``axis`` as (nz, ny, nx, ...)."""
     along, across, principal = AXES[axis]
-    place = {principal: 0, across: 1, along: 2}  # volume axis (0 x, 1 y, 2 z) -> array axis
-    return dense.transpose(place[2], place[1], place[0], *range(3, dense.ndim))
+    array_axis = {principal: 0, across: 1, along: 2}  # volume axis (0 x, 1 y, 2 z) -> array axis
+    return dense.transpose(array_axis[2], array_axis[1], array_axis[0], *range(3, dense.ndim))
 
 
 @kernel

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..classify.placing import Places
+from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, parallel_call, read_only, thread_count
 from ..runtime.steps import drain
@@ -73,8 +73,8 @@ def encode(
 
     most_color = float(colors.max(initial=0.0))
 
-    def write(places, records):
-        first, last = places.span
+    def write(positions, records):
+        first, last = positions.span
         made = empty_records(16, last - first)
         if compiled(backend):
             with parallel_call(threads):
@@ -82,7 +82,7 @@ def encode(
         else:
             made[:, 3] = density[first:last]
             made[:, :3] = made[:, 3:] * colors[first:last]
-        _place(places, made, records, backend, threads)
+        _place(positions, made, records, backend, threads)
         return most_color
 
     tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
@@ -136,7 +136,7 @@ def record_steps(
     voxels : VisibleVoxels
         The voxels of ``tables``.
     write : callable
-        ``write(places, records)`` writes the records of the voxels of ``places`` (Places) to their positions in
+        ``write(positions, records)`` writes the records of some voxels (RecordPositions) to their positions in
         ``records`` (n, 4) float32, and returns the largest channel of their colors.
     model : {"extinction", "opacity"}
     record : {16, 8, 6, 4}
@@ -163,20 +163,20 @@ def record_steps(
     for fraction, *slab in _slabs(voxels):
         yield fraction
         if record == 16:
-            most_color = max(most_color, write(_places(tables, voxels, *slab), voxel_data))
+            most_color = max(most_color, write(_positions(tables, voxels, *slab), voxel_data))
             continue
         for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
-            places = Places.in_order(voxels, *planes)
-            first, last = places.span
+            positions = RecordPositions.in_order(voxels, *planes)
+            first, last = positions.span
             if len(floats) < last - first:
                 floats = empty_records(16, last - first)
             if not in_order and len(codes) < last - first:
                 codes = empty_records(record, last - first)
-            most_color = max(most_color, write(places, floats))
+            most_color = max(most_color, write(positions, floats))
             made = voxel_data[first:last] if in_order else codes[: last - first]
             pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
             if not in_order:
-                _place(_places(tables, voxels, *planes), words_of(made), words_of(voxel_data), backend, threads)
+                _place(_positions(tables, voxels, *planes), words_of(made), words_of(voxel_data), backend, threads)
     return tables.with_voxels(model, voxel_data, decoding, most_color)
 
 
@@ -212,9 +212,9 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, back
     """
     for fraction, first_plane, last_plane in _slabs(voxels):
         yield fraction
-        places = _places(tables, voxels, first_plane, last_plane)
-        first, last = places.span
-        _place(places, words[first:last], target, backend, threads)
+        positions = _positions(tables, voxels, first_plane, last_plane)
+        first, last = positions.span
+        _place(positions, words[first:last], target, backend, threads)
 
 
 def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, backend: str = "auto", threads: int = 0):
@@ -242,13 +242,13 @@ def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, back
         raise ValueError(f"records are fetched from scanlines along y (axis 0) only, not from axis {tables.axis}")
     for fraction, first_plane, last_plane in _slabs(voxels):
         yield fraction
-        places = _places(tables, voxels, first_plane, last_plane)
-        first, last = places.span
+        positions = _positions(tables, voxels, first_plane, last_plane)
+        first, last = positions.span
         if compiled(backend):
             with parallel_call(threads):
-                passes.fetch_across(*_moved(places, words[first:last], read_only(_bytes(source))), *_across(voxels))
+                passes.fetch_across(*_moved(positions, words[first:last], read_only(_bytes(source))), *_across(voxels))
         else:
-            words[first:last] = source[places.targets_numpy()]
+            words[first:last] = source[positions.targets_numpy()]
 
 
 def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
@@ -261,11 +261,11 @@ def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     for fraction, *slab in _slabs(voxels):
         yield fraction
         for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
-            places = Places.in_order(voxels, *planes)
-            first, last = places.span
+            positions = RecordPositions.in_order(voxels, *planes)
+            first, last = positions.span
             if len(floats) < last - first:
                 floats = empty_records(16, last - first)
-            most_color = max(most_color, write(places, floats))
+            most_color = max(most_color, write(positions, floats))
     return most_color
 
 
@@ -284,33 +284,33 @@ def _slabs(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, la
         first = last
 
 
-def _places(tables: RunTables, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> Places:
+def _positions(tables: RunTables, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> RecordPositions:
     """Positions of the records of some planes' voxels in ``tables``."""
     starts = tables.scanline_data_pointers
     # Planes are the slices of principal z, and the scanline numbers of the other two axes.
     starts = starts[first_plane:last_plane] if tables.axis == 2 else starts[:, first_plane:last_plane].T
-    return Places(voxels, first_plane, tables.axis == 0, starts)
+    return RecordPositions(voxels, first_plane, tables.axis == 0, starts)
 
 
-def _place(places: Places, words, voxel_words, backend, threads):
+def _place(positions: RecordPositions, words, voxel_words, backend, threads):
     """Copy the records of some planes, as words in the order of the voxels, to the scanlines of the tables."""
     if compiled(backend):
         with parallel_call(threads):
-            moved = _moved(places, read_only(words), _bytes(voxel_words))
-            if places.across:
-                passes.place_across(*moved, *_across(places.voxels))
+            moved = _moved(positions, read_only(words), _bytes(voxel_words))
+            if positions.across:
+                passes.place_across(*moved, *_across(positions.voxels))
             else:
                 passes.place_rows(*moved)
     else:
-        voxel_words[places.targets_numpy()] = words
+        voxel_words[positions.targets_numpy()] = words
 
 
-def _moved(places: Places, words, voxel_bytes) -> tuple:
+def _moved(positions: RecordPositions, words, voxel_bytes) -> tuple:
     """Arguments of kernels that move records: ``words`` (n, w) of some planes, and the bytes of all records."""
     size = words.itemsize * words.shape[1]
     if size > passes.MOST_BYTES:
         raise ValueError(f"records have at most {passes.MOST_BYTES} bytes, not {size}")
-    n_y, first_plane, row_start, _, _, data_starts = places.arguments
+    n_y, first_plane, row_start, _, _, data_starts = positions.arguments
     return n_y, first_plane, row_start, data_starts, size, _bytes(words), voxel_bytes
 
 

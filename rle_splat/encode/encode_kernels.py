@@ -145,7 +145,7 @@ def place_rows(n_y, first_plane, row_start, data_starts, size, records, target):
     """Copy voxel records of ``size`` bytes from the order of the voxels to scanlines that are rows.
 
     ``records``: of some planes; ``target``: of all planes, in the order of the tables; both flat uint8. See
-    ``classify.placing.Places`` for the other arguments.
+    ``classify.placing.RecordPositions`` for the other arguments.
     """
     share_out(_place_rows, data_starts.size, (n_y, first_plane, row_start, data_starts, size, records, target))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..classify.placing import Places
+from ..classify.placing import RecordPositions
 from ..runtime.jit import compiled, kernel, read_only
 from ..volume.pyramid import pooled
 from .pooling import nodes_shape
@@ -88,10 +88,10 @@ def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto
     pool = pool_records if compiled(backend) else pool_records_numpy
     for plane in range(0, nz, planes_at_once):
         yield plane / nz
-        places = Places.in_order(voxels, plane, min(plane + planes_at_once, nz))
-        first, last = places.span
+        positions = RecordPositions.in_order(voxels, plane, min(plane + planes_at_once, nz))
+        first, last = positions.span
         if last > first:
-            write(places, records)
+            write(positions, records)
             pool(
                 read_only(voxels.row_start), read_only(voxels.column), first, records[: last - first], ny, level,
                 np.float32(brightest), counts, totals, least, most,

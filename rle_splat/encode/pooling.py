@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume
-from ..classify.placing import Places
+from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels, row_offsets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
@@ -64,13 +64,13 @@ def pooled_steps(
     for node_plane in range(nz):
         yield node_plane / nz
         planes = node_plane << level, min((node_plane + 1) << level, voxels.shape_xyz[2])
-        places = Places.in_order(voxels, *planes)
-        first, last = places.span
+        positions = RecordPositions.in_order(voxels, *planes)
+        first, last = positions.span
         means[:] = 0.0
         if last > first:
             if len(records) < last - first:
                 records = empty_records(16, last - first)
-            write(places, records)
+            write(positions, records)
             made = records[: last - first]
             if compiled(backend):
                 arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(made)

@@ -215,7 +215,7 @@ def _color_code(records, i, channel, inverse, steps):
     return np.uint32(min(np.int64(records[i, channel] / density * inverse[channel] + 0.5), steps[channel]))
 
 
-def _colorcodes_numpy(records, inverse, steps) -> np.ndarray:
+def _color_codes_numpy(records, inverse, steps) -> np.ndarray:
     """(n, 3) uint32; reference implementation of ``_color_code``."""
     density = records[:, 3:].astype(np.float64)
     color = np.divide(records[:, :3], density, out=np.zeros((len(records), 3)), where=density != 0.0)
@@ -243,7 +243,7 @@ def _pack_some_6(begin, end, records, inverse, steps, inverse_density, voxel_dat
 
 def _pack_6_numpy(records, inverse, steps, inverse_density, voxel_data):
     """Reference implementation of ``_pack_6``."""
-    red, green, blue = _colorcodes_numpy(records, inverse, steps).T
+    red, green, blue = _color_codes_numpy(records, inverse, steps).T
     code = red | (green << np.uint32(11)) | (blue << np.uint32(22))
     voxel_data[:, 0] = codes_numpy(records[:, 3].astype(np.float64) * inverse_density)
     voxel_data[:, 1] = code & np.uint32(0xFFFF)
@@ -269,6 +269,6 @@ def _pack_some_4(begin, end, records, inverse, steps, inverse_density, log_codes
 
 def _pack_4_numpy(records, inverse, steps, inverse_density, log_codes, voxel_data):
     """Reference implementation of ``_pack_4``."""
-    red, green, blue = _colorcodes_numpy(records, inverse, steps).T
+    red, green, blue = _color_codes_numpy(records, inverse, steps).T
     density = log_codes[codes_numpy(records[:, 3].astype(np.float64) * inverse_density)].astype(np.uint32)
     voxel_data[:] = red | (green << np.uint32(7)) | (blue << np.uint32(14)) | (density << np.uint32(LOG_BITS))

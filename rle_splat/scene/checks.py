@@ -89,7 +89,7 @@ def from_mapping(cls, mapping, what: str):
     known = {f.name for f in fields(cls)}
     unknown = sorted(set(mapping) - known)
     if unknown:
-        raise RleSplatError(f"{what} has no setting called {unknown[0]!r}; it knows {', '.join(sorted(known))}.")
+        raise RleSplatError(f"{what} has no setting called {unknown[0]!r}; it has {', '.join(sorted(known))}.")
     try:
         return cls(**mapping)
     except TypeError as problem:

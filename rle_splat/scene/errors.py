@@ -2,7 +2,7 @@
 
 
 class RleSplatError(Exception):
-    """An error that the user can mend. The message says what is wrong and what to do; it is shown without traceback."""
+    """An error that the user can correct. The message says what is wrong and what to do; it is shown alone."""
 
 
 class Cancelled(Exception):

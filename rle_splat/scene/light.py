@@ -31,11 +31,11 @@ class Light:
     angle : float
         Angular diameter of a SUN in radians.
     size, size_y : float
-        Sides of an AREA in world units.
-    shape : str
-        Shape of an AREA, as in Blender.
+        Sides of an AREA in light space; only a RECTANGLE or an ELLIPSE uses ``size_y``.
+    shape : {"SQUARE", "RECTANGLE", "DISK", "ELLIPSE"}
+        Shape of an AREA.
     spot_size : float
-        Opening angle of a SPOT in radians.
+        Full opening angle of a SPOT in radians.
     spot_blend : float
         Softness of the edge of a SPOT, 0 to 1.
     casts_shadow : bool

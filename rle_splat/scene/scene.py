@@ -72,9 +72,8 @@ class Scene:
     scene_scale : float
         World units per unit of the volume.
     lights : tuple of Light
-        With no lights and ``headlight`` False, the volume is unlit.
     headlight : bool
-        Whether a light at the camera is used when ``lights`` is empty.
+        Whether a white parallel light shines along the camera's axis. Without any light, colors are not shaded.
     background : (3,) tuple of float or None
         Scene-linear RGB.
     triangles : (n, 3, 3) ndarray of float64 or None

@@ -38,33 +38,33 @@ def light_samples(light, box: np.ndarray, voxel: float) -> np.ndarray:
         World. For a SUN the directions in which it shines; for other lights the positions from which they shine.
     """
     matrix = light.matrix_world
-    centre = box.mean(axis=0)
+    center = box.mean(axis=0)
     if light.type == "SUN":
         along = -_unit(matrix[:3, 2])
         radius = math.tan(0.5 * min(light.angle, math.pi / 2))
-        width = 2.0 * radius * np.linalg.norm(box - centre, axis=1).max() * 2.0 / voxel
+        width = 2.0 * radius * np.linalg.norm(box - center, axis=1).max() * 2.0 / voxel
         across, up = _perpendicular(along)
-        places = _on_disc(_count(width)) * radius
-        return along + places[:, :1] * across + places[:, 1:] * up
-    place = matrix[:3, 3]
+        points = _on_disc(_count(width)) * radius
+        return along + points[:, :1] * across + points[:, 1:] * up
+    position = matrix[:3, 3]
     if light.type == "AREA":
         across, up = matrix[:3, 0] * light.size, matrix[:3, 1] * light.size
         if light.shape in ("RECTANGLE", "ELLIPSE"):
             up = matrix[:3, 1] * light.size_y
         size = float(np.hypot(np.linalg.norm(across), np.linalg.norm(up)))
-        count = _count(_penumbra(size, place, box, voxel))
+        count = _count(_penumbra(size, position, box, voxel))
         spread = 0.5 * _on_disc(count) if light.shape in ("DISK", "ELLIPSE") else _on_square(count)
     else:
-        across, up = _perpendicular(_unit(centre - place))
+        across, up = _perpendicular(_unit(center - position))
         size = 2.0 * light.radius
-        spread = 0.5 * size * _on_disc(_count(_penumbra(size, place, box, voxel)))
-    return place + spread[:, :1] * across + spread[:, 1:] * up
+        spread = 0.5 * size * _on_disc(_count(_penumbra(size, position, box, voxel)))
+    return position + spread[:, :1] * across + spread[:, 1:] * up
 
 
-def _penumbra(size: float, place, box, voxel: float) -> float:
+def _penumbra(size: float, position, box, voxel: float) -> float:
     """Widest penumbra in the box, in voxels: that of the nearest point on the furthest."""
-    centre, radius = box.mean(axis=0), np.linalg.norm(box - box.mean(axis=0), axis=1).max()
-    away = np.linalg.norm(place - centre)
+    center, radius = box.mean(axis=0), np.linalg.norm(box - box.mean(axis=0), axis=1).max()
+    away = np.linalg.norm(position - center)
     nearest = max(away - radius, voxel)
     return size / voxel * (away + radius - nearest) / nearest
 
@@ -80,16 +80,16 @@ def _on_disc(count: int) -> np.ndarray:
         return np.zeros((1, 2))
     n = np.arange(count)
     radius, angle = np.sqrt((n + 0.5) / count), n * GOLDEN_ANGLE
-    places = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
-    return places - places.mean(axis=0)
+    points = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
+    return points - points.mean(axis=0)
 
 
 def _on_square(count: int) -> np.ndarray:
     """(count, 2) points spread evenly over the square [-1/2, 1/2]^2, with mean zero."""
     if count == 1:
         return np.zeros((1, 2))
-    places = np.mod(0.5 + np.arange(count)[:, None] * PLASTIC, 1.0)
-    return places - places.mean(axis=0)
+    points = np.mod(0.5 + np.arange(count)[:, None] * PLASTIC, 1.0)
+    return points - points.mean(axis=0)
 
 
 def _unit(vector) -> np.ndarray:

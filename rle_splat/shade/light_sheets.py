@@ -135,26 +135,26 @@ def point_sweeps(position, index_to_world, shape_xyz, boxed: bool) -> list[Sweep
         One for each pyramid of rays that meets voxels; six if the light is inside the volume. Voxels on the border of
         two pyramids are in both.
     """
-    place = np.linalg.solve(index_to_world[:3, :3], np.asarray(position, np.float64) - index_to_world[:3, 3])
+    source = np.linalg.solve(index_to_world[:3, :3], np.asarray(position, np.float64) - index_to_world[:3, 3])
     found = []
     for axis in AXES:
         for sign in (1, -1):
-            sweep = _pyramid(place, index_to_world, shape_xyz, axis, sign, boxed)
+            sweep = _pyramid(source, index_to_world, shape_xyz, axis, sign, boxed)
             if sweep is not None:
                 found.append(sweep)
     return found
 
 
-def _pyramid(place, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool) -> Sweep | None:
-    """The sweep of one pyramid of rays from ``place``, (3,) voxel index; None if it meets no voxel."""
+def _pyramid(source, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool) -> Sweep | None:
+    """The sweep of one pyramid of rays from ``source``, (3,) voxel index; None if it meets no voxel."""
     a, b, c = AXES[axis]
     slices = np.arange(shape_xyz[c])[::sign]
-    distance = sign * (slices - place[c])
+    distance = sign * (slices - source[c])
     slices, distance = slices[distance > LEAST_DISTANCE], distance[distance > LEAST_DISTANCE]
     spans = np.zeros((len(slices), 4), np.int64)
     for column, part in ((0, a), (2, b)):
         # Clip before converting to integers: far indices would not fit.
-        low, high = (np.clip(place[part] + side * distance, -1.0, shape_xyz[part]) for side in (-1.0, 1.0))
+        low, high = (np.clip(source[part] + side * distance, -1.0, shape_xyz[part]) for side in (-1.0, 1.0))
         spans[:, column] = np.maximum(np.ceil(low), 0)
         spans[:, column + 1] = np.minimum(np.floor(high), shape_xyz[part] - 1) + 1
     met = (spans[:, 0] < spans[:, 1]) & (spans[:, 2] < spans[:, 3])
@@ -167,12 +167,12 @@ def _pyramid(place, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool
     scale = 1.0 / (distance * pitch)
     lows, offsets, sizes = [], [], []
     for column, part in ((0, a), (2, b)):
-        slopes = (spans[met, column : column + 2] - (0, 1) - place[part]) / distance[met, None]
+        slopes = (spans[met, column : column + 2] - (0, 1) - source[part]) / distance[met, None]
         low = slopes.min() - MARGIN * pitch
         lows.append(low)
-        offsets.append(-place[part] * scale - low / pitch)
+        offsets.append(-source[part] * scale - low / pitch)
         sizes.append(int(np.ceil(np.ptp(slopes) / pitch)) + 1 + 2 * MARGIN)
-    before, whole = _weights(distance, boxed, 0.0 <= place[c] <= shape_xyz[c] - 1)
+    before, whole = _weights(distance, boxed, 0.0 <= source[c] <= shape_xyz[c] - 1)
     matrix = index_to_world[:3, :3]
     along = matrix[:, a] * lows[0] + matrix[:, b] * lows[1] + matrix[:, c] * sign
     across, down = matrix[:, a] * pitch, matrix[:, b] * pitch
@@ -181,9 +181,9 @@ def _pyramid(place, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool
     ))  # fmt: skip
     # X w = (i - place_a) / pitch - low / pitch * w, where w is the distance in slices.
     rows = np.zeros((4, 4))
-    rows[2, c], rows[2, 3] = sign, -sign * place[c]
+    rows[2, c], rows[2, 3] = sign, -sign * source[c]
     for row, part, low in ((0, a, lows[0]), (1, b, lows[1])):
-        rows[row, part], rows[row, 3] = 1.0 / pitch, -place[part] / pitch
+        rows[row, part], rows[row, 3] = 1.0 / pitch, -source[part] / pitch
         rows[row] -= low / pitch * rows[2]
     rows[3, c], rows[3, 3] = sign, -sign * slices[0]
     to_sheet = rows @ np.linalg.inv(index_to_world)

@@ -49,32 +49,32 @@ def sweep_light(
     threads : int
         0 for one per core.
     """
-    places = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
+    geometry = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
     arrays = (tables.scanline_pointers, tables.runs, starts, extinction)
     if not compiled(backend):
         _sweep_numpy(sweep, tables, starts, extinction, meshes, codes)
         return
     held = tuple(read_only(array) for array in arrays)
     with parallel_call(threads):
-        _sweep(places, sweep.skipped, held, meshes, sweep.width, sweep.height, tables.width, sweep.length, codes)
+        _sweep(geometry, sweep.skipped, held, meshes, sweep.width, sweep.height, tables.width, sweep.length, codes)
 
 
 @kernel
-def _sweep(places, skipped, held, meshes, width, height, n_voxels, length, codes):
+def _sweep(geometry, skipped, held, meshes, width, height, n_voxels, length, codes):
     """Kernel of ``sweep_light``.
 
-    ``places``: arrays slices, scale, offset_x, offset_y, before, whole, spans of a Sweep; ``skipped``, ``width``,
+    ``geometry``: arrays slices, scale, offset_x, offset_y, before, whole, spans of a Sweep; ``skipped``, ``width``,
     ``height``, ``length``: its other fields. ``held``: scanline pointers, runs, starts, extinction. ``n_voxels``: per
     scanline.
     """
     bands = (height + BAND - 1) // BAND
-    share_out(_sweep_bands, bands, (places, skipped, held, meshes, width, height, n_voxels, length, codes))
+    share_out(_sweep_bands, bands, (geometry, skipped, held, meshes, width, height, n_voxels, length, codes))
 
 
 @kernel(inner=True)
-def _sweep_bands(begin, end, places, skipped, held, meshes, width, height, n_voxels, length, codes):
+def _sweep_bands(begin, end, geometry, skipped, held, meshes, width, height, n_voxels, length, codes):
     """``_sweep`` for bands [begin, end) of sheet rows."""
-    slices, scales, offsets_x, offsets_y, before, whole, spans = places
+    slices, scales, offsets_x, offsets_y, before, whole, spans = geometry
     pointers, _, _starts, _ = held
     n_lines = pointers.shape[1]
     line = np.zeros(n_voxels + 3, np.float32)  # begins with voxel -1
@@ -196,14 +196,14 @@ def _add_row(line, scale, offset_x, least, most, depth):
 
 
 @kernel(inner=True)
-def _read_line(held, k, j, place, span, before, length, depth, lit, codes):
+def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
     """Codes of the voxels of a scanline, from the two rows of the sheet around it.
 
-    ``place``: scale and offset along the scanline; its sheet row; the distance of that from the upper of the two rows.
+    ``line_map``: scale and offset along the scanline; its sheet row; distance of that from the upper of the two rows.
     ``lit``: share of the light that meshes let through in the two rows; None without meshes.
     """
     pointers, runs, starts, extinction = held
-    scale, offset_x, y, down = place
+    scale, offset_x, y, down = line_map
     up = _ONE - down
     c = length[0] + y * (length[2] + y * length[5])
     cx, cxx = length[1] + y * length[4], length[3]

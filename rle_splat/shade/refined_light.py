@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import LOOKS, RED, ClassifiedVolume
-from ..classify.placing import Places, find_targets
+from ..classify.placing import RecordPositions, find_targets
 from ..classify.refined import RefinedVolume
 from ..classify.visible import VisibleVoxels, row_offsets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
@@ -77,9 +77,9 @@ class RefinedLight:
         colors = shaded_colors(matter, self.lit.normals, self.falling, backend=self.backend, threads=self.threads)
         return colors.copy()
 
-    def records(self, classified: ClassifiedVolume, model: str, places: Places, records) -> float:
+    def records(self, classified: ClassifiedVolume, model: str, positions: RecordPositions, records) -> float:
         """As ``shading.light_records``, for the fine voxels of ``classified``."""
-        most = np.zeros(max(len(places.data_starts), 1), np.float32)
+        most = np.zeros(max(len(positions.data_starts), 1), np.float32)
         look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
         seen = (look_of, read_only(classified.looks), DENSITY[model])
         lit = self.lit.voxels
@@ -92,19 +92,19 @@ class RefinedLight:
             of_scan = (lit.shape_xyz[1], read_only(lit.row_start), read_only(lit.column))
             light = self.of_voxels  # before the parallel call, because it runs kernels too
             with parallel_call(self.threads):
-                _write_records(places.arguments, *seen, steps, of_scan, *light, records, most)
+                _write_records(positions.arguments, *seen, steps, of_scan, *light, records, most)
         else:
-            self._write_numpy(places, *seen, records, most)
+            self._write_numpy(positions, *seen, records, most)
         return refuse_too_bright(float(most.max()))
 
-    def _write_numpy(self, places, look_of, looks, density_column, records, most):
+    def _write_numpy(self, positions, look_of, looks, density_column, records, most):
         """Reference implementation of ``_write_records``, in chunks of voxels."""
-        targets = places.targets_numpy()
-        first, last = places.span
+        targets = positions.targets_numpy()
+        first, last = positions.span
         for begin in range(first, last, CHUNK):
             part = slice(begin, min(begin + CHUNK, last))
             seen = looks[part] if look_of is None else looks[look_of[part]]
-            light, highlight = self._interpolated_numpy(places.voxels, part)
+            light, highlight = self._interpolated_numpy(positions.voxels, part)
             colors = seen[:, RED:] * light + highlight
             made = np.empty((len(seen), 4), np.float32)
             made[:, 3] = seen[:, density_column]
@@ -122,12 +122,12 @@ class RefinedLight:
         found = [0.0 if light is None else np.zeros((len(row), LIGHT), np.float32) for light in self.of_voxels]
         for corner in np.ndindex(2, 2, 2):
             weight, at = 1.0, []
-            for place, far in zip(fine, corner):
-                share = (place % s) / s
+            for index, far in zip(fine, corner):
+                share = (index % s) / s
                 weight = weight * (share if far else 1.0 - share)
-                at.append(place // s + far)
+                at.append(index // s + far)
             use = np.flatnonzero(weight > 0.0)
-            x, y, z = (place[use] for place in at)
+            x, y, z = (index[use] for index in at)
             lit_voxel = np.searchsorted(number, (z * ny + y) * nx + x)
             for mixed, light in zip(found, self.of_voxels):
                 if light is not None:
@@ -179,9 +179,9 @@ def _marked_numpy(voxels: VisibleVoxels, shape_xyz, s: int):
     fine = (row // voxels.shape_xyz[1], row % voxels.shape_xyz[1], voxels.column.astype(np.int64))
     marks = np.zeros((nz, ny, nx), bool)
     for corner in np.ndindex(2, 2, 2):
-        marks[tuple(-(-place // s) if far else place // s for place, far in zip(fine, corner))] = True
-    place = np.flatnonzero(marks)
-    return row_offsets(np.bincount(place // nx, minlength=nz * ny)), (place % nx).astype(
+        marks[tuple(-(-index // s) if far else index // s for index, far in zip(fine, corner))] = True
+    index = np.flatnonzero(marks)
+    return row_offsets(np.bincount(index // nx, minlength=nz * ny)), (index % nx).astype(
         np.uint16 if nx <= 65536 else np.int32
     )
 
@@ -232,22 +232,22 @@ def _mark(begin, end, row_start, column, s, n_x, n_y, fine_y, fine_z, starts, ma
 
 
 @kernel
-def _write_records(places, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+def _write_records(positions, look_of, looks, density_column, steps, lit, light, highlight, records, most):
     """Kernel of ``RefinedLight.records``.
 
-    ``places``, ``look_of``, ``looks``: as in ``shading._write_records``. ``steps``: refinement; for each fine column
+    ``positions``, ``look_of``, ``looks``: as in ``shading._write_records``. ``steps``: refinement; for each fine column
     the column of the scan at or before it, int32, and its distance from there as a fraction, float32. ``lit``: ny of
     the scan, row_start and column of its lit voxels. ``light``, ``highlight``: (m, 3) float32; ``highlight`` is None if
     nothing is specular.
     """
-    arguments = (places, look_of, looks, density_column, steps, lit, light, highlight, records, most)
-    share_out(_write_planes, places[5].shape[0], arguments)
+    arguments = (positions, look_of, looks, density_column, steps, lit, light, highlight, records, most)
+    share_out(_write_planes, positions[5].shape[0], arguments)
 
 
 @kernel(inner=True)
-def _write_planes(begin, end, places, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+def _write_planes(begin, end, positions, look_of, looks, density_column, steps, lit, light, highlight, records, most):
     """``_write_records`` for planes [begin, end)."""
-    n_y, first_plane, row_start, column, across, data_starts = places
+    n_y, first_plane, row_start, column, across, data_starts = positions
     s, before, shares = steps
     cursors = np.empty(data_starts.shape[1], np.int64)
     targets = np.empty(LANES, np.uint64)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..classify.classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from ..classify.limits import BRIGHTEST
-from ..classify.placing import Places, find_targets
+from ..classify.placing import RecordPositions, find_targets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
@@ -27,7 +27,7 @@ LANES = 256
 LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB, SHARE, ALL = (LANES * p for p in range(17))
 SCRATCH = 17 * LANES
 PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
-PLACES = 3 * LANES
+POSITIONS = 3 * LANES
 _ZERO, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 _PER_CODE = np.float32(1.0 / FULL_CODE)
 _FAINT = np.float32(1e-18)  # the product of two such numbers is not denormal
@@ -98,7 +98,7 @@ def shaded_colors(
     if falling is None:
         return classified.color
     records = np.empty((classified.visible_voxels, 4), dtype=np.float32)
-    everywhere = Places.in_order(classified.voxels, 0, classified.shape_xyz[2])
+    everywhere = RecordPositions.in_order(classified.voxels, 0, classified.shape_xyz[2])
     light_records(classified, normals, falling, None, everywhere, records, backend=backend, threads=threads)
     return read_only(np.ascontiguousarray(records[:, :3]))
 
@@ -120,8 +120,8 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
 
 
 def light_records(
-    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, places: Places, records, *,
-    backend: str = "auto", threads: int = 0,
+    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
+    records, *, backend: str = "auto", threads: int = 0,
 ) -> float:
     """Shade voxels and write their records.
 
@@ -133,7 +133,7 @@ def light_records(
     falling : Lighting or None
     model : {"extinction", "opacity", None}
         A record is (density * RGB, density). The density is the extinction or the opacity, or 1 for None.
-    places : Places
+    positions : RecordPositions
         The voxels, and the positions of their records.
     records : (n, 4) ndarray of float32
         Output.
@@ -151,7 +151,7 @@ def light_records(
     RleSplatError
         If it is above BRIGHTEST.
     """
-    most = np.zeros(max(len(places.data_starts), 1), np.float32)
+    most = np.zeros(max(len(positions.data_starts), 1), np.float32)
     looks, density = classified.looks, DENSITY[model]
     if density is None:
         looks, density = looks.copy(), EXTINCTION
@@ -159,7 +159,7 @@ def light_records(
     look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
     seen = (look_of, read_only(looks), density)
     if not compiled(backend):
-        _write_numpy(places, *seen, normals, falling, records, most)
+        _write_numpy(positions, *seen, normals, falling, records, most)
     else:
         light = (None, None, None, None)
         if falling is not None:
@@ -167,7 +167,7 @@ def light_records(
             normals = read_only(np.asfortranarray(normals))  # no copy: ``normals`` returns one component after another
             light = (normals, falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
-            _write_records(places.arguments, *seen, *light, records, most)
+            _write_records(positions.arguments, *seen, *light, records, most)
     return refuse_too_bright(float(most.max()))
 
 
@@ -185,27 +185,27 @@ def refuse_too_bright(brightest: float) -> float:
 
 
 @kernel
-def _write_records(places, look_of, looks, density_column, normals, material, rays, near, records, most):
+def _write_records(positions, look_of, looks, density_column, normals, material, rays, near, records, most):
     """Kernel of ``light_records``.
 
-    ``places``: Places.arguments. ``look_of``: (m,) rows of ``looks`` (n, 5); None if voxel i has row i. ``normals``
-    (m, 3) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near`` (``Lighting.near``) is
-    None, so that unused code is not compiled.
+    ``positions``: RecordPositions.arguments. ``look_of``: (m,) rows of ``looks`` (n, 5); None if voxel i has row i.
+    ``normals`` (m, 3) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
+    (``Lighting.near``) is None, so that unused code is not compiled.
     """
-    arguments = (places, look_of, looks, density_column, normals, material, rays, near, records, most)
-    share_out(_write_planes, places[5].shape[0], arguments)
+    arguments = (positions, look_of, looks, density_column, normals, material, rays, near, records, most)
+    share_out(_write_planes, positions[5].shape[0], arguments)
 
 
 @kernel(inner=True)
 def _write_planes(
-    begin, end, places, look_of, looks, density_column, normals, material, rays, near, records, most
+    begin, end, positions, look_of, looks, density_column, normals, material, rays, near, records, most
 ):
     """``_write_records`` for planes [begin, end), in chunks of LANES voxels.
 
     Every step of the formula is a loop over one chunk, so that it becomes wide SIMD. Chunks are passed as slices, so
     the compiler knows that no index is negative.
     """
-    n_y, first_plane, row_start, column, across, data_starts = places
+    n_y, first_plane, row_start, column, across, data_starts = positions
     cursors = np.empty(data_starts.shape[1], np.int64)
     targets = np.empty(LANES, np.uint64)
     s = np.empty(0 if normals is None else SCRATCH, np.float32)
@@ -320,13 +320,13 @@ def add_rays(rays, normals, material, count, s):
 def add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
     """As ``add_rays``, for lights and eyes near the voxels; ``row``: row of the chunk's first voxel."""
     matrix, lights, eye, shadows = near
-    places = np.empty(PLACES, np.float64)
-    _place_voxels(n_y, row, row_start, column, matrix, begin, count, places)
+    positions = np.empty(POSITIONS, np.float64)
+    _voxel_positions(n_y, row, row_start, column, matrix, begin, count, positions)
     if material[2] > 0.0:
-        _view_voxels(eye, count, places, s)
+        _view_voxels(eye, count, positions, s)
     _shade_ambient(shadows, material, begin, count, s)
     for k in range(lights.shape[0]):
-        _towards(lights[k], count, places, s)
+        _towards(lights[k], count, positions, s)
         _shade_light(shadows, k, lights[k], material, begin, count, s)
         _add_light(lights[k], normals, material, count, s)
     _divide_shares(shadows, count, s)
@@ -387,7 +387,7 @@ def _scale_of(x, y, z):
 
 
 @kernel(inner=True)
-def _place_voxels(n_y, row, row_start, column, matrix, begin, count, places):
+def _voxel_positions(n_y, row, row_start, column, matrix, begin, count, positions):
     """World positions of ``count`` voxels from number ``begin`` on; ``row``: row of the first, or one before."""
     i = 0
     while i < count:
@@ -398,20 +398,20 @@ def _place_voxels(n_y, row, row_start, column, matrix, begin, count, places):
         oz = matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
         for j in range(i, stop):
             x = np.float64(column[begin + j])
-            places[PX + j] = matrix[0, 0] * x + ox
-            places[PY + j] = matrix[1, 0] * x + oy
-            places[PZ + j] = matrix[2, 0] * x + oz
+            positions[PX + j] = matrix[0, 0] * x + ox
+            positions[PY + j] = matrix[1, 0] * x + oy
+            positions[PZ + j] = matrix[2, 0] * x + oz
         i = max(i, stop)
         row += 1
 
 
 @kernel(inner=True)
-def _view_voxels(eye, count, places, s):
+def _view_voxels(eye, count, positions, s):
     """Unit vectors to the eye, to VX, VY, VZ."""
     for i in range(count):
-        x = eye[0] - eye[3] * places[PX + i]
-        y = eye[1] - eye[3] * places[PY + i]
-        z = eye[2] - eye[3] * places[PZ + i]
+        x = eye[0] - eye[3] * positions[PX + i]
+        y = eye[1] - eye[3] * positions[PY + i]
+        z = eye[2] - eye[3] * positions[PZ + i]
         scale = _scale_of(x, y, z)
         s[VX + i] = x * scale
         s[VY + i] = y * scale
@@ -419,7 +419,7 @@ def _view_voxels(eye, count, places, s):
 
 
 @kernel(inner=True)
-def _towards(light, count, places, s):
+def _towards(light, count, positions, s):
     """Unit vectors to a light (a row of ``light_rows``), to LX, LY, LZ, and its FALLOFF."""
     ax, ay, az = light[AXIS], light[AXIS + 1], light[AXIS + 2]
     sx, sy, sz = np.float32(-ax), np.float32(-ay), np.float32(-az)
@@ -432,8 +432,8 @@ def _towards(light, count, places, s):
     if kind == SUN:
         return
     for i in range(count):
-        x, y = light[POSITION] - places[PX + i], light[POSITION + 1] - places[PY + i]
-        z = light[POSITION + 2] - places[PZ + i]
+        x, y = light[POSITION] - positions[PX + i], light[POSITION + 1] - positions[PY + i]
+        z = light[POSITION + 2] - positions[PZ + i]
         falloff = 1.0 / max(x * x + y * y + z * z, light[NEAREST])
         scale = _scale_of(x, y, z)
         x, y, z = x * scale, y * scale, z * scale
@@ -488,11 +488,11 @@ def _add_light(light, normals, material, count, s):
 # --- reference implementations ----------------------------------------------------------------------------------
 
 
-def _write_numpy(places, look_of, looks, density_column, normals, falling, records, most):
+def _write_numpy(positions, look_of, looks, density_column, normals, falling, records, most):
     """Reference implementation of ``_write_records``, in chunks of voxels."""
-    voxels = places.voxels
-    targets = places.targets_numpy()
-    first, last = places.span
+    voxels = positions.voxels
+    targets = positions.targets_numpy()
+    first, last = positions.span
     for begin in range(first, last, CHUNK):
         part = slice(begin, min(begin + CHUNK, last))
         seen = looks[part] if look_of is None else looks[look_of[part]]

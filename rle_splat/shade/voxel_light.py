@@ -124,8 +124,8 @@ def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
     half = 0.5 * (np.array(shape_xyz) - 1.0)
     corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half
     radius = np.linalg.norm(corners @ matrix[:3, :3].T, axis=1).max()
-    centre = matrix[:3, :3] @ half + matrix[:3, 3]
-    away = np.maximum(np.linalg.norm(rows[:, POSITION:AXIS] - centre, axis=1) * (1.0 - 1e-9) - radius, 0.0)
+    center = matrix[:3, :3] @ half + matrix[:3, 3]
+    away = np.maximum(np.linalg.norm(rows[:, POSITION:AXIS] - center, axis=1) * (1.0 - 1e-9) - radius, 0.0)
     return np.where(rows[:, KIND] == SUN, 1.0, np.maximum(rows[:, NEAREST], away**2))
 
 

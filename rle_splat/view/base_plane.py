@@ -108,8 +108,8 @@ class BasePlane:
         )
         if len(polygon) < 3:
             return None
-        place = polygon * self.density - self.origin
-        return self.part(np.floor(place.min(axis=0)), np.ceil(place.max(axis=0)), reach)
+        pixels = polygon * self.density - self.origin
+        return self.part(np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)), reach)
 
     def part(self, first, last, reach: int) -> BasePlane:
         """Window with the pixels (u, v) from ``first`` to ``last`` inclusive, and ``reach`` more on either side."""
@@ -130,8 +130,8 @@ class BasePlane:
         """``points``, computed once."""
         sides = zip((self.width, self.height), self.origin, self.density)
         found = tuple((np.arange(count) + first) / density for count, first, density in sides)
-        for places in found:
-            places.flags.writeable = False
+        for coordinates in found:
+            coordinates.flags.writeable = False
         return found
 
     @cached_property
@@ -140,7 +140,7 @@ class BasePlane:
         points = self.points()
         slopes = self.slopes(*points)
         if self.view.is_parallel:  # a single slope
-            slopes = (np.broadcast_to(slope, place.shape) for slope, place in zip(slopes, points))
+            slopes = (np.broadcast_to(slope, at.shape) for slope, at in zip(slopes, points))
         return tuple(slopes)
 
     def slopes(self, x, y) -> tuple[np.ndarray, np.ndarray]:
@@ -219,8 +219,8 @@ def _slanted_sides(one: list, two: list) -> list:
     found = []
     for (x, y), (u, v) in zip(one, two):
         a, b, c = y - v, u - x, (v - y) * x - (u - x) * y
-        places = [a * x + b * y + c for x, y in (*one, *two)]
-        least, most = min(places), max(places)
+        distances = [a * x + b * y + c for x, y in (*one, *two)]
+        least, most = min(distances), max(distances)
         slack = SLANTED * max(-least, most)
         if slack > 0.0 and (least >= -slack or most <= slack):
             found.append((a, b, c) if least >= -slack else (-a, -b, -c))

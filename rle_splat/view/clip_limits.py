@@ -102,7 +102,7 @@ def _crossings(plane: BasePlane, sides: np.ndarray) -> tuple[np.ndarray, ...]:
     """
     i, j, k = AXES[plane.axis]
     x, y = plane.points()
-    dx, dy = (np.broadcast_to(slope, place.shape) for slope, place in zip(plane.slopes(x, y), (x, y)))
+    dx, dy = (np.broadcast_to(slope, at.shape) for slope, at in zip(plane.slopes(x, y), (x, y)))
     a, b, c, d = (sides[:, number, None] for number in (i, j, k, 3))
     return (
         plane.sign * (a * dx), a * (x - plane.reference * dx),
@@ -124,9 +124,9 @@ def _limit_rows(column_rate, column_zero, row_rate, row_zero, bodies, limits, fo
 
 
 @kernel(inline="always", exact=True)
-def _held(place):
+def _held(position):
     """Clamp to the range of float32."""
-    return np.float32(min(max(place, -MOST), MOST))
+    return np.float32(min(max(position, -MOST), MOST))
 
 
 @kernel(inner=True, exact=True)

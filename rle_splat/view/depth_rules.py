@@ -199,12 +199,12 @@ def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Foo
     end = begin + thickness
     kind = np.array(kinds or [OWN] * len(along), np.int64)
     far = np.where(np.append(kind[1:] == BETWEEN, False), np.append(end[1:], 0.0), end) if len(along) else end
-    place = sign * along
+    axis_position = sign * along
     reach = 0.5 if boxed else footprint.radius  # half a voxel keeps sheets that rounding puts beyond the last slice
-    touches_data = (place > -reach) & (place < n_slices - 1 + reach)
-    place = np.clip(place, 0.0, n_slices - 1.0) if boxed else place
-    first_slice, slice_weights = footprint_weights(footprint, place[touches_data])
+    touches_data = (axis_position > -reach) & (axis_position < n_slices - 1 + reach)
+    axis_position = np.clip(axis_position, 0.0, n_slices - 1.0) if boxed else axis_position
+    first_slice, slice_weights = footprint_weights(footprint, axis_position[touches_data])
     return Sheets(
-        *(np.ascontiguousarray(column) for column in (place[touches_data], first_slice, slice_weights)),
+        *(np.ascontiguousarray(column) for column in (axis_position[touches_data], first_slice, slice_weights)),
         *(np.ascontiguousarray(column[touches_data]) for column in (thickness, begin, end, far, kind)),
     )

@@ -132,9 +132,9 @@ def _limit_rows(
 
 
 @inner_loop(forceinline=True)
-def _within(place, last):
+def _within(position, last):
     """Coordinate of the picture from the center of its first pixel, clamped to its sides; 0 for NaN."""
-    return 0.0 if place != place else min(max(place - 0.5, 0.0), last)
+    return 0.0 if position != position else min(max(position - 0.5, 0.0), last)
 
 
 @inner_loop(forceinline=True)
@@ -233,17 +233,17 @@ def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     ray is inside from the later of both begins to the earlier of both ends.
     """
     found = []
-    for place, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
+    for position, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
         last = shape_xyz[axis] - 1.0
-        ends = np.empty((2, len(place)))
+        ends = np.empty((2, len(position)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            at_first = plane.sign * ((0.0 - place) / slope + plane.reference)
-            at_last = plane.sign * ((last - place) / slope + plane.reference)
+            at_first = plane.sign * ((0.0 - position) / slope + plane.reference)
+            at_last = plane.sign * ((last - position) / slope + plane.reference)
         np.minimum(at_first, at_last, out=ends[0])
         np.maximum(at_first, at_last, out=ends[1])
         straight = np.equal(slope, 0.0)
         if straight.any():
-            inside = (place >= 0.0) & (place <= last)
+            inside = (position >= 0.0) & (position <= last)
             ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
             ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
         found.append(np.clip(ends, -MOST, MOST).astype(np.float32))

@@ -13,7 +13,7 @@ import numpy as np
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 
-# Voxels of a block along z, y, x: small enough to follow a surface, and a multiple of a cache line along x.
+# Voxels of a block along z, y, x: small enough to follow a surface, and longest along x, which is contiguous in memory.
 BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32
 VOXELS_AT_ONCE = 1 << 25  # voxels between two progress reports, at which a user can cancel: some hundredths of a second
 

@@ -34,7 +34,7 @@ def _half_depth(half_depths, width, at, across, down):
 
 
 @kernel(inner=True)
-def _find_places(maps, first_column, row, sheet_size, sheet_origin, at, across, down):
+def _find_positions(maps, first_column, row, sheet_size, sheet_origin, at, across, down):
     """Sheet positions of the pixels from ``first_column`` on; returns how many are inside the sheet.
 
     Writes ``at``, the flat index of the sheet pixel at or before the position (-1 where a filter's taps would leave the
@@ -138,7 +138,7 @@ def _resample_rows(
             column = c + picture_origin[0]
             if not _sees_any(maps, column, row, filled, reach, sheet_origin):
                 continue
-            wanted = _find_places(maps, column, row, sheet_size, sheet_origin, at, across, down)
+            wanted = _find_positions(maps, column, row, sheet_size, sheet_origin, at, across, down)
             if wanted and not parallel_rays:
                 wanted = _keep_own(directions, column, row, axis, sign, at)
             if not wanted:
@@ -160,9 +160,9 @@ def _resample_rows(
             at_zero_here, per_voxel_here = maps[3, 1] * row + maps[3, 2], maps[4, 1] * row + maps[4, 2]
             found = depths[first_pixel : first_pixel + count]
             for i in range(count):
-                place = column + i + 0.5
-                w = maps[2, 0] * place + w_here
-                at_zero, per_voxel = maps[3, 0] * place + at_zero_here, maps[4, 0] * place + per_voxel_here
+                center = column + i + 0.5
+                w = maps[2, 0] * center + w_here
+                at_zero, per_voxel = maps[3, 0] * center + at_zero_here, maps[4, 0] * center + per_voxel_here
                 depth = np.float32((halves[i] * per_voxel + at_zero) / w)
                 found[i] = depth if halves[i] < np.inf else found[i]
 
@@ -198,12 +198,12 @@ def shown_in(from_sheet, sheet_shape, sheet_origin, picture_shape, picture_origi
     (u, v), (rows, columns), (height, width) = sheet_origin, sheet_shape, picture_shape
     corners = (u, v), (u + columns, v), (u + columns, v + rows), (u, v + rows)
     # Plain Python arithmetic, because numpy's overhead per call is larger for four corners.
-    places = [[a * x + b * y + c for a, b, c in from_sheet.tolist()] for x, y in corners]
-    if not all(w > 0.0 for *_, w in places):  # partly behind the eye: the corners give no bounds
+    projected = [[a * x + b * y + c for a, b, c in from_sheet.tolist()] for x, y in corners]
+    if not all(w > 0.0 for *_, w in projected):  # partly behind the eye: the corners give no bounds
         return 0, 0, width, height
     sides = []
     for n, count in enumerate((width, height)):
-        seen = [place[n] / place[2] - picture_origin[n] for place in places]
+        seen = [corner[n] / corner[2] - picture_origin[n] for corner in projected]
         sides.append((int(min(max(min(seen) - 1.0, 0.0), count)), int(max(min(max(seen) + 2.0, count), 0.0))))
     (left, right), (top, bottom) = sides
     return left, top, right, bottom

@@ -40,17 +40,17 @@ def resample_numpy(
     height, width = depth.shape
     sheet_height, sheet_width = half.shape
     column, row = np.meshgrid(picture_origin[0] + np.arange(width) + 0.5, picture_origin[1] + np.arange(height) + 0.5)
-    places = column, row, np.ones_like(column)
+    pixel_centers = column, row, np.ones_like(column)
     if directions.any():
-        own_axis, own_sign = dominant_axis(np.moveaxis(_product(directions, places), 0, -1))
+        own_axis, own_sign = dominant_axis(np.moveaxis(_product(directions, pixel_centers), 0, -1))
         mine = (own_axis == axis) & (own_sign == sign)
     else:
         mine = np.ones((height, width), bool)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v, w = _product(to_sheet, places)
+        u, v, w = _product(to_sheet, pixel_centers)
         u, v = u / w, v / w
-        for place, origin, count in ((u, sheet_origin[0], sheet_width), (v, sheet_origin[1], sheet_height)):
-            mine &= (place >= origin + 1) & (place < origin + count - 2)
+        for position, origin, count in ((u, sheet_origin[0], sheet_width), (v, sheet_origin[1], sheet_height)):
+            mine &= (position >= origin + 1) & (position < origin + count - 2)
     u, v = u[mine], v[mine]
     fu, fv = u - np.floor(u), v - np.floor(v)
     u0 = np.floor(u).astype(np.int64) - sheet_origin[0]

@@ -10,7 +10,7 @@ import pytest
 
 from rle_splat.classify import refined
 from rle_splat.classify.classification import ClassifiedVolume
-from rle_splat.classify.placing import Places
+from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.refined import FineVoxels, RefinedVolume, value_block_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
@@ -225,7 +225,7 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
     looks = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
     classified = ClassifiedVolume(voxels, looks, False, 1.0, 1.0)
     records = np.empty((len(voxels), 4), np.float32)
-    most = light.records(classified, "extinction", Places.in_order(voxels, 0, voxels.shape_xyz[2]), records)
+    most = light.records(classified, "extinction", RecordPositions.in_order(voxels, 0, voxels.shape_xyz[2]), records)
     expected = looks[0, 2:] * between[0] + between[1]
     np.testing.assert_allclose(records[:, :3] / 2.0, expected, atol=2e-6)
     assert (records[:, 3] == 2.0).all() and most == pytest.approx(expected.max(), abs=2e-6)

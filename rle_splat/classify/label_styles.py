@@ -10,7 +10,7 @@ from .transfer_function import TransferFunction
 
 
 @dataclass(frozen=True)
-class LabelLook:
+class LabelStyle:
     """Appearance of one label.
 
     Parameters
@@ -68,17 +68,17 @@ class LabelLook:
         return found if self.color is None else replace(found, color=((0.0, *self.color),))
 
 
-def read_label_looks(path) -> tuple[LabelLook, ...]:
+def read_label_styles(path) -> tuple[LabelStyle, ...]:
     """Read the appearance of labels from a JSON file.
 
     Parameters
     ----------
     path : str or Path
-        File with a list of objects; their keys are the parameters of LabelLook.
+        File with a list of objects; their keys are the parameters of LabelStyle.
 
     Returns
     -------
-    tuple of LabelLook
+    tuple of LabelStyle
 
     Raises
     ------
@@ -88,20 +88,20 @@ def read_label_looks(path) -> tuple[LabelLook, ...]:
     entries = read_json(path, "the label file")
     if not isinstance(entries, list):
         raise RleSplatError(f"The label file {path} must hold a list of labels, one object for each.")
-    found = tuple(from_mapping(LabelLook, entry, "A label of the label file") for entry in entries)
-    if len({look.label for look in found}) < len(found):
+    found = tuple(from_mapping(LabelStyle, entry, "A label of the label file") for entry in entries)
+    if len({style.label for style in found}) < len(found):
         raise RleSplatError(f"The label file {path} lists a label twice; list each label once.")
     return found
 
 
-def labels_of(label_volume, looks, volume, own: TransferFunction) -> Labels:
+def labels_of(label_volume, styles, volume, own: TransferFunction) -> Labels:
     """Make the Labels of a scene.
 
     Parameters
     ----------
     label_volume : Volume
         Labels as integers, on the grid of ``volume``.
-    looks : sequence of LabelLook
+    styles : sequence of LabelStyle
         A label that has only a name uses the volume's transfer function.
     volume : Volume
     own : TransferFunction
@@ -111,6 +111,6 @@ def labels_of(label_volume, looks, volume, own: TransferFunction) -> Labels:
     -------
     Labels
     """
-    changed = {look.label: look.function(volume, own) for look in looks}
+    changed = {style.label: style.function(volume, own) for style in styles}
     functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}
-    return Labels(label_volume, functions, {look.label: look.name for look in looks if look.name})
+    return Labels(label_volume, functions, {style.label: style.name for style in styles if style.name})
