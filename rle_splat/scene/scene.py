@@ -16,11 +16,11 @@ from .mist import Mist
 
 # What a pixel shows of the values along its ray; see effects/ray_values.py. Shown in help texts and tooltips.
 MODE_TEXTS = {
-    "composite": "emission and absorption, front to back",
-    "xray": "absorption only, dense tissue bright",
-    "mip": "the largest value along the ray, in the colors of the transfer function",
-    "minip": "the smallest value along the ray",
-    "average": "the mean value along the ray",
+    "composite": "emission and absorption (front to back)",
+    "xray": "absorption only (dense tissue is bright)",
+    "mip": "largest value along the ray (in the colors of the transfer function)",
+    "minip": "smallest value along the ray",
+    "average": "mean value along the ray",
 }
 MODES = tuple(MODE_TEXTS)
 
