@@ -74,6 +74,7 @@ def positive_intervals(function: Pieces) -> np.ndarray:
     found = []
 
     def add(low, high):
+        """Append [low, high), merged with the previous interval if they touch."""
         if found and found[-1][1] == low:
             found[-1][1] = high
         elif low < high:

@@ -270,7 +270,7 @@ def _stored_ends(volume, functions) -> tuple[float, float]:
 
 
 def _varying_range(volume, functions) -> tuple[float, float]:
-    """Stored values, ascending, outside which all curves are constant; twice their middle if they all are."""
+    """Stored values (low, high) outside which all curves are constant; (middle, middle) if they are constant."""
     ends = []
     for points in functions:
         table = np.array(sorted(points, key=lambda point: point[0]), dtype=np.float64)

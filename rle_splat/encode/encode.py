@@ -74,6 +74,7 @@ def encode(
     most_color = float(colors.max(initial=0.0))
 
     def write(positions, records):
+        """Records from ``colors``; see ``record_steps``."""
         first, last = positions.span
         made = empty_records(16, last - first)
         if compiled(backend):

@@ -321,6 +321,7 @@ def base_plane(
     ), axis=1)
 
     def window(pixel_margin, slope_margin):
+        """Visible part of the plane as a polygon, with margins in pixels of the picture and in slopes."""
         least, most = low, high
         if not view.is_parallel:
             ahead = abs(reference - eye_position)

@@ -36,6 +36,7 @@ class Blocks:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of both arrays."""
         return self.low.nbytes + self.high.nbytes
 
 

@@ -25,6 +25,7 @@ class Level:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of both arrays."""
         return self.means.nbytes + self.deviation.nbytes
 
 

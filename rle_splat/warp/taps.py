@@ -18,12 +18,15 @@ if numba is not None:
     CONTRACT = ["contract"]
 
     def _constant(values):
+        """Vector of float constants."""
         return ir.Constant(ir.VectorType(FLOAT, len(values)), [float(value) for value in values])
 
     def _load(context, builder, array_type, array, at, count):
+        """Load ``count`` floats of a flat array from index ``at`` on."""
         return load(builder, place(context, builder, array_type, array, at), count)
 
     def _multiply_add(builder, a, b, c):
+        """a * b + c; LLVM may fuse it."""
         return builder.fadd(builder.fmul(a, b, flags=CONTRACT), c, flags=CONTRACT)
 
     def _mix(builder, first, second, fraction):
