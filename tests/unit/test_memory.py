@@ -288,7 +288,7 @@ def test_it_is_said_before_the_lists_are_made_and_while_they_are():
     "share, axes, words",
     (
         (0.95, 1, "voxel records of 8 bytes would fit"), (0.66, 1, "voxel records of 4 bytes would fit"),
-        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or thin the volume"),
+        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or downsample the volume"),
         (0.67, 3, "voxel records of 8 bytes would fit"),
         (0.45, 3, "two principal axes at a time with voxel records of 4 bytes would fit"),
         (0.38, 3, "one principal axis at a time with voxel records of 8 bytes would fit"),
@@ -349,7 +349,7 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
         one_by_one = "one principal axis at a time" in sentence
         if "at most" not in sentence:
             fits = one_by_one and wanted(n, 1, 4).needed <= free
-            assert fits or (n == 16 and "crop or thin" in sentence)
+            assert fits or (n == 16 and "crop or downsample" in sentence)
             continue
         share = float(sentence.split("at most ")[1].split(" %")[0]) / 100.0
         needed = wanted(share * n, 1 if one_by_one else axes, 4).needed
