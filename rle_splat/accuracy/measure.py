@@ -1,11 +1,11 @@
-"""How wrong a picture of a scene is, at probe pixels: what a report says after a render (algorithm.md 2.4, step 5)."""
+"""The error of a picture of a scene, measured at probe pixels (algorithm.md 2.4, step 5)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..scene import Scene
-from .probes import PROBES, choose_probes, judge, probe_errors
+from .probes import PROBES, choose_probes, error_summary, probe_errors
 from .truths import truth
 
 TOLERANCE = 1e-7  # of the truth itself: far below a level, 1/255
@@ -13,15 +13,34 @@ TOLERANCE = 1e-7  # of the truth itself: far below a level, 1/255
 
 def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = PROBES, seed: int = 0,
             far=np.inf, **shading) -> dict:  # fmt: skip
-    """What ``probes.judge`` says of a picture of the scene, and which ``truth`` its errors are against; JSON-ready.
+    """Measure the error of a picture at probe pixels.
 
-    ``rgba``: (H, W, 4) premultiplied picture of the scene, of its crop where it has one.  ``tolerance``: levels.
-    ``count``: of probes, three quarters of them random.  ``far``: planar depth at which rays end, a number or
-    (H, W).  ``shading``: ``colors``, or ``light`` and ``highlight``, as ``truths.truth`` takes them.
+    Parameters
+    ----------
+    scene : Scene
+    rgba : (H, W, 4) float
+        Premultiplied scene-linear picture of the scene, of its crop where it has one.
+    truth_name : str
+        Of ``truths.TRUTHS``.
+    tolerance : float
+        Levels, 1/255.
+    count : int
+        Probes, three quarters of them random.
+    seed : int
+        Of the random probes.
+    far : float or (H, W) float
+        Planar depth at which rays end.
+    **shading
+        ``colors``, or ``light`` and ``highlight``, as ``truths.truth`` takes them.
+
+    Returns
+    -------
+    dict
+        JSON-ready: ``probes.error_summary`` and the name of the ``truth``.
     """
     probes = choose_probes(rgba, count, seed)
     left, top = scene.crop[:2] if scene.crop is not None else (0, 0)
-    columns, rows = probes.centres
+    columns, rows = probes.centers
     ends = np.broadcast_to(far, np.shape(rgba)[:2])[probes.rows, probes.columns]
     true, _ = truth(scene, truth_name, pixels=(columns + left, rows + top), far=ends, tolerance=TOLERANCE, **shading)
-    return {"truth": truth_name, **judge(probe_errors(probes.of(rgba), true), probes.random, tolerance)}
+    return {"truth": truth_name, **error_summary(probe_errors(probes.of(rgba), true), probes.random, tolerance)}

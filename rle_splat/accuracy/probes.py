@@ -55,7 +55,7 @@ class Probes:
     random: int
 
     @property
-    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+    def centers(self) -> tuple[np.ndarray, np.ndarray]:
         """Where their rays go: (columns, rows) in pixels, as ``truths.truth`` takes them."""
         return self.columns + 0.5, self.rows + 0.5
 
@@ -77,7 +77,7 @@ def probe_errors(values, true) -> np.ndarray:
     return np.abs(np.asarray(values, np.float64) - np.asarray(true, np.float64)).max(axis=-1) / LEVEL
 
 
-def judge(errors, random: int, tolerance: float) -> dict:
+def error_summary(errors, random: int, tolerance: float) -> dict:
     """What probes say: JSON-ready.
 
     ``errors``: (N,) levels, the first ``random`` of random probes, the rest of steep ones.  In the answer ``random``

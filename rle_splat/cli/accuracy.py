@@ -72,7 +72,9 @@ def run(args) -> None:
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    from ..accuracy.planner.cost_of_accuracy import TOLERANCES, sensible_plans, sweep_steps, table_lines
+    from ..accuracy.planner.measure_plans import TOLERANCES, sweep_steps
+    from ..accuracy.planner.plans import sensible_plans
+    from ..accuracy.planner.table import table_lines
     from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:

@@ -9,8 +9,8 @@ import pytest
 
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.measure import measure
-from rle_splat.accuracy.planner.error_estimate import RayCost
 from rle_splat.accuracy.planner.model import CALIBRATION, Model
+from rle_splat.accuracy.planner.ray_cost import RayCost
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, truth_of

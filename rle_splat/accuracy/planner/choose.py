@@ -10,9 +10,10 @@ from ...pipeline.memory_estimate import SHEET_PIXEL, SPARE, WARPED
 from ...runtime.memory import available_bytes
 from ...scene import Quality
 from .candidates import DEPTH_RULES, candidates
-from .error_estimate import Doubt, RayCost
+from .error_estimate import ErrorEstimate
 from .features import LEVELS, Features
 from .model import ErrorBudget, Model
+from .ray_cost import RayCost
 
 SAFETY = 0.9  # of the tolerance is what a plan may be expected to err
 TERMINATION_SHARE = 0.1  # of the tolerance goes to ending rays early
@@ -100,7 +101,7 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, sp
 
 
 def choose_with_rays(
-    features: Features, base: Quality, tolerance: float, model: Model, doubt: Doubt, cost: RayCost,
+    features: Features, base: Quality, tolerance: float, model: Model, estimate: ErrorEstimate, cost: RayCost,
     speed: Speed = Speed(), correction: float = 1.0, only: Quality | None = None,
 ) -> Choice:  # fmt: skip
     """As ``choose``, where pixels that a plan would get wrong are had by rays: the plan and the rays that are expected
@@ -113,7 +114,7 @@ def choose_with_rays(
     allowed = SAFETY * tolerance - bounds
     slabs = cost.slabs_for(RAY_SHARE * allowed)
     of_rays = cost.error(slabs)
-    depth_step, sheet_step, pixels = doubt.bins.T
+    depth_step, sheet_step, pixels = estimate.bins.T
     choices = []
     for plan in candidates(base) if only is None else [only]:
         if plan.sheet_density <= densest:

@@ -100,15 +100,6 @@ def difference_of(one: Rendering, other: Rendering) -> np.ndarray:
     return LEVELS * np.abs(one.rgba - other.rgba).max(axis=-1)
 
 
-def doubtful_pixels(one: Rendering, other: Rendering, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows of the ``count`` pixels at which two pictures of a scene differ most."""
-    apart = difference_of(one, other)
-    count = min(count, apart.size)
-    chosen = np.argpartition(apart, apart.size - count, axis=None)[apart.size - count :]
-    rows, columns = np.unravel_index(np.sort(chosen), apart.shape)
-    return columns, rows
-
-
 def _largest(difference: np.ndarray) -> float:
     return float(difference.max(initial=0.0))
 
