@@ -9,7 +9,8 @@ import numpy as np
 
 from .metrics import LEVEL
 
-PROBES = 1000  # where nobody says how many
+PROBES = 1000  # by default
+TRUTH_TOLERANCE = 1e-7  # of the truth at probes: far below a level, 1/255
 # -ln(0.05): with no failure in n independent probes, at 95 % confidence at most this many in n fail.
 RULE_OF_THREE = 3.0
 STEEP_SHARE = 0.25  # of the probes that go where the picture is steepest

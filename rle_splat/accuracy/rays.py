@@ -33,19 +33,11 @@ class Rays:
         """(N, 3) world points at the given planar depths."""
         return self.origin + self.step * np.broadcast_to(depth, self.length_per_depth.shape)[:, None]
 
-    def depth_to_plane(self, point, normal) -> np.ndarray:
-        """(N,) planar depth at which each ray meets a plane; inf where it is parallel or behind."""
-        normal = np.asarray(normal, dtype=np.float64)
-        ahead = self.step @ normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = ((np.asarray(point, dtype=np.float64) - self.origin) @ normal) / ahead
-        return np.where((ahead != 0.0) & (depth > 0.0), depth, np.inf)
-
     def __getitem__(self, chosen) -> Rays:
         return Rays(self.origin[chosen], self.direction[chosen], self.length_per_depth[chosen])
 
 
-def pixel_centres(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+def pixel_centers(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     """Column and row coordinates of all pixel centres, row by row from the top, each (H * W,) float64."""
     rows, columns = np.mgrid[0:height, 0:width]
     return columns.ravel() + 0.5, rows.ravel() + 0.5
@@ -65,7 +57,7 @@ def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None
     the named one; its size in pixels is the unit of the lens shift; AUTO always uses the sensor's width.
     """
     if columns is None:
-        columns, rows = pixel_centres(width, height)
+        columns, rows = pixel_centers(width, height)
     columns, rows = np.broadcast_arrays(np.asarray(columns, np.float64), np.asarray(rows, np.float64))
     columns, rows = columns.ravel(), rows.ravel()
     tallness = camera.pixel_aspect[1] / camera.pixel_aspect[0]  # height of a pixel in pixel widths
@@ -89,30 +81,3 @@ def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None
     step = step @ matrix[:3, :3].T
     length = np.sqrt((step**2).sum(axis=1))
     return Rays(start @ matrix[:3, :3].T + matrix[:3, 3], step / length[:, None], length)
-
-
-def turntable_rays(shape_xyz, spacing, azimuth, elevation, fit, perspective, fov, width, height):
-    """The turntable in its own words: (Rays, index_to_world) with voxel (i, j, k) at (i sx, j sy, k sz).
-
-    Angles in degrees.  An orthographic ray starts on the plane through the aim, so depth 0 lies inside the
-    volume and ``near`` must be minus infinity; a perspective ray starts at the eye.
-    """
-    shape, spacing = np.asarray(shape_xyz, np.float64), np.asarray(spacing, np.float64)
-    a, e = np.deg2rad(azimuth), np.deg2rad(elevation)
-    right = np.array((np.cos(a), np.sin(a), 0.0))
-    forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
-    up = np.cross(right, forward)
-    aim = 0.5 * (shape - 1.0) * spacing
-    view_height = fit * (shape * spacing).max()
-    columns, rows = pixel_centres(width, height)
-    across = ((columns / width) - 0.5) * view_height * width / height
-    above = (0.5 - rows / height) * view_height
-    on_plane = aim + across[:, None] * right + above[:, None] * up
-    if perspective:
-        distance = 0.5 * view_height / np.tan(0.5 * np.deg2rad(fov))
-        start = np.broadcast_to(aim - distance * forward, on_plane.shape)
-        step = (on_plane - start) / distance
-    else:
-        start, step = on_plane, np.broadcast_to(forward, on_plane.shape)
-    length = np.sqrt((step**2).sum(axis=1))
-    return Rays(start, step / length[:, None], length), np.diag((*spacing, 1.0))

@@ -10,7 +10,7 @@ from ..scene import RleSplatError, Scene
 from .clips import Clipping
 from .integrate import TOLERANCE, integrate
 from .medium import ClassifiedMedium, ScalarMedium
-from .rays import camera_rays, pixel_centres
+from .rays import camera_rays, pixel_centers
 from .transfer import opacity_unit_distance
 
 TRUTHS = ("T1", "T2")
@@ -66,7 +66,7 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
     that gives such values for index arrays (z, y, x).
     """
     medium = medium_of(scene, truth_name, colors, light, highlight)
-    columns, rows = pixel_centres(scene.width, scene.height) if pixels is None else pixels
+    columns, rows = pixel_centers(scene.width, scene.height) if pixels is None else pixels
     rays = camera_rays(scene.camera, scene.width, scene.height, columns, rows)
     end = np.minimum(np.asarray(far, dtype=np.float64), scene.camera.clip_end)
     clipping = Clipping(scene.clips, rays) if scene.clips else None

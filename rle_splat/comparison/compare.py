@@ -8,8 +8,8 @@ from ..accuracy.metrics import difference
 from ..runtime.jit import thread_count
 from ..runtime.steps import Progress, drain
 from ..scene import Quality, RleSplatError, Scene
-from .judge import probe_truth
 from .medium import Medium, scene_medium
+from .probe_truth import probe_truth
 from .system import System
 from .table import SYSTEMS, system_of
 

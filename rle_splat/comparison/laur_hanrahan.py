@@ -13,7 +13,7 @@ import numpy as np
 from ..classify.visible import row_offsets
 from ..runtime.jit import kernel, parallel_call, prange, read_only
 from ..scene import Quality
-from ..volume import pyramid
+from . import pyramid
 from .footprint import composite_sample, first_pixel, footprint
 from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
 from .system import Prepared, need_kernels, picture

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..encode.decode import decode
 from ..encode.tables import (
     RunLengthVolume,
     data_pointers_from_scanlines,
@@ -19,6 +18,7 @@ from ..encode.tables import (
 )
 from ..scene import Quality
 from . import ours
+from .decode import decode
 from .medium import Medium
 from .system import Prepared
 

@@ -10,20 +10,10 @@ import numpy as np
 from ..scene import MODELS, RleSplatError
 from ..volume.axes import AXES, AXIS_NAMES
 from .records import TYPES, WORDS, decoding_size
-from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
+from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 
 MOST = 1e37  # of any number in the voxel data: twice the densest and brightest there is, and float32 holds it
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
-
-
-def validate(encoded: RunLengthVolume) -> None:
-    """RleSplatError unless the tables, the derived one too, are in the canonical form of algorithm.md 1.1."""
-    derived = scanline_data_pointers(
-        encoded.axis, encoded.shape_xyz, encoded.model, encoded.scanline_pointers, encoded.data_pointers,
-        encoded.runs, encoded.voxel_data, encoded.decoding,
-    )
-    if not np.array_equal(derived, encoded.scanline_data_pointers):
-        raise _broken(encoded.axis, "the pointers to each scanline's voxels do not follow from its runs")
 
 
 def _broken(axis, what: str) -> RleSplatError:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.comparison import spectrum, totsuka_levoy
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import RleSplatError

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.metrics import LEVEL
-from rle_splat.accuracy.phantoms import blobs
 from rle_splat.accuracy.planner import measure_plans
 from rle_splat.accuracy.planner.error_map import error_map_steps
 from rle_splat.accuracy.planner.measure_plans import front, steepest_window, sweep_steps

@@ -4,13 +4,14 @@ against closed forms and against tiny steps of programs that know neither cells 
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.integrate import integrate
 from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium, cubics, polynomial
-from rle_splat.accuracy.phantoms import blobs
-from rle_splat.accuracy.rays import Rays, camera_rays, turntable_rays
+from rle_splat.accuracy.rays import Rays, camera_rays
 from rle_splat.accuracy.transfer import Segments, extinction_and_color
 from rle_splat.accuracy.truths import truth, world_opacity_distance
+from tests.truths import closed_forms
+from tests.truths.other_rays import turntable_rays
 
 OBLIQUE = np.array(((0.9, 0.2, -0.1, 3.0), (-0.3, 1.1, 0.2, -2.0), (0.1, 0.0, 1.7, 1.0), (0.0, 0.0, 0.0, 1.0)))
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..encode.tables import RunLengthVolume
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from ..volume.axes import AXES
-from .tables import RunLengthVolume
 
 
 def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
@@ -22,13 +21,6 @@ def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0)
     else:
         dense[_visible_numpy(encoded)] = records
     return dense
-
-
-def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:
-    """A (n_slices, n_scanlines, width, ...) grid of principal ``axis`` as a (nz, ny, nx, ...) view."""
-    along, across, principal = AXES[axis]
-    place = {principal: 0, across: 1, along: 2}  # volume axis (0 x, 1 y, 2 z) -> array axis that holds it
-    return dense.transpose(place[2], place[1], place[0], *range(3, dense.ndim))
 
 
 @kernel

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene import Scene
-from .probes import PROBES, choose_probes, error_summary, probe_errors
-from .truths import truth
-
-TOLERANCE = 1e-7  # of the truth itself: far below a level, 1/255
+from rle_splat.accuracy.probes import PROBES, TRUTH_TOLERANCE, choose_probes, error_summary, probe_errors
+from rle_splat.accuracy.truths import truth
+from rle_splat.scene import Scene
 
 
 def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = PROBES, seed: int = 0,
@@ -42,5 +40,6 @@ def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = 
     left, top = scene.crop[:2] if scene.crop is not None else (0, 0)
     columns, rows = probes.centers
     ends = np.broadcast_to(far, np.shape(rgba)[:2])[probes.rows, probes.columns]
-    true, _ = truth(scene, truth_name, pixels=(columns + left, rows + top), far=ends, tolerance=TOLERANCE, **shading)
+    pixels = columns + left, rows + top
+    true, _ = truth(scene, truth_name, pixels=pixels, far=ends, tolerance=TRUTH_TOLERANCE, **shading)
     return {"truth": truth_name, **error_summary(probe_errors(probes.of(rgba), true), probes.random, tolerance)}
