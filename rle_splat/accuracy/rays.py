@@ -1,4 +1,4 @@
-"""Cameras of the truth: from Blender's camera fields to world rays, written down once more from their meaning.
+"""Cameras of the truths: from Blender's camera fields to world rays.
 
 Nothing here is shared with ``rle_splat.view``, so that a mistake in one of them shows as a difference.
 """
@@ -14,10 +14,16 @@ from ..scene import Camera
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """N world rays, parametrised by planar depth (distance along the camera's axis).
+    """N world rays, parametrized by planar depth (distance along the camera's axis).
 
-    ``origin``: (N, 3) world point at depth 0.  ``direction``: (N, 3) unit world vectors.
-    ``length_per_depth``: (N,) world length of the ray per unit of planar depth, at least 1 for a rigid camera.
+    Attributes
+    ----------
+    origin : (N, 3) float64
+        World point at depth 0.
+    direction : (N, 3) float64
+        Unit world vectors.
+    length_per_depth : (N,) float64
+        World length of the ray per unit of planar depth, at least 1 for a rigid camera.
     """
 
     origin: np.ndarray
@@ -26,7 +32,7 @@ class Rays:
 
     @property
     def step(self) -> np.ndarray:
-        """(N, 3): world displacement per unit of planar depth."""
+        """(N, 3) world displacement per unit of planar depth."""
         return self.direction * self.length_per_depth[:, None]
 
     def at_depth(self, depth) -> np.ndarray:
@@ -38,23 +44,33 @@ class Rays:
 
 
 def pixel_centers(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row coordinates of all pixel centres, row by row from the top, each (H * W,) float64."""
+    """Column and row coordinates of all pixel centers, row by row from the top, each (H * W,) float64."""
     rows, columns = np.mgrid[0:height, 0:width]
     return columns.ravel() + 0.5, rows.ravel() + 0.5
 
 
 def rigid(matrix_world) -> np.ndarray:
-    """The matrix with its first three columns normalised: Blender ignores a camera's scale."""
+    """The matrix with its first three columns normalized: Blender ignores a camera's scale."""
     matrix = np.array(matrix_world, dtype=np.float64)
     matrix[:3, :3] /= np.sqrt((matrix[:3, :3] ** 2).sum(axis=0))
     return matrix
 
 
 def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None) -> Rays:
-    """Rays of a camera through pixel positions: column from the left, row from the top, centres at + 0.5.
+    """Rays of a camera through pixel positions.
 
-    Blender's rules: the sensor side that fits is the wider one of the image *with* its pixel aspect (AUTO) or
-    the named one; its size in pixels is the unit of the lens shift; AUTO always uses the sensor's width.
+    Parameters
+    ----------
+    camera : Camera
+    width, height : int
+        Of the picture, in pixels.
+    columns, rows : (N,) float, optional
+        From the left and the top, pixel centers at + 0.5; all pixel centers by default.
+
+    Notes
+    -----
+    Blender's rules: the sensor fits the wider side of the image *with* its pixel aspect (AUTO), or the named side.
+    That side's size in pixels is the unit of the lens shift.  AUTO always uses the sensor's width.
     """
     if columns is None:
         columns, rows = pixel_centers(width, height)
