@@ -76,9 +76,9 @@ def ssim_map(image, reference) -> np.ndarray:
         raise ValueError(f"SSIM needs two pictures of one size, {SSIM_WINDOW} pixels a side or more")
     mean_i, mean_r = _smoothed(image), _smoothed(reference)
     # Both are centered first: subtracting two means of like size would cancel the small variance of flat pictures.
-    centre = reference.mean(axis=(0, 1))
-    i, r = image - centre, reference - centre
-    off_i, off_r = mean_i - centre, mean_r - centre
+    center = reference.mean(axis=(0, 1))
+    i, r = image - center, reference - center
+    off_i, off_r = mean_i - center, mean_r - center
     variance_i, variance_r = _smoothed(i * i) - off_i**2, _smoothed(r * r) - off_r**2
     covariance = _smoothed(i * r) - off_i * off_r
     similar = (2.0 * mean_i * mean_r + SSIM_C1) * (2.0 * covariance + SSIM_C2)

@@ -1,4 +1,4 @@
-"""The four tables back to a dense grid; decode(encode(v)) is v."""
+"""Decode run-length tables to a dense grid; decode(encode(v)) is v."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..runtime.parallel import share_out
 
 
 def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
-    """(n_slices, n_scanlines, width, 4) float32 voxel records, zero where transparent."""
+    """(n_slices, n_scanlines, width, 4) float32 voxel records of the tables, zero where transparent."""
     dense = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width, 4), dtype=np.float32)
     records = encoded.decoded()
     if compiled(backend):
@@ -25,7 +25,7 @@ def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0)
 
 @kernel
 def _decode_scanlines(scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
-    """``dense`` (n_slices, n_scanlines, width, 4), zero on entry; the tables as in ``RunLengthVolume``, valid."""
+    """Write ``dense`` (n_slices, n_scanlines, width, 4) float32, zero on entry, from valid tables."""
     share_out(_decode_slices, dense.shape[0], (scanline_pointers, scanline_data_pointers, runs, voxel_data, dense))
 
 
@@ -51,7 +51,7 @@ def _decode_slices(begin, end, scanline_pointers, scanline_data_pointers, runs, 
 
 
 def _visible_numpy(encoded: RunLengthVolume) -> np.ndarray:
-    """Twin: (n_slices, n_scanlines, width) bool, where a voxel is stored; the runs laid end to end tell."""
+    """(n_slices, n_scanlines, width) bool: where a voxel is stored; part of the reference implementation."""
     starts = encoded.scanline_pointers[encoded.scanline_pointers >= 0].astype(np.int64)
     bounds = np.append(starts, len(encoded.runs))
     in_line = np.arange(len(encoded.runs)) - np.repeat(starts, np.diff(bounds))

@@ -11,23 +11,39 @@ from ..volume.pyramid import pooled
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """``means``: (nz, ny, nx, 4) float32, the average (extinction * RGB, extinction) of 2^level voxels a side,
-    transparent ones beyond the grid included, so that the total optical depth is kept.  ``deviation``: (nz, ny, nx)
-    float32, the largest difference of any voxel's record from the mean, over the channels; 1 / world length."""
+    """One level of a pyramid, of nodes of 2^level voxels along each side.
+
+    Attributes
+    ----------
+    means : (nz, ny, nx, 4) float32
+        The average (extinction * RGB, extinction) of the node's voxels, 1 / world length.  Voxels beyond the grid count
+        as transparent, so that the total optical depth is kept.
+    deviation : (nz, ny, nx) float32
+        The largest difference of any voxel's record from the mean, over the channels.
+    """
 
     means: np.ndarray
     deviation: np.ndarray
 
     @property
     def nbytes(self) -> int:
+        """Bytes of both arrays."""
         return self.means.nbytes + self.deviation.nbytes
 
 
 def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
-    """Level 0, the voxels (nz, ny, nx, 4) themselves, and up to ``most_levels`` above it, as long as a node is not
-    the whole volume.
+    """Build the levels of a pyramid.
 
-    The largest deviation of a voxel from a mean is the larger distance of the mean to the extremes below it.
+    Parameters
+    ----------
+    voxels : (nz, ny, nx, 4) float32
+        Level 0.
+    most_levels : int
+        Of further levels; there are fewer where one node is the whole volume.
+
+    Notes
+    -----
+    A node's deviation is the largest distance of its mean to the extremes of the voxels below it.
     """
     levels = [Level(voxels, np.zeros(voxels.shape[:3], np.float32))]
     means, least, most = voxels, voxels, voxels
@@ -38,17 +54,19 @@ def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
 
 
 def children(parents: np.ndarray, shape) -> np.ndarray:
-    """(8 m, 3) indices z, y, x one level down of (m, 3) nodes, those outside a level of ``shape`` left out."""
+    """The children of (m, 3) nodes: indices z, y, x (n, 3) one level down, without those outside its ``shape``."""
     corner = np.array([(z, y, x) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
     found = (2 * parents[:, None, :] + corner).reshape(-1, 3)
     return found[(found < np.array(shape[:3])).all(axis=1)]
 
 
 def cut(levels: list[Level], largest_deviation: float) -> list[np.ndarray]:
-    """Per level, finest first, the (m, 3) indices z, y, x of the nodes to draw.
+    """Choose the nodes to draw: the coarsest ones whose deviation is at most ``largest_deviation``.
 
-    From the top down, a node stands for all below it when none deviates from it by more than
-    ``largest_deviation``; nodes in which nothing absorbs are left out.
+    Returns
+    -------
+    list of (m, 3) int64
+        For each level, finest first, the indices z, y, x of its nodes.  Nodes that absorb nothing are left out.
     """
     chosen: list[np.ndarray] = []
     wanted = np.argwhere(levels[-1].means[..., 3] > 0.0)

@@ -1,4 +1,4 @@
-"""Averages and extremes of neighbouring voxels, one level of a pyramid at a time."""
+"""One level of a pyramid from the level below it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def pooled(values: np.ndarray, join) -> np.ndarray:
-    """Neighbours joined in pairs along z, y and x by a ufunc ``join``, with zeros beyond the far ends."""
+    """Join neighbors in pairs along z, y and x by a ufunc ``join``; values beyond the far ends count as zero."""
     for axis in range(3):
         values = np.moveaxis(values, axis, 0)
         near, far = values[0::2], values[1::2]

@@ -50,13 +50,13 @@ def need_of(volume, transfer_function, seed: int = 0) -> Need:
     if levels <= TOLERABLE:
         return Need(
             levels, "pre",
-            f"The transfer function is nearly straight between neighbouring voxels, within {levels:.2g} levels: any "
+            f"The transfer function is nearly linear between neighboring voxels, within {levels:.2g} levels: any "
             "classification shows it as it is.",
         )  # fmt: skip
     return Need(
         levels, "post",
-        f"The transfer function bends between neighbouring voxels by up to {levels:.0f} levels of opacity: pre, which "
-        "interpolates what was classified, blurs and dilates that much; post shows it as it is.",
+        f"Between neighboring voxels the transfer function deviates from a straight line by up to {levels:.0f} levels of "
+        "opacity: pre, which interpolates classified voxels, blurs and dilates that much; post shows it as it is.",
     )  # fmt: skip
 
 
