@@ -40,14 +40,14 @@ def add_arguments(parser) -> None:
         "--plot", metavar="FILE.png", help=f"draw time against error ({', '.join(SUFFIXES)}); needs matplotlib"
     )
     parser.add_argument(
-        "-o", "--output", action="append", default=[], metavar="OUT", help="write the chosen plan's picture to this file"
+        "-o", "--output", action="append", default=[], metavar="OUT", help="write the chosen plan's picture to OUT"
     )
     parser.add_argument(
         "--front", default=ERROR_NAMES[0], metavar="|".join(ERROR_NAMES),
         help=f"the error that decides which plans are on the front ({ERROR_NAMES[0]})",
     )
-    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels compared with the truth ({PROBES})")
-    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed for each plan ({REPEATS})")
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
+    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
     add_size_option(parser)
     add_report_options(parser)
     add_scene_options(parser)

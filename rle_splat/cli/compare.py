@@ -33,8 +33,8 @@ def add_arguments(parser) -> None:
         "--system", action="append", metavar="NAME",
         help="compare only this system; repeatable, the others are measured against the first one",
     )
-    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels compared with the truth T1 ({PROBES})")
-    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed for each system ({REPEATS})")
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
+    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
     add_size_option(parser)
     add_report_options(parser)
     add_scene_options(parser)

@@ -55,8 +55,9 @@ def need_of(volume, transfer_function, seed: int = 0) -> Need:
         )  # fmt: skip
     return Need(
         levels, "post",
-        f"Between neighboring voxels the transfer function deviates from a straight line by up to {levels:.0f} levels of "
-        "opacity: pre, which interpolates classified voxels, blurs and dilates that much; post shows it as it is.",
+        "Between neighboring voxels the transfer function deviates from a straight line by up to "
+        f"{levels:.0f} levels of opacity: pre, which interpolates classified voxels, blurs and dilates that much; post "
+        "shows it as it is.",
     )  # fmt: skip
 
 
