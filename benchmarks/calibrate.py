@@ -172,8 +172,8 @@ def _against_truth(constants, scenes, base: Quality) -> list[float]:
                 base, depth_rule=rule, sheet_density=density, warp_filter=warp_filter, termination=NO_TERMINATION
             )
             budget = model.errors(f, plan)
-            if budget.modelled > 0.1:
-                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modelled)
+            if budget.modeled > 0.1:
+                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modeled)
     return ratios
 
 

@@ -163,12 +163,12 @@ def choose_with_rays(
     for plan in candidates(base) if only is None else [only]:
         if plan.sheet_density <= densest:
             depth, warp = model.constants(plan)
-            modelled = correction * np.hypot(depth * depth_step, warp * sheet_step)
-            wrong = modelled > allowed
+            modeled = correction * np.hypot(depth * depth_step, warp * sheet_step)
+            wrong = modeled > allowed
             rays = int(pixels[wrong].sum())
-            worst = int(np.argmax(np.where(wrong, -1.0, modelled)))
+            worst = int(np.argmax(np.where(wrong, -1.0, modeled)))
             parts = (0.0, 0.0) if wrong.all() else (depth * depth_step[worst], warp * sheet_step[worst])
-            of_sheets = 0.0 if wrong.all() else modelled[worst]
+            of_sheets = 0.0 if wrong.all() else modeled[worst]
             errors = model.errors(features, plan)
             if rays and of_rays > of_sheets:
                 errors = replace(errors, depth=of_rays, warp=0.0)
@@ -186,7 +186,7 @@ def choose_with_rays(
 
 def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> float:
     """The new correction, after a plan that was expected to err ``errors`` was found to err ``measured`` levels."""
-    beyond = max(measured - errors.bounds, 0.0) / max(errors.modelled, 1e-9)
+    beyond = max(measured - errors.bounds, 0.0) / max(errors.modeled, 1e-9)
     return correction * max(CAUTION * beyond, 1.0)
 
 

@@ -46,7 +46,7 @@ class ErrorBudget:
     rounding: float
 
     @property
-    def modelled(self) -> float:
+    def modeled(self) -> float:
         """The errors of depth rule and warp together."""
         return float(np.hypot(self.depth, self.warp))
 
@@ -58,7 +58,7 @@ class ErrorBudget:
     @property
     def total(self) -> float:
         """The sum of all."""
-        return self.modelled + self.bounds
+        return self.modeled + self.bounds
 
     def report(self) -> dict:
         """JSON-ready."""
