@@ -21,6 +21,8 @@ from .wheels import TAG_PATTERNS, wheels_for
 MANIFEST = ROOT / "blender_manifest.toml"
 SHIPPED_FILES = ("__init__.py", "LICENSE")
 SHIPPED_FOLDERS = ("rle_splat", "bridge", "operators", "panels")
+# The comparison methods are for the command line of a clone; the extension does without them.
+NOT_SHIPPED = ("rle_splat/comparison", "rle_splat/cli/compare.py")
 SHIPPED_SUFFIXES = (".py", ".json", ".svg", ".png")
 
 # The Extensions platform refuses larger files; and nobody likes to wait.
@@ -40,7 +42,7 @@ def shipped() -> list[Path]:
             for path in sorted((ROOT / folder).rglob("*"))
             if path.is_file() and path.suffix in SHIPPED_SUFFIXES and "__pycache__" not in path.parts
         ]
-    return found
+    return [path for path in found if not any(path.is_relative_to(excluded) for excluded in NOT_SHIPPED)]
 
 
 def version() -> str:

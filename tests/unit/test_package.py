@@ -103,6 +103,25 @@ def test_presets_and_licence_are_shipped():
     assert not any("__pycache__" in name or name.startswith(("tests", "devtools")) for name in names)
 
 
+def test_the_comparison_methods_are_not_shipped():
+    names = {path.as_posix() for path in build.shipped()}
+    assert not any(name.startswith("rle_splat/comparison/") or name == "rle_splat/cli/compare.py" for name in names)
+    assert (ROOT / "rle_splat/comparison/compare.py").is_file() and "rle_splat/cli/main.py" in names
+
+
+def test_the_command_line_of_what_is_shipped_has_all_commands_but_compare(staged):
+    def run(*words):
+        command = [sys.executable, "-m", "rle_splat", *words]
+        return subprocess.run(command, cwd=staged, capture_output=True, text=True)
+
+    answer = run("--help")
+    assert answer.returncode == 0 and "accuracy" in answer.stdout and "compare" not in answer.stdout, answer.stderr
+    answer = run("compare")
+    assert answer.returncode == 2 and "There is no command 'compare'; choose render, info" in answer.stderr
+    for name in ("render", "info", "encode", "convert", "accuracy"):
+        assert run(name, "--help").returncode == 0
+
+
 def test_missing_wheels_are_named():
     """llvmlite without numba of the same Python installs in Blender without a word and fails at import."""
     complete = [
