@@ -10,6 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / "requirements"
 ENVIRONMENTS = ROOT / ".venvs"
+TOOLS = ENVIRONMENTS / "tools"  # uv and nox; dev.py runs in it after its first lines
 OUT = ROOT / "out"
 BUILD = ROOT / "build"
 DIST = ROOT / "dist"

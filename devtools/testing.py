@@ -1,4 +1,9 @@
-"""Every test that this machine can run: the core, the installed zip in each bpy, a real Blender; and one summary."""
+"""Every test that this machine can run: the core, the installed zip in each bpy, a real Blender; and one summary.
+
+nox runs one session after the other.  The stages run here two at a time, in one session of nox, because the whole run
+takes twice as long otherwise; and here is the table that says what was skipped, and why.  Each stage is a session of
+its own as well (STAGES), for whoever works on one part.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +13,16 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
-from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy
+from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy, without_python
 from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
-from .pythons import find_python
 from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
 from .stages import Stage, broken, judged, skipped, summary
+from .uv import find_python
 from .wheels import this_platform
 
 BLENDER_TESTS = ROOT / "tests" / "blender"
@@ -30,7 +36,8 @@ BPY_SECONDS = 600
 EXTRAS_SECONDS = 600
 
 AT_ONCE = 2  # stages; more would keep each other's kernels from their threads
-LONGEST = ("truths", "unit")  # of the core's folders, begun first
+TRUTHS = "truths"
+LONGEST = (TRUTHS, "unit")  # of the core's folders, begun first
 WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
 
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
@@ -119,11 +126,16 @@ def _make_ready(quick: bool) -> Ready:
             with suppress(Failure):  # its own stage says what is wrong
                 ensure_bpy(version)
     if not quick:
-        try:
-            ready.bench = ensure_bench()
-        except Failure as problem:
-            ready.bench = problem
+        ready.bench = _bench()
     return ready
+
+
+def _bench() -> Path | Failure:
+    """The Python of the benchmarks' environment, or why there is none."""
+    try:
+        return ensure_bench()
+    except Failure as problem:
+        return problem
 
 
 def _versions(quick: bool) -> list[str]:
@@ -134,7 +146,7 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     name = f"bpy {version}"
     wanted = BPY[version].pythons[0]
     if find_python(wanted) is None:
-        return skipped(name, f"it needs Python {wanted}, which is neither on PATH nor under pyenv")
+        return skipped(name, without_python(wanted))
     try:
         python = ensure_bpy(version)
     except Failure as problem:
@@ -228,6 +240,44 @@ def test(arguments, quick: bool = False) -> int:
     """Run everything, or the paths among the arguments; print the summary; the exit code is 0 when nothing failed."""
     core, blender, options = _split(arguments)
     return summary(_some(core, blender, options, quick) if core or blender else _everything(options, quick))
+
+
+def _core_alone(options) -> list[Stage]:
+    folders = [BLENDER_TESTS.parent / folder for folder in core_folders() if folder != TRUTHS]
+    return [_core([*folders, *_leave_out(EXTRAS), *options])]
+
+
+def _truths_alone(options) -> list[Stage]:
+    return [_core([BLENDER_TESTS.parent / TRUTHS, *_leave_out(EXTRAS), *options], TRUTHS)]
+
+
+def _bpy_alone(version: str, options) -> list[Stage]:
+    made = _zip()
+    words = [BLENDER_TESTS, *options]
+    return [made.zip_stage, *([_bpy(version, made.zip_path, words, False)] if made.zip_path else [])]
+
+
+def _real_blender_alone(options) -> list[Stage]:
+    if options:
+        raise Failure(f"The tests in a real Blender take no arguments, so not {' '.join(options)} either.")
+    made = _zip()
+    return [made.zip_stage, *(_real_blender(made.zip_path) if made.zip_path else [])]
+
+
+# The stages that can be run alone: name -> what runs it with pytest's options.
+STAGES = {
+    "core": _core_alone,
+    "truths": _truths_alone,
+    "hard-cases": lambda options: [_hard_cases(options, aside=False)],
+    **{f"bpy-{version}": partial(_bpy_alone, version) for version in BPY},
+    "extras": lambda options: [_extras(_bench(), options)],
+    "real-blender": _real_blender_alone,
+}
+
+
+def test_stage(name: str, options) -> int:
+    """Run one of STAGES; returns the exit code."""
+    return summary(STAGES[name](options))
 
 
 def test_catalogue() -> int:
