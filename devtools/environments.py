@@ -6,14 +6,16 @@ to six, and goes on without those that cannot be made: it says so in its last ta
 
 from __future__ import annotations
 
+import hashlib
 import re
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from .places import BPY_PYTHON, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, executable, say
 from .system_libraries import ensure_bpy_libraries, try_peer_libraries
-from .uv import find_python, uv, uv_or_failure
+from .uv import find_python, uv_or_failure
+
+STAMP = "ready.sha256"
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,14 @@ class Environment:
             return None
         found = re.search(r"^version(?:_info)? = (\d+\.\d+)", facts.read_text(encoding="utf-8"), re.MULTILINE)
         return found[1] if found else None
+
+    @property
+    def digest(self) -> str:
+        """What the stamp holds: a hash of the Python version and of every byte of the requirements."""
+        total = hashlib.sha256(str(self.version).encode())
+        for name in self.files:
+            total.update((REQUIREMENTS / name).read_bytes())
+        return total.hexdigest()
 
 
 CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt", "tbb.txt"))
@@ -71,21 +81,27 @@ def _create(environment: Environment) -> None:
     )  # fmt: skip
 
 
-@cache
 def ensure(environment: Environment) -> Path:
     """The environment's Python, after making or completing the environment where needed.
 
-    uv compares what is installed with the pins, in 0.2 s, and no other record is kept.  It is first run without the
-    network, which is enough where every package is installed or in its cache.
+    The stamp is written last, so an interrupted set-up is taken up again at the next run.  Without it uv would have to
+    look at what is installed, and would install bpy 4.5 and 5.0 anew each time: their wheels say inside that they are
+    for Python 3.9.
     """
+    stamp = environment.folder / STAMP
     if not is_made(environment):
         _create(environment)
-    files = [REQUIREMENTS / name for name in environment.files]
-    words = ["pip", "sync", "--quiet", "--python", environment.python, "--require-hashes", "--no-build", *files]
-    if uv(*words, online=False).returncode != 0:
-        where = environment.folder.relative_to(ROOT)
-        say(f"Setting up {where} (Python {environment.version}) from {', '.join(environment.files)}")
-        uv_or_failure(f"uv could not install the pinned packages for {environment.name}.", *words)
+    if stamp.is_file() and stamp.read_text() == environment.digest:
+        return environment.python
+    stamp.unlink(missing_ok=True)
+    where = environment.folder.relative_to(ROOT)
+    say(f"Setting up {where} (Python {environment.version}) from {', '.join(environment.files)}")
+    uv_or_failure(
+        f"uv could not install the pinned packages for {environment.name}.",
+        "pip", "sync", "--quiet", "--python", environment.python, "--require-hashes", "--no-build",
+        *(REQUIREMENTS / name for name in environment.files),
+    )  # fmt: skip
+    stamp.write_text(environment.digest)
     return environment.python
 
 

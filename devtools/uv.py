@@ -52,7 +52,7 @@ def _settings_of_pip() -> dict[str, str]:
     return pip_settings(listing.stdout)
 
 
-def _environ(online: bool, **extra: str) -> dict[str, str]:
+def _environ(network: bool, **extra: str) -> dict[str, str]:
     """The environment of a call; what the user has set for uv counts before what is set here."""
     usual = {
         # A download of an interpreter is asked for in one place, find_python; it stays in this clone.
@@ -66,17 +66,16 @@ def _environ(online: bool, **extra: str) -> dict[str, str]:
     }
     if not os.access(os.environ.get("XDG_CACHE_HOME") or Path.home(), os.W_OK):
         usual["UV_CACHE_DIR"] = str(ENVIRONMENTS / "cache")  # a user without a home
-    if online:
+    if network:
         usual.update(_settings_of_pip())
     return {**usual, **clean_environ(**extra)}
 
 
-def uv(*words, online: bool = True, seconds: float | None = None, **extra: str) -> subprocess.CompletedProcess:
-    """Run uv with its output held back; ``online``: whether it may use the network."""
-    command = [executable(TOOLS, "uv"), *words, *([] if online else ["--offline"])]
-    return subprocess.run(
-        [str(word) for word in command], env=_environ(online, **extra), capture_output=True, text=True, timeout=seconds
-    )
+def uv(*words, network: bool = True, seconds: float | None = None, **extra: str) -> subprocess.CompletedProcess:
+    """Run uv with its output held back; ``network``: whether it may use it; ``extra``: variables of its environment."""
+    command = [executable(TOOLS, "uv"), *words, *([] if network else ["--offline"])]
+    environ = _environ(network, **extra)
+    return subprocess.run([str(word) for word in command], env=environ, capture_output=True, text=True, timeout=seconds)
 
 
 def uv_or_failure(sentence: str, *words) -> None:
@@ -97,7 +96,7 @@ def _search_path(version: str) -> str:
 
 
 def _installed(version: str) -> str | None:
-    done = uv("python", "find", "--system", "--no-project", version, online=False, PATH=_search_path(version))
+    done = uv("python", "find", "--system", "--no-project", version, network=False, PATH=_search_path(version))
     return done.stdout.strip() or None
 
 

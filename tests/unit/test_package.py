@@ -161,46 +161,51 @@ def test_numba_is_the_same_everywhere():
 
 @pytest.fixture
 def environment(tmp_path, monkeypatch):
-    """An environment in a clone of its own whose calls of uv are recorded: (environment, calls, what uv answers)."""
-    calls, answers = [], {"offline": 0, "online": 0}
+    """An environment in a clone of its own, and the calls of uv that it takes, which do not run: they end with the
+    codes of the list ``fails``, then with 0."""
+    calls, fails = [], []
 
-    def run(*words, online=True, **options):
-        calls.append([str(word) for word in words] + ([] if online else ["--offline"]))
+    def run(*words, **options):
+        calls.append([str(word) for word in words])
         if words[0] == "venv":
             places.executable(folder).parent.mkdir(parents=True)
             places.executable(folder).write_bytes(b"")
             (folder / "pyvenv.cfg").write_text("home = x\nversion_info = 3.13.0\n")
-        return subprocess.CompletedProcess(words, answers["online" if online else "offline"], "", "no network")
+        return subprocess.CompletedProcess(words, fails.pop(0) if fails else 0, "", "no network")
 
     folder = tmp_path / ".venvs" / "x"
     monkeypatch.setattr(environments, "ROOT", tmp_path)
+    monkeypatch.setattr(environments, "REQUIREMENTS", tmp_path)
+    (tmp_path / "core.txt").write_text("numpy==2.4.6\n")
     monkeypatch.setattr(environments, "find_python", lambda version: {"3.13": "/bin/python3.13"}.get(version))
-    monkeypatch.setattr(environments, "uv", run)
     monkeypatch.setattr(uv, "uv", run)
-    return environments.Environment("x", folder, ("3.11", "3.13"), ("core.txt",)), calls, answers
+    return environments.Environment("x", folder, ("3.11", "3.13"), ("core.txt",)), calls, fails
 
 
-def test_an_environment_is_made_once_and_checked_without_the_network(environment):
+def test_an_environment_is_made_once_from_hashed_files(environment):
     environment, calls, _ = environment
-    assert environments.ensure(environment) == environment.python
+    assert environments.ensure(environment) == environment.python == environments.ensure(environment)
     made, sync = calls
     assert made[0] == "venv" and "/bin/python3.13" in made
-    assert {"--require-hashes", "--no-build", "--offline"} <= set(sync) and sync[-2].endswith("core.txt")
-    environments.ensure.cache_clear()
-    environments.ensure(environment)
-    assert calls == [made, sync, sync]
+    assert {"--require-hashes", "--no-build"} <= set(sync) and sync[-1].endswith("core.txt")
 
 
-def test_what_is_missing_is_fetched_and_a_failure_is_a_sentence(environment, capsys):
-    environment, calls, answers = environment
-    answers["offline"] = 1
+def test_an_environment_is_completed_when_any_byte_of_its_requirements_has_changed(environment, tmp_path):
+    environment, calls, _ = environment
     environments.ensure(environment)
-    assert calls[-1] == calls[-2][:-1] and calls[-2][-1] == "--offline"
-    answers["online"] = 1
-    environments.ensure.cache_clear()
-    with pytest.raises(places.Failure, match="for x\\. Check the network"):
+    (tmp_path / "core.txt").write_text("numpy==2.4.7\n")
+    environments.ensure(environment)
+    assert [call[0] for call in calls] == ["venv", "pip", "pip"]
+
+
+def test_an_interrupted_set_up_is_taken_up_again_and_a_failure_is_a_sentence(environment, capsys):
+    environment, calls, fails = environment
+    fails += [0, 2]
+    with pytest.raises(places.Failure, match=r"for x\. Check the network"):
         environments.ensure(environment)
     assert "no network" in capsys.readouterr().out
+    environments.ensure(environment)
+    assert [call[0] for call in calls] == ["venv", "pip", "pip"]
 
 
 def test_an_environment_without_a_python_says_what_to_install(environment, monkeypatch):
