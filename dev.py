@@ -8,7 +8,10 @@ hashed requirements, and hands over to noxfile.py.  An older Python can read thi
 import sys
 
 if sys.version_info < (3, 9):
-    sys.stderr.write("dev.py needs Python 3.9 or newer, and this is Python %d.%d.\n" % sys.version_info[:2])
+    sys.stderr.write(
+        "dev.py needs Python 3.9 or newer, and this is Python %d.%d: "
+        "run it with a newer one, for example 'python3.12 dev.py'.\n" % sys.version_info[:2]
+    )
     sys.exit(2)
 
 if __name__ == "__main__":

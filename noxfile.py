@@ -88,18 +88,18 @@ def test(parser, words) -> int:
     return testing.test_catalogue() if known.catalogue else testing.test(rest, quick=known.quick)
 
 
-def _stage_job(name: str) -> None:
-    """Make a session of one stage of the tests."""
+def _part_of_test(name: str) -> None:
+    """Make a session of one part of the whole test run."""
 
-    def one_stage(parser, words) -> int:
-        return testing.test_stage(name, words)
+    def part(parser, words) -> int:
+        return testing.test_part(name, words)
 
-    one_stage.__doc__ = f"Run one stage of the tests alone: {name}; arguments go to pytest."
-    job(one_stage, name=name)
+    part.__doc__ = f"Run one part of the tests: {name}; arguments go to pytest."
+    job(part, name=name)
 
 
-for _stage in testing.STAGES:
-    _stage_job(_stage)
+for _name in testing.parts():
+    _part_of_test(_name)
 
 
 def _benchmarks(*words: str) -> int:

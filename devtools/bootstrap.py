@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 
-from .places import REQUIREMENTS, ROOT, TOOLS, Failure, clean_environ, executable, say
+from .places import AGAIN, REQUIREMENTS, ROOT, TOOLS, Failure, clean_environ, executable, run_quietly, say
 from .system_libraries import apt_install, apt_line, can_apt
 
 PINS = REQUIREMENTS / "tools.txt"
@@ -38,16 +38,7 @@ def _make_tools() -> None:
     install = [executable(TOOLS), "-m", "pip", "--disable-pip-version-check", "--no-input", "install", "--quiet"]
     install += ["--progress-bar", "off", "--require-hashes", "--only-binary=:all:", "-r", PINS]
     for command in (make, install):
-        done = subprocess.run(
-            [str(part) for part in command], env=clean_environ(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            text=True,
-        )  # fmt: skip
-        if done.returncode != 0:
-            say(done.stdout[-3000:])
-            raise Failure(
-                f"{TOOLS.relative_to(ROOT)} could not be made; the reason is above. "
-                "Check the network and the disk, then run the same command again."
-            )
+        run_quietly(command, f"{TOOLS.relative_to(ROOT)} could not be made; the reason is above. {AGAIN}")
 
 
 def ensure_tools() -> None:

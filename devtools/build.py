@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
 import zipfile
 from pathlib import Path
 
 from .environments import BPY, Environment
-from .places import DIST, PYTHONS, ROOT, Failure, clean_environ, say
+from .places import DIST, PYTHONS, ROOT, Failure, run_quietly, say
 from .wheels import TAG_PATTERNS, wheels_for
 
 MANIFEST = ROOT / "blender_manifest.toml"
@@ -88,10 +87,7 @@ def _validate(path: Path) -> str:
     if tool is None:
         return "to be validated by dev.py test"
     command = [BPY[version].python, tool[0], "validate", path, "--valid-tags", tool[1]]
-    done = subprocess.run([str(word) for word in command], env=clean_environ(), capture_output=True, text=True)
-    if done.returncode != 0:
-        say(done.stdout + done.stderr)
-        raise Failure(f"The tool of Blender {version} refused {path.name}; its words are above.")
+    run_quietly(command, f"The tool of Blender {version} refused {path.name}; its words are above.")
     return f"validated by the tool of Blender {version}"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from .places import BPY_PYTHON, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, executable, say
 from .system_libraries import ensure_bpy_libraries, try_peer_libraries
-from .uv import find_python, uv_or_failure
+from .uv import find_python, uv
 
 STAMP = "ready.sha256"
 
@@ -75,7 +75,7 @@ def _create(environment: Environment) -> None:
     python = next((path for version in environment.pythons if (path := find_python(version))), None)
     if python is None:
         raise Failure(f"The environment for {environment.name}: {without_python(*environment.pythons)}.")
-    uv_or_failure(
+    uv(
         f"uv could not make {environment.folder.relative_to(ROOT)}.",
         "venv", "--quiet", "--clear", "--no-project", "--python", python, environment.folder,
     )  # fmt: skip
@@ -96,7 +96,7 @@ def ensure(environment: Environment) -> Path:
     stamp.unlink(missing_ok=True)
     where = environment.folder.relative_to(ROOT)
     say(f"Setting up {where} (Python {environment.version}) from {', '.join(environment.files)}")
-    uv_or_failure(
+    uv(
         f"uv could not install the pinned packages for {environment.name}.",
         "pip", "sync", "--quiet", "--python", environment.python, "--require-hashes", "--no-build",
         *(REQUIREMENTS / name for name in environment.files),

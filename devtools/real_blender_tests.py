@@ -14,7 +14,7 @@ from .environments import CORE, ensure
 from .places import BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, environ_for, find_blender
 from .stages import Stage, broken, counted, judged, skipped
-from .uv import uv_or_failure
+from .uv import uv
 from .wheels import this_platform
 
 SHORT = "real_blender.py"
@@ -36,7 +36,7 @@ TALL_SCREEN = (800, 3600)  # every panel of the sidebar at once
 def _lent_pytest() -> Path:
     """A folder with pytest and nothing else, of pure Python, for a Blender whose own Python has none."""
     folder = BUILD / "pytest"
-    uv_or_failure(
+    uv(
         "uv could not fetch pytest.",
         "pip", "sync", "--quiet", "--python", ensure(CORE), "--target", folder, "--require-hashes", "--no-build",
         PYTEST_PINS,

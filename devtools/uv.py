@@ -6,10 +6,11 @@ import ast
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from .places import ENVIRONMENTS, REQUIREMENTS, TOOLS, Failure, clean_environ, executable, say
+from .places import AGAIN, ENVIRONMENTS, REQUIREMENTS, TOOLS, Failure, clean_environ, executable, run_quietly, say
 
 # pip's name of a setting -> uv's variable, and what separates several values in it.  uv does not read pip's settings,
 # and a machine that has a mirror, a proxy or certificates set for pip alone would not find its packages.
@@ -22,6 +23,8 @@ SETTINGS = {
     "proxy": ("ALL_PROXY", " "),
     "cert": ("SSL_CERT_FILE", " "),
 }
+UV = executable(TOOLS, "uv")
+HOME = os.path.expanduser("~")
 DOWNLOAD_SECONDS = 300  # for an interpreter of about 30 MB
 
 # The lowest Python and further words of `uv pip compile` for a set; all others: 3.11, none.
@@ -34,9 +37,9 @@ LOCKS = {
 
 
 def pip_settings(listing: str) -> dict[str, str]:
-    """uv's variables for what `pip config list` printed; later lines of pip's (its environment) go before earlier."""
+    """uv's variables for what `pip config list` printed; of two values the one from pip's environment counts."""
     found = {}
-    for line in listing.splitlines():
+    for line in sorted(listing.splitlines(), key=lambda line: line.startswith(":env:")):
         key, equals, value = line.partition("=")
         variable, separator = SETTINGS.get(key.rpartition(".")[2], ("", ""))
         if equals and variable:
@@ -52,8 +55,8 @@ def _settings_of_pip() -> dict[str, str]:
     return pip_settings(listing.stdout)
 
 
-def _environ(network: bool, **extra: str) -> dict[str, str]:
-    """The environment of a call; what the user has set for uv counts before what is set here."""
+def _environ() -> dict[str, str]:
+    """The environment of uv; what the user has set for it counts before what is set here."""
     usual = {
         # A download of an interpreter is asked for in one place, find_python; it stays in this clone.
         "UV_PYTHON_DOWNLOADS": "manual",
@@ -64,54 +67,48 @@ def _environ(network: bool, **extra: str) -> dict[str, str]:
         # Hashes decide which files are right; this only lets uv look in every index, as pip does.
         "UV_INDEX_STRATEGY": "unsafe-best-match",
     }
-    if not os.access(os.environ.get("XDG_CACHE_HOME") or Path.home(), os.W_OK):
+    if not os.access(os.environ.get("XDG_CACHE_HOME") or HOME, os.W_OK):
         usual["UV_CACHE_DIR"] = str(ENVIRONMENTS / "cache")  # a user without a home
-    if network:
-        usual.update(_settings_of_pip())
-    return {**usual, **clean_environ(**extra)}
+    return {**usual, **clean_environ()}
 
 
-def uv(*words, network: bool = True, seconds: float | None = None, **extra: str) -> subprocess.CompletedProcess:
-    """Run uv with its output held back; ``network``: whether it may use it; ``extra``: variables of its environment."""
-    command = [executable(TOOLS, "uv"), *words, *([] if network else ["--offline"])]
-    environ = _environ(network, **extra)
-    return subprocess.run([str(word) for word in command], env=environ, capture_output=True, text=True, timeout=seconds)
-
-
-def uv_or_failure(sentence: str, *words) -> None:
-    """Run uv; when it fails, show its output and raise a Failure that begins with ``sentence``."""
-    done = uv(*words)
-    if done.returncode != 0:
-        say(done.stderr[-3000:])
-        raise Failure(f"{sentence} Check the network and the disk, then run the same command again: it goes on.")
+def uv(sentence: str, *words) -> None:
+    """Run uv with its output held back; a failure is shown, and raised as a Failure that begins with ``sentence``."""
+    run_quietly([UV, *words], f"{sentence} {AGAIN}", env={**_settings_of_pip(), **_environ()})
 
 
 def _search_path(version: str) -> str:
     """PATH, with the interpreters that pyenv has of this version before it: its own entry on PATH runs only those that
     are switched on, and fails for the others."""
-    roots = dict.fromkeys([os.environ.get("PYENV_ROOT"), os.environ.get("PYENV"), str(Path.home() / ".pyenv")])
+    roots = dict.fromkeys([os.environ.get("PYENV_ROOT"), os.environ.get("PYENV"), os.path.join(HOME, ".pyenv")])
     homes = [home for root in roots if root for home in Path(root, "versions").glob(f"{version}.*")]
     folders = [home if os.name == "nt" else home / "bin" for home in homes]
     return os.pathsep.join([*map(str, folders), os.environ.get("PATH", "")])
 
 
-def _installed(version: str) -> str | None:
-    done = uv("python", "find", "--system", "--no-project", version, network=False, PATH=_search_path(version))
+def installed_python(version: str) -> str | None:
+    """Path of an installed Python ``version``: on PATH, of pyenv, of the py launcher, or one that uv has downloaded."""
+    done = subprocess.run(
+        [str(UV), "python", "find", "--system", "--no-project", "--offline", version],
+        env={**_environ(), "PATH": _search_path(version)}, capture_output=True, text=True,
+    )  # fmt: skip
     return done.stdout.strip() or None
 
 
 @cache
 def find_python(version: str) -> str | None:
     """Path of a Python ``version`` ("3.13"): an installed one, else one that uv downloads, else None."""
-    found = _installed(version)
+    found = installed_python(version)
     if not found:
         say(f"Python {version} is not installed; trying to download it with uv")
-        try:
-            # Without a network each further try would only make the user wait.
-            uv("python", "install", "--no-bin", version, seconds=DOWNLOAD_SECONDS, UV_HTTP_RETRIES="0")
-        except subprocess.TimeoutExpired:
-            return None
-        found = _installed(version)
+        # Without a network each further try would only make the user wait.
+        environ = {"UV_HTTP_RETRIES": "0", **_settings_of_pip(), **_environ()}
+        with suppress(subprocess.TimeoutExpired):
+            subprocess.run(
+                [str(UV), "python", "install", "--no-bin", version],
+                env=environ, capture_output=True, timeout=DOWNLOAD_SECONDS,
+            )  # fmt: skip
+        found = installed_python(version)
     return found
 
 
@@ -130,7 +127,7 @@ def lock(names=()) -> None:
         python, *further = LOCKS.get(name, ("3.11",))
         words = ["--universal", "--python-version", python, "--upgrade", "--generate-hashes", "--no-emit-index-url"]
         words += ["--no-build", "--no-annotate", "--custom-compile-command", "python3 dev.py lock", *further]
-        uv_or_failure(
+        uv(
             f"uv could not resolve {source.name}.",
             "pip", "compile", *words, source, "--output-file", source.with_suffix(".txt"), "--python", sys.executable,
         )  # fmt: skip

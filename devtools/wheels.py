@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import platform as machine
 import re
-import subprocess
 import sys
 from pathlib import Path
 
-from .places import PYTHONS, REQUIREMENTS, TOOLS, WHEELS, Failure, clean_environ, executable, say
+from .places import AGAIN, PYTHONS, REQUIREMENTS, TOOLS, WHEELS, Failure, executable, run_quietly, say
 
 WHEEL_PINS = REQUIREMENTS / "wheels.txt"
 
@@ -69,13 +68,7 @@ def _download(where: str, python: str, folder: Path) -> None:
     command += ["--progress-bar", "off", "--require-hashes", "--only-binary=:all:", "--no-deps"]
     command += ["--python-version", python, *(word for tag in PLATFORMS[where] for word in ("--platform", tag))]
     command += ["-r", WHEEL_PINS, "-d", folder]
-    done = subprocess.run([str(word) for word in command], env=clean_environ(), capture_output=True, text=True)
-    if done.returncode != 0:
-        say(done.stderr[-3000:])
-        raise Failure(
-            f"pip could not download the wheels for {where}, Python {python}. "
-            "Check the network and the disk, then run the same command again: it goes on."
-        )
+    run_quietly(command, f"pip could not download the wheels for {where}, Python {python}. {AGAIN}")
 
 
 def wheels_for(platforms, pythons=PYTHONS) -> list[Path]:

@@ -161,24 +161,27 @@ def test_numba_is_the_same_everywhere():
 
 @pytest.fixture
 def environment(tmp_path, monkeypatch):
-    """An environment in a clone of its own, and the calls of uv that it takes, which do not run: they end with the
-    codes of the list ``fails``, then with 0."""
-    calls, fails = [], []
+    """An environment in a clone of its own, and the calls of uv that it takes, which do not run; those whose first
+    word is in the set ``fails`` fail."""
+    calls, fails = [], set()
 
-    def run(*words, **options):
-        calls.append([str(word) for word in words])
+    def run(command, sentence, env):
+        words = [str(word) for word in command[1:]]
+        calls.append(words)
+        if words[0] in fails:
+            raise places.Failure(sentence)
         if words[0] == "venv":
             places.executable(folder).parent.mkdir(parents=True)
             places.executable(folder).write_bytes(b"")
             (folder / "pyvenv.cfg").write_text("home = x\nversion_info = 3.13.0\n")
-        return subprocess.CompletedProcess(words, fails.pop(0) if fails else 0, "", "no network")
 
     folder = tmp_path / ".venvs" / "x"
     monkeypatch.setattr(environments, "ROOT", tmp_path)
     monkeypatch.setattr(environments, "REQUIREMENTS", tmp_path)
     (tmp_path / "core.txt").write_text("numpy==2.4.6\n")
     monkeypatch.setattr(environments, "find_python", lambda version: {"3.13": "/bin/python3.13"}.get(version))
-    monkeypatch.setattr(uv, "uv", run)
+    monkeypatch.setattr(uv, "run_quietly", run)
+    monkeypatch.setattr(uv, "_settings_of_pip", dict)
     return environments.Environment("x", folder, ("3.11", "3.13"), ("core.txt",)), calls, fails
 
 
@@ -198,12 +201,12 @@ def test_an_environment_is_completed_when_any_byte_of_its_requirements_has_chang
     assert [call[0] for call in calls] == ["venv", "pip", "pip"]
 
 
-def test_an_interrupted_set_up_is_taken_up_again_and_a_failure_is_a_sentence(environment, capsys):
+def test_an_interrupted_set_up_is_taken_up_again(environment):
     environment, calls, fails = environment
-    fails += [0, 2]
+    fails.add("pip")
     with pytest.raises(places.Failure, match=r"for x\. Check the network"):
         environments.ensure(environment)
-    assert "no network" in capsys.readouterr().out
+    fails.clear()
     environments.ensure(environment)
     assert [call[0] for call in calls] == ["venv", "pip", "pip"]
 
@@ -222,9 +225,18 @@ def test_an_environment_whose_python_is_gone_is_made_again(environment):
     assert not environments.is_made(environment)
 
 
+def test_a_command_that_fails_shows_its_output_and_is_a_sentence(capsys):
+    with pytest.raises(places.Failure, match=r"^It broke$"):
+        places.run_quietly([sys.executable, "-c", "import sys; sys.exit('no network')"], "It broke")
+    assert "no network" in capsys.readouterr().out
+    assert places.run_quietly([sys.executable, "-c", "print('fine')"], "It broke") == "fine\n"
+    assert not capsys.readouterr().out
+
+
 def test_pips_settings_are_uvs_as_well():
-    """A machine with a mirror or certificates for pip alone; what is set for one command or in the environment wins."""
-    listing = """:env:.find-links='/a /b'\nglobal.cert='/etc/own.pem'\nglobal.index-url='mirror'\nglobal.timeout='9'"""
+    """A machine with a mirror or certificates for pip alone; what is set in the environment wins."""
+    listing = """:env:.find-links='/a /b'\n:env:.cert='/etc/own.pem'\nglobal.cert='x'\nglobal.index-url='mirror'\n
+global.timeout='9'"""
     assert uv.pip_settings(listing) == {
         "UV_FIND_LINKS": "/a,/b", "SSL_CERT_FILE": "/etc/own.pem", "UV_DEFAULT_INDEX": "mirror",
     }  # fmt: skip
@@ -245,7 +257,7 @@ def test_pyenvs_interpreters_are_found_though_its_own_entry_on_the_path_fails(tm
 
 def test_the_tools_run_on_every_python_that_may_start_them():
     """All of devtools that noxfile.py imports, by this interpreter and by the others that are installed."""
-    others = map(uv._installed, PYTHONS) if places.executable(places.TOOLS, "uv").exists() else ()
+    others = map(uv.installed_python, PYTHONS) if places.executable(places.TOOLS, "uv").exists() else ()
     names = re.findall(r"^from devtools(?:\.(\w+))? import (.*)$", (ROOT / "noxfile.py").read_text(), re.MULTILINE)
     modules = [name or part.split()[0] for name, parts in names for part in parts.split(", ")]
     assert {"uv", "testing", "build"} <= set(modules)
