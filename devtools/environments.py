@@ -1,7 +1,7 @@
 """Virtual environments of this clone, made and completed by uv from pinned and hashed requirements.
 
-nox could make them too, but one session of nox has one environment, and its failure ends the job.  A job here has up
-to six, and goes on without those that cannot be made: it says so in its last table, or shows another sample.
+nox can make environments too, but a session of nox has one environment and ends when that cannot be made.  A job here
+uses up to six.  It goes on without those that cannot be made, and reports them.
 """
 
 from __future__ import annotations
@@ -84,9 +84,8 @@ def _create(environment: Environment) -> None:
 def ensure(environment: Environment) -> Path:
     """The environment's Python, after making or completing the environment where needed.
 
-    The stamp is written last, so an interrupted set-up is taken up again at the next run.  Without it uv would have to
-    look at what is installed, and would install bpy 4.5 and 5.0 anew each time: their wheels say inside that they are
-    for Python 3.9.
+    The stamp is written last, so the next run takes up an interrupted set-up.  uv alone could not tell that bpy 4.5 and
+    5.0 are in place: their metadata name Python 3.9, and uv installs them again at each call.
     """
     stamp = environment.folder / STAMP
     if not is_made(environment):

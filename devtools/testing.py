@@ -193,7 +193,7 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
 
 
 def parts(options=(), quick: bool = False) -> dict[str, Part]:
-    """Every part of the whole run, those that take longest first; ``options``: pytest's."""
+    """The parts of the whole run by name, the longest first; ``options``: pytest's."""
     slow = [SLOW] if quick else []
     core = {folder: [TESTS_FOLDER / folder, *_leave_out(*slow, EXTRAS), *options] for folder in core_folders()}
     found = {
@@ -204,7 +204,7 @@ def parts(options=(), quick: bool = False) -> dict[str, Part]:
         for folder, words in core.items()
     }
     whole = not (quick or options)
-    # It waits because it holds its pictures beside those of Blender's Pythons.
+    # It waits because it compares its pictures with those of Blender's Pythons.
     found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     for version in _versions(quick):
         found[f"bpy-{version}"] = Part(
@@ -221,7 +221,7 @@ def _everything(options, quick: bool) -> list[Stage]:
     """All stages, two at a time: most of each is work for one core."""
     ensure(CORE)
     with ThreadPoolExecutor(AT_ONCE) as workers:
-        making = workers.submit(_make_ready, quick)  # the first, so that who waits for it waits for work going on
+        making = workers.submit(_make_ready, quick)  # submitted first, so that it runs when other parts wait for it
 
         def run(part: Part) -> list[Stage]:
             ready = making.result() if part.waits else Ready()

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from .places import AGAIN, ENVIRONMENTS, REQUIREMENTS, TOOLS, Failure, clean_environ, executable, run_quietly, say
 
-# pip's name of a setting -> uv's variable, and what separates several values in it.  uv does not read pip's settings,
-# and a machine that has a mirror, a proxy or certificates set for pip alone would not find its packages.
+# pip's name of a setting -> uv's variable, and the separator of several values.  uv does not read pip's settings, and
+# some machines have a mirror, a proxy or certificates set for pip alone.
 SETTINGS = {
     "index-url": ("UV_DEFAULT_INDEX", " "),
     "extra-index-url": ("UV_INDEX", " "),
@@ -58,13 +58,13 @@ def _settings_of_pip() -> dict[str, str]:
 def _environ() -> dict[str, str]:
     """The environment of uv; what the user has set for it counts before what is set here."""
     usual = {
-        # A download of an interpreter is asked for in one place, find_python; it stays in this clone.
+        # Only find_python downloads an interpreter, into this clone.
         "UV_PYTHON_DOWNLOADS": "manual",
         "UV_PYTHON_INSTALL_DIR": str(ENVIRONMENTS / "pythons"),
         "UV_NO_PROGRESS": "1",
         # As pip does; else each process compiles numba's modules where PYTHONDONTWRITEBYTECODE is set: 1.3 s, not 0.4.
         "UV_COMPILE_BYTECODE": "1",
-        # Hashes decide which files are right; this only lets uv look in every index, as pip does.
+        # uv looks in every index, as pip does; the hashes decide which files are right.
         "UV_INDEX_STRATEGY": "unsafe-best-match",
     }
     if not os.access(os.environ.get("XDG_CACHE_HOME") or HOME, os.W_OK):
@@ -78,8 +78,10 @@ def uv(sentence: str, *words) -> None:
 
 
 def _search_path(version: str) -> str:
-    """PATH, with the interpreters that pyenv has of this version before it: its own entry on PATH runs only those that
-    are switched on, and fails for the others."""
+    """PATH, after the folders of pyenv's interpreters of this version.
+
+    pyenv puts a python3.13 on PATH that fails unless this version is switched on, and uv stops at it.
+    """
     roots = dict.fromkeys([os.environ.get("PYENV_ROOT"), os.environ.get("PYENV"), os.path.join(HOME, ".pyenv")])
     homes = [home for root in roots if root for home in Path(root, "versions").glob(f"{version}.*")]
     folders = [home if os.name == "nt" else home / "bin" for home in homes]
