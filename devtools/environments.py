@@ -13,7 +13,7 @@ from pathlib import Path
 
 from .places import BPY_PYTHON, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, executable, say
 from .system_libraries import ensure_bpy_libraries, try_peer_libraries
-from .uv import find_python, uv
+from .uv import find_python, installed_python, uv
 
 STAMP = "ready.sha256"
 
@@ -72,7 +72,7 @@ def without_python(*versions: str) -> str:
 
 
 def _create(environment: Environment) -> None:
-    python = next((path for version in environment.pythons if (path := find_python(version))), None)
+    python = find_python(*environment.pythons)
     if python is None:
         raise Failure(f"The environment for {environment.name}: {without_python(*environment.pythons)}.")
     uv(
@@ -118,10 +118,13 @@ def ensure_bench() -> Path:
 
 
 def any_bpy() -> str:
-    """A version of bpy that this machine can set up: an environment already there, else one with a Python."""
-    wished = ("5.0", *reversed(BPY))
-    for possible in (lambda version: is_made(BPY[version]), lambda version: find_python(BPY_PYTHON[version])):
-        version = next(filter(possible, wished), None)
-        if version:
-            return version
-    raise Failure(f"Blender's Python module: {without_python(*PYTHONS)}.")
+    """A version of bpy that this machine can set up: one whose environment is there, else one with a Python."""
+    ways = (
+        lambda version: is_made(BPY[version]),
+        lambda version: installed_python(BPY_PYTHON[version]),
+        lambda version: find_python(BPY_PYTHON[version]),  # downloads it
+    )
+    found = next((version for way in ways for version in ("5.0", *reversed(BPY)) if way(version)), None)
+    if found is None:
+        raise Failure(f"Blender's Python module: {without_python(*PYTHONS)}.")
+    return found

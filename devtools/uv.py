@@ -98,20 +98,24 @@ def installed_python(version: str) -> str | None:
 
 
 @cache
-def find_python(version: str) -> str | None:
-    """Path of a Python ``version`` ("3.13"): an installed one, else one that uv downloads, else None."""
-    found = installed_python(version)
-    if not found:
-        say(f"Python {version} is not installed; trying to download it with uv")
-        # Without a network each further try would only make the user wait.
-        environ = {"UV_HTTP_RETRIES": "0", **_settings_of_pip(), **_environ()}
-        with suppress(subprocess.TimeoutExpired):
-            subprocess.run(
-                [str(UV), "python", "install", "--no-bin", version],
-                env=environ, capture_output=True, timeout=DOWNLOAD_SECONDS,
-            )  # fmt: skip
-        found = installed_python(version)
-    return found
+def _downloaded_python(version: str) -> str | None:
+    """Path of a Python ``version`` that uv downloads, or None where it cannot."""
+    say(f"Python {version} is not installed; trying to download it with uv")
+    # Without a network each further try would only make the user wait.
+    environ = {"UV_HTTP_RETRIES": "0", **_settings_of_pip(), **_environ()}
+    command = [str(UV), "python", "install", "--no-bin", version]
+    with suppress(subprocess.TimeoutExpired):
+        subprocess.run(command, env=environ, capture_output=True, timeout=DOWNLOAD_SECONDS)
+    return installed_python(version)
+
+
+def find_python(*versions: str) -> str | None:
+    """Path of a Python of one of these versions, best first: an installed one, else a downloaded one, else None."""
+    for find in (installed_python, _downloaded_python):
+        found = next(filter(None, map(find, versions)), None)
+        if found:
+            return found
+    return None
 
 
 def lock(names=()) -> None:

@@ -179,7 +179,7 @@ def environment(tmp_path, monkeypatch):
     monkeypatch.setattr(environments, "ROOT", tmp_path)
     monkeypatch.setattr(environments, "REQUIREMENTS", tmp_path)
     (tmp_path / "core.txt").write_text("numpy==2.4.6\n")
-    monkeypatch.setattr(environments, "find_python", lambda version: {"3.13": "/bin/python3.13"}.get(version))
+    monkeypatch.setattr(environments, "find_python", lambda *versions: "3.13" in versions and "/bin/python3.13")
     monkeypatch.setattr(uv, "run_quietly", run)
     monkeypatch.setattr(uv, "_settings_of_pip", dict)
     return environments.Environment("x", folder, ("3.11", "3.13"), ("core.txt",)), calls, fails
@@ -212,9 +212,24 @@ def test_an_interrupted_set_up_is_taken_up_again(environment):
 
 
 def test_an_environment_without_a_python_says_what_to_install(environment, monkeypatch):
-    monkeypatch.setattr(environments, "find_python", lambda version: None)
+    monkeypatch.setattr(environments, "find_python", lambda *versions: None)
     with pytest.raises(places.Failure, match=r"Python 3\.11 or 3\.13 .* install it"):
         environments.ensure(environment[0])
+
+
+def test_a_blender_that_is_set_up_goes_before_one_whose_python_is_installed_or_downloaded(monkeypatch):
+    made, installed, downloaded = set(), {}, {}
+    monkeypatch.setattr(environments, "is_made", lambda environment: environment.name in made)
+    monkeypatch.setattr(environments, "installed_python", installed.get)
+    monkeypatch.setattr(environments, "find_python", downloaded.get)
+    with pytest.raises(places.Failure, match=r"Python 3\.11 or 3\.13 .* install it"):
+        environments.any_bpy()
+    downloaded["3.11"] = "x"
+    assert environments.any_bpy() == "5.0"
+    installed["3.13"] = "x"
+    assert environments.any_bpy() == "5.2"
+    made.add("bpy 4.5")
+    assert environments.any_bpy() == "4.5"
 
 
 def test_an_environment_whose_python_is_gone_is_made_again(environment):
@@ -241,6 +256,16 @@ global.timeout='9'"""
         "UV_FIND_LINKS": "/a,/b", "SSL_CERT_FILE": "/etc/own.pem", "UV_DEFAULT_INDEX": "mirror",
     }  # fmt: skip
     assert uv.pip_settings("") == {}
+
+
+def test_an_installed_python_goes_before_a_better_one_that_must_be_downloaded(monkeypatch):
+    installed = {"3.13": "/bin/python3.13"}
+    asked = []
+    monkeypatch.setattr(uv, "installed_python", installed.get)
+    monkeypatch.setattr(uv, "_downloaded_python", lambda version: asked.append(version) or {"3.11": "got"}.get(version))
+    assert uv.find_python("3.11", "3.13") == "/bin/python3.13" and not asked
+    assert uv.find_python("3.12", "3.11") == "got" and asked == ["3.12", "3.11"]
+    assert uv.find_python("3.12") is None
 
 
 def test_pyenvs_interpreters_are_found_though_its_own_entry_on_the_path_fails(tmp_path, monkeypatch):
