@@ -309,3 +309,29 @@ def test_a_python_without_venv_is_told_what_to_install(monkeypatch):
     monkeypatch.setattr(bootstrap, "can_apt", lambda: False)
     with pytest.raises(places.Failure, match=r"apt-get install .* python3-venv"):
         bootstrap._make_tools()
+
+
+def test_root_on_debian_gets_the_package_that_venv_is_in(monkeypatch, tmp_path):
+    asked, runs = [], []
+    monkeypatch.setattr(bootstrap, "_can_make_environments", lambda: bool(asked))
+    monkeypatch.setattr(bootstrap, "can_apt", lambda: True)
+    monkeypatch.setattr(bootstrap, "apt_install", asked.append)
+    monkeypatch.setattr(bootstrap, "run_quietly", lambda command, sentence: runs.append(command))
+    monkeypatch.setattr(bootstrap, "TOOLS", bootstrap.ROOT / ".venvs" / "no-such-tools")
+    bootstrap._make_tools()
+    assert asked == [["python3-venv"]] and [command[2] for command in runs] == ["venv", "pip"]
+    assert "--require-hashes" in runs[1] and bootstrap.PINS in runs[1]
+
+
+def test_the_tools_are_made_once_and_again_when_their_pins_change(monkeypatch, tmp_path):
+    made = []
+    monkeypatch.setattr(bootstrap, "_make_tools", lambda: made.append(1))
+    monkeypatch.setattr(bootstrap, "TOOLS", tmp_path)
+    monkeypatch.setattr(bootstrap, "STAMP", tmp_path / "ready.sha256")
+    monkeypatch.setattr(bootstrap, "PINS", tmp_path / "tools.txt")
+    places.executable(tmp_path).parent.mkdir()
+    places.executable(tmp_path).write_bytes(b"")
+    for pins, times in (("uv==1", 1), ("uv==1", 1), ("uv==2", 2)):
+        bootstrap.PINS.write_text(pins)
+        bootstrap.ensure_tools()
+        assert len(made) == times
