@@ -311,7 +311,7 @@ def test_a_python_without_venv_is_told_what_to_install(monkeypatch):
         bootstrap._make_tools()
 
 
-def test_root_on_debian_gets_the_package_that_venv_is_in(monkeypatch, tmp_path):
+def test_root_on_debian_gets_the_package_that_venv_is_in(monkeypatch):
     asked, runs = [], []
     monkeypatch.setattr(bootstrap, "_can_make_environments", lambda: bool(asked))
     monkeypatch.setattr(bootstrap, "can_apt", lambda: True)
