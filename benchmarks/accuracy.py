@@ -36,7 +36,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .data_sets import PAPER
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .scenes import DATA, REAL, smoke
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -95,11 +95,11 @@ def narrow(subject: Subject) -> Subject:
     low, high = (float(value) for value in subject.volume.value_range)
     points, colors = subject.function.opacity, subject.function.color
     # Where the opacity first reaches a half: the surface that the function shows.
-    centre = next((value for value, alpha in points if alpha >= 0.5 * max(a for _, a in points)), 0.5 * (low + high))
+    center = next((value for value, alpha in points if alpha >= 0.5 * max(a for _, a in points)), 0.5 * (low + high))
     half = 0.01 * (high - low)
     function = replace(
         subject.function, name=f"{subject.function.name}, narrow",
-        opacity=((centre - half, 0.0), (centre, 0.8), (centre + half, 0.0)), color=colors,
+        opacity=((center - half, 0.0), (center, 0.8), (center + half, 0.0)), color=colors,
     )  # fmt: skip
     return replace(subject, name=f"{subject.name}, narrow", function=function)
 
@@ -299,10 +299,10 @@ def knobs_plot(measured: dict, names: dict, path: Path) -> None:
     figure = new_figure((2.6 * len(knobs), 6.4))
     grid = figure.subplots(2, len(knobs), sharex="col", sharey="row")
     for (above, below), knob in zip(grid.T, knobs):
-        for (title, report), colour in zip(measured.items(), SERIES):
+        for (title, report), color in zip(measured.items(), SERIES):
             values, errors, times = zip(*knob_points(report, names[title], knob))
-            above.plot(values, errors, "o-", ms=4, color=colour, label=title)
-            below.plot(values, times, "o-", ms=4, color=colour)
+            above.plot(values, errors, "o-", ms=4, color=color, label=title)
+            below.plot(values, times, "o-", ms=4, color=color)
         above.set_title(f"{knob}\nagainst {AGAINST[knob]}" if knob in AGAINST else knob, fontsize=10)
         below.tick_params(axis="x", rotation=60, labelsize=9)
         for axes in (above, below):
@@ -350,7 +350,7 @@ def main(arguments) -> int:
     parser.add_argument("--backend", default="auto", choices=BACKENDS)
     parser.add_argument("--output", type=Path, default=DOCS, help="the folder of the page; docs/ when left out")
     options = parser.parse_args(arguments)
-    where, neighbours = circumstances(options.threads), Neighbours()
+    where, neighbors = circumstances(options.threads), Neighbors()
     print(describe(where), flush=True)
     views, knobs, names, shown = {}, {}, {}, None
     things = subjects()
@@ -366,12 +366,12 @@ def main(arguments) -> int:
     hard = narrow(things[0])
     sweep, used = measure(hard, False, options, with_knobs=True)
     knobs[hard.name], names[hard.name] = sweep.report, used
-    said = neighbours.describe()
+    said = neighbors.describe()
     print(said)
     write_page(options, views, knobs, names, [describe(where), said, *{s.note for s in things if s.note}])
     images = options.output / "images"
     images.mkdir(parents=True, exist_ok=True)
-    record = {"circumstances": {**where, "others_busy_cores": neighbours.cores()},
+    record = {"circumstances": {**where, "others_busy_cores": neighbors.cores()},
               "views": plain_report({**views, hard.name: knobs[hard.name]})}  # fmt: skip
     (options.output / "accuracy.json").write_text(compact(record), encoding="utf-8")
     if can_plot():

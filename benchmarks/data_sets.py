@@ -77,7 +77,7 @@ PAPER = (
     ),
     DataSet(
         "X-ray foot", "256x256x256", 16.0, 55.2, (53.88, 2.03), 26.5, "foot_256x256x256_uint8_fromjpeg.raw.gz",
-        (256, 256, 256), (1.0, 1.0, 1.0), "xray-foot", 0.075, "decoded from JPEG: noise of a few grey levels",
+        (256, 256, 256), (1.0, 1.0, 1.0), "xray-foot", 0.075, "decoded from JPEG: noise of a few gray levels",
     ),
     DataSet(
         "CT bonsai", "256x256x256", 16.0, 60.1, (55.04, 2.43), 22.7, "bonsai_256x256x256_uint8.raw.gz",

@@ -30,7 +30,7 @@ from rle_splat.scene import (
 )
 from rle_splat.view.turntable import turntable
 
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .scenes import REAL, scenes, shells
 
 VIEW = (35.0, 25.0)  # azimuth and elevation, degrees: no principal axis in particular
@@ -67,7 +67,7 @@ def relit(scene: Scene, number: int) -> Scene:
 
 
 def recolored(scene: Scene, number: int) -> Scene:
-    """Every colour a little redder."""
+    """Every color a little redder."""
     tf = scene.transfer_function
     color = tuple((value, red * BRIGHTENING**-number, *rest) for value, red, *rest in tf.color)
     return replace(scene, transfer_function=replace(tf, color=color))
@@ -163,7 +163,7 @@ def main(arguments) -> int:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     records = options.record or ([POST_ONLY["record"]] if options.classification == "post" else [16, 8])
-    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(
         f"{describe(where)}\n{options.size} x {options.size}, classification {options.classification}; milliseconds, "
         f"medians of {options.edits} edits\n"
@@ -181,8 +181,8 @@ def main(arguments) -> int:
                     table.append({"volume": name, "quality": preset, "record": record, **row})
                     print(f"{name:<12}{row['visible_voxels']:9d}  {preset:<10}{record:5d}  {row['edit']:<19}", end="")
                     print("".join(f"{row[stage]:10.1f}" for stage in STAGES), flush=True)
-    print(f"\n{neighbours.describe()}")
-    where["others_busy_cores"] = neighbours.cores()
+    print(f"\n{neighbors.describe()}")
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

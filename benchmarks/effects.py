@@ -39,7 +39,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .effects_page import write_page
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
 
@@ -154,7 +154,7 @@ def _halves(volume: Volume) -> Volume:
 
 
 def _labelled(scene: Scene) -> Scene:
-    """One half in other colours."""
+    """One half in other colors."""
     function = scene.transfer_function
     other = replace(function, color=tuple((value, blue, green, red) for value, red, green, blue in function.color))
     return replace(scene, labels=Labels(_halves(scene.volume), {1: other}))
@@ -429,7 +429,7 @@ def main(arguments) -> int:
     parser.add_argument("--docs", action="store_true", help="put the tables into docs/effects.md and docs/effects.json")
     options = parser.parse_args(arguments)
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
-    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(
         f"{describe(where)}\n{options.size} x {options.size}, {options.quality}, classification "
         f"{options.classification}; the least of {options.repeats} runs\n\n{header()}"
@@ -455,8 +455,8 @@ def main(arguments) -> int:
             f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
             f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
         )
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
              "classification": options.classification, "not_priced": unpriced, "light_pass": passed}  # fmt: skip
     if options.docs:

@@ -29,7 +29,7 @@ from rle_splat.scene import Quality
 from .accuracy import fill
 from .data_sets import PAPER
 from .engine_words import NOTES, header, line, markdown, ratios
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, view_scene
+from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, frame_ms, view_scene
 from .peers import PEERS, Peer
 from .scenes import REAL, scenes
 
@@ -169,7 +169,7 @@ def main(arguments) -> int:
     )
     parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
     parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
-    parser.add_argument("--colours", nargs="*", choices=("unshaded", "shaded"))
+    parser.add_argument("--colours", dest="colors", nargs="*", choices=("unshaded", "shaded"))
     parser.add_argument("--size", type=int, nargs="*", default=[512], help="pixels a side, one table each")
     parser.add_argument("--threads", type=int, nargs="*", default=[2], help="one table each")
     parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
@@ -182,7 +182,7 @@ def main(arguments) -> int:
     peers = [PEERS[name] for name in options.peers]
     for peer in {peer.problem: peer for peer in reversed(peers) if peer.problem}.values():
         print(f"{peer.name} is not here ({peer.problem}): {peer.remedy}")
-    table, where, neighbours = [], circumstances(max(options.threads)), Neighbours()
+    table, where, neighbors = [], circumstances(max(options.threads)), Neighbors()
     print(describe(where))
     for threads in options.threads:
         for size in options.size:
@@ -190,10 +190,10 @@ def main(arguments) -> int:
             print(header())
             for name, volume, tf in scenes(options.volume) if options.presets else of_paper(options.volume):
                 for projection in options.projection or ("orthographic", "perspective"):
-                    for colours in options.colours or ("unshaded", "shaded"):
+                    for colors in options.colors or ("unshaded", "shaded"):
                         rows = measure(
                             volume, tf, size=size, threads=threads, perspective=projection == "perspective",
-                            shaded=colours == "shaded", qualities=tuple(options.quality),
+                            shaded=colors == "shaded", qualities=tuple(options.quality),
                             views=VIEWS[: max(options.views, 1)], repeats=options.repeats, probes=options.probes,
                             peers=peers,
                         )  # fmt: skip
@@ -203,8 +203,8 @@ def main(arguments) -> int:
     print(NOTES)
     for text in ratios(table):
         print(text)
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     if options.write_docs:
         filled = fill(PAGE.read_text(encoding="utf-8"), {options.write_docs: markdown(table, where)})
         PAGE.write_text(filled, encoding="utf-8")

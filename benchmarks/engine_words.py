@@ -23,7 +23,7 @@ all" has all voxels, and pixels are closed where paper-like closes them. It has 
 def header() -> str:
     """The table's first line."""
     return (
-        f"{'volume':<12}{'p':>6}  {'projection':<13}{'colours':<10}{'quality':<13}{'classified':<11}"
+        f"{'volume':<12}{'p':>6}  {'projection':<13}{'colors':<10}{'quality':<13}{'classified':<11}"
         + "".join(f"{title:>8}" for title, _ in COLUMNS)
         + f"   {'T1 RMSE':>8}{'max':>7}{'T2 RMSE':>9}{'max':>7}  "
         + "".join(_titles().values())
@@ -49,7 +49,7 @@ def line(name: str, row: dict) -> str:
 
     kept = f"{'-':>6}" if row["kept_fraction"] is None else f"{row['kept_fraction']:6.1%}"
     return (
-        f"{name:<12}{kept}  {_projection(row):<13}{_colours(row):<10}{row['quality']:<13}{row['classification']:<11}"
+        f"{name:<12}{kept}  {_projection(row):<13}{_colors(row):<10}{row['quality']:<13}{row['classification']:<11}"
         + "".join(cell(row[key], 8) for _, key in COLUMNS)
         + f"   {errors(row['t1'], 8)}{errors(row['t2'], 9)}  "
         + "".join(ratio(row["against"].get(peer, "" if row["peer"] else None), len(title))
@@ -61,7 +61,7 @@ def _projection(row) -> str:
     return "perspective" if row["perspective"] else "orthographic"
 
 
-def _colours(row) -> str:
+def _colors(row) -> str:
     return "shaded" if row["shaded"] else "unshaded"
 
 
@@ -69,7 +69,7 @@ def _groups(table) -> dict[tuple, dict[str, dict]]:
     """The rows by what they show and how, then by quality or peer."""
     groups: dict = {}
     for row in table:
-        name = ", ".join((row["volume"], _projection(row), _colours(row)))
+        name = ", ".join((row["volume"], _projection(row), _colors(row)))
         groups.setdefault((name, row["size"], row["threads"]), {})[row["quality"]] = row
     return groups
 
@@ -98,7 +98,7 @@ def ratios(table) -> list[str]:
 
 
 def markdown(table, where: dict) -> str:
-    """Times, errors and ratios of a run, for the page: a line for each volume, projection and colours."""
+    """Times, errors and ratios of a run, for the page: a line for each volume, projection and colors."""
     qualities = list(dict.fromkeys(row["quality"] for row in table if not row["peer"]))
     peers = list(dict.fromkeys(row["quality"] for row in table if row["peer"]))
     first = ("", "p", "px", "threads")

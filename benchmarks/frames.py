@@ -29,7 +29,7 @@ def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, s
 
 
 def same_view(scene: Scene, volume) -> Scene:
-    """The scene with its volume replaced by ready-made tables (a StoredVolume), whose colours are baked in."""
+    """The scene with its volume replaced by ready-made tables (a StoredVolume), whose colors are baked in."""
     return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
@@ -52,7 +52,7 @@ def frame_ms(report: dict) -> float:
     return sum(report["stages_ms"][stage] for stage in FRAME)
 
 
-class Neighbours:
+class Neighbors:
     """How much of the machine other processes used since this was made; Linux tells, elsewhere it is None."""
 
     def __init__(self):

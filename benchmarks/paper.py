@@ -31,7 +31,7 @@ from rle_splat.view.principal_axis import dominant_axis
 from rle_splat.volume.axes import AXES
 
 from .data_sets import PAPER, DataSet
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, same_view, view_scene
+from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, frame_ms, same_view, view_scene
 from .paper_words import explain, record_errors, table_1, table_2
 from .records import compare_records
 
@@ -175,7 +175,7 @@ def main(arguments) -> int:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     quality = quality_of(options.quality, options.threads)
-    where, neighbours = circumstances(options.threads), Neighbours()
+    where, neighbors = circumstances(options.threads), Neighbors()
     rows = []
     for data in PAPER:
         if options.data and data.name not in options.data:
@@ -188,14 +188,14 @@ def main(arguments) -> int:
         rows.append((data, {**row, "called": called}))
         print(f"measured {called}", flush=True)
     print("\n" + "\n".join((
-        describe(where), neighbours.describe(),
+        describe(where), neighbors.describe(),
         f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
         f"median of {min(options.views, len(VIEWS))} view(s).",
         "", *table_1(rows), *([] if options.no_errors else ["", *record_errors(rows, ERROR_QUALITY)]),
         "", *table_2(rows), "",
         *(line for data, row in rows for line in explain(data, row)),
     )))  # fmt: skip
-    where["others_busy_cores"] = neighbours.cores()
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         measured = [row for _, row in rows]
         report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": measured}

@@ -44,17 +44,17 @@ class View:
 
 
 def ramp(low: float, high: float, alpha: float, colors=RAINBOW, distance=1.0, shade=None) -> TransferFunction:
-    """Opacity that rises from 0 at ``low`` to ``alpha`` at ``high``; colours spread over [0, 2 high]."""
+    """Opacity that rises from 0 at ``low`` to ``alpha`` at ``high``; colors spread over [0, 2 high]."""
     color = tuple((2.0 * high * position, *rgb) for position, *rgb in colors)
     return TransferFunction("ramp", None, ((low, 0.0), (high, alpha)), color, distance, shade)
 
 
-def bands(centres, half_width: float, alpha: float, distance=1.0, shade=None) -> TransferFunction:
+def bands(centers, half_width: float, alpha: float, distance=1.0, shade=None) -> TransferFunction:
     """Tents of opacity about some values: iso-surfaces, the narrower the harder."""
     opacity, color = [], []
-    for number, centre in enumerate(centres):
-        opacity += [(centre - half_width, 0.0), (centre, alpha), (centre + half_width, 0.0)]
-        color.append((centre, *RAINBOW[number % len(RAINBOW)][1:]))
+    for number, center in enumerate(centers):
+        opacity += [(center - half_width, 0.0), (center, alpha), (center + half_width, 0.0)]
+        color.append((center, *RAINBOW[number % len(RAINBOW)][1:]))
     return TransferFunction("bands", None, tuple(opacity), tuple(color), distance, shade)
 
 
@@ -149,8 +149,8 @@ def _tubes(size: int = 96) -> Volume:
     z, y, x = np.meshgrid(*(np.arange(size, dtype=np.float64),) * 3, indexing="ij")
     field = 0.15 * np.exp(-((x - 48.0) ** 2 + (y - 40.0) ** 2 + (z - 52.0) ** 2) / 1800.0)
     for number in range(5):
-        phase, centre = 1.3 * number, 20.0 + 14.0 * number
-        across = (y - centre - 9.0 * np.sin(0.09 * x + phase)) ** 2 + (z - 48.0 - 20.0 * np.cos(0.07 * x + phase)) ** 2
+        phase, center = 1.3 * number, 20.0 + 14.0 * number
+        across = (y - center - 9.0 * np.sin(0.09 * x + phase)) ** 2 + (z - 48.0 - 20.0 * np.cos(0.07 * x + phase)) ** 2
         field += np.exp(-0.5 * across / (1.0 + 0.35 * number) ** 2)
     return Volume(field.astype(np.float32), np.eye(4))
 

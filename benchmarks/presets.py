@@ -21,7 +21,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality
 
 from .data_sets import PAPER
-from .frames import Neighbours, best_frame, circumstances, describe, frame_ms, view_scene
+from .frames import Neighbors, best_frame, circumstances, describe, frame_ms, view_scene
 from .scenes import scenes
 
 SIZE, PROBES, REPEATS, TOLERANCE = 512, 4096, 5, 1e-6
@@ -59,7 +59,7 @@ def main(arguments) -> int:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
-    where, neighbours = circumstances(options.threads), Neighbours()
+    where, neighbors = circumstances(options.threads), Neighbors()
     print(describe(where))
     print(f"\n{'volume':<20}{'projection':<14}{'quality':<18}{'ms':>7}{'RMSE':>9}  share of the worst {WORST:.1%}")
     qualities = {name: Quality.preset(name, threads=options.threads) for name in QUALITY_PRESETS}
@@ -68,15 +68,15 @@ def main(arguments) -> int:
     for name, volume, function in subjects(options.scene):
         for perspective in (False, True):
             views = [view_scene(volume, function, view, SIZE, perspective, shaded=False) for view in VIEWS]
-            centres = tuple(place + 0.5 for place in places)
-            true = [truth(scene, "T2", pixels=centres, tolerance=TOLERANCE)[0] for scene in views]
+            centers = tuple(place + 0.5 for place in places)
+            true = [truth(scene, "T2", pixels=centers, tolerance=TOLERANCE)[0] for scene in views]
             cache, projection = StageCache(), "perspective" if perspective else "orthographic"
             for title, quality in (qualities | alone).items():
                 row = measure(views, quality, cache, true, places, REPEATS if title in qualities else 1)
                 rows.append({"volume": name, "projection": projection, "quality": title, **row})
                 ms = f"{row['ms']:7.1f}" if title in qualities else f"{'':7}"
                 print(f"{name:<20}{projection:<14}{title:<18}{ms}{row['rmse']:9.4f}{row['worst']:8.0%}", flush=True)
-    print(f"\n{SIZE} x {SIZE} pixels, {len(VIEWS)} views, the best of {REPEATS} frames. {neighbours.describe()}")
+    print(f"\n{SIZE} x {SIZE} pixels, {len(VIEWS)} views, the best of {REPEATS} frames. {neighbors.describe()}")
     if options.json:
         report = {"circumstances": where, "rows": rows}
         options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")

@@ -26,7 +26,7 @@ from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.volume.volume import Volume
 
 from .data_sets import PAPER
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
+from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, view_scene
 
 REPEATS = 3
 PROBES = 64  # per view
@@ -123,7 +123,7 @@ def main(arguments) -> int:
     parser.add_argument("--no-fields", action="store_true", help="without the synthetic media")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
-    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(f"{describe(where)}\n{options.size} x {options.size}, orthographic, {options.views} view(s)\n\n{header()}")
     for name, volume, tf, shaded in _volumes(options):
         scenes = [view_scene(volume, tf, view, options.size, shaded=shaded) for view in VIEWS[: options.views]]
@@ -132,8 +132,8 @@ def main(arguments) -> int:
             rows = compare_records(scenes, knobs, options.probes, options.repeats)
             table.append({"volume": name, "quality": quality, "records": rows})
             print(line(name, quality, rows), flush=True)
-    print(f"\nx frame: splat + warp over that of 16 bytes, drawn in turns.\n{neighbours.describe()}")
-    where["others_busy_cores"] = neighbours.cores()
+    print(f"\nx frame: splat + warp over that of 16 bytes, drawn in turns.\n{neighbors.describe()}")
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -31,7 +31,7 @@ from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-from .frames import Neighbours, best_frame, circumstances, describe, same_view
+from .frames import Neighbors, best_frame, circumstances, describe, same_view
 from .plots import IMAGES, scaling_plot
 
 SERIES = ("scaled", "boxed")
@@ -193,7 +193,7 @@ def main(arguments) -> int:
         path, series, n = options.step
         print(json.dumps(step(Path(path), series, int(n), options.size, options.threads, options.frames_ms)))
         return 0
-    where, rows, neighbours = circumstances(options.threads), [], Neighbours()
+    where, rows, neighbors = circumstances(options.threads), [], Neighbors()
     print(describe(where))
     sizes = [*options.sizes, *([LARGE] if options.large else [])]
     with tempfile.TemporaryDirectory(dir=options.scratch) as folder:
@@ -219,8 +219,8 @@ def main(arguments) -> int:
     peaks = [row["three_axes_peak_bytes"] for row in rows if row["three_axes_peak_bytes"]]
     if peaks:
         print(f"The largest peak is {max(peaks) / 2**30:.2f} GiB; {MOST_BYTES / 2**30:.0f} GiB are allowed.")
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": rows}, indent=1) + "\n", encoding="utf-8")
     if not options.no_image:

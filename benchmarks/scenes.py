@@ -32,8 +32,8 @@ def shells(n: int = 256) -> tuple[Volume, TransferFunction]:
         radius = np.sqrt(axis[None, :] ** 2 + axis[:, None] ** 2 + depth**2)
         voxels[z] = np.clip(255.0 * (1.0 - radius), 0.0, 255.0)
     opacity = [(0.0, 0.0)]
-    for centre, alpha in ((40.0, 0.04), (110.0, 0.1), (180.0, 0.6)):
-        opacity += [(centre - 4.0, 0.0), (centre, alpha), (centre + 4.0, 0.0)]
+    for center, alpha in ((40.0, 0.04), (110.0, 0.1), (180.0, 0.6)):
+        opacity += [(center - 4.0, 0.0), (center, alpha), (center + 4.0, 0.0)]
     color = [(40.0, 0.8, 0.4, 0.3), (110.0, 0.3, 0.6, 0.9), (180.0, 1.0, 0.9, 0.6)]
     return Volume(voxels, np.eye(4), name="shells"), TransferFunction("shells", None, opacity, color, None, Shade())
 

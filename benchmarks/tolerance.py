@@ -25,7 +25,7 @@ from rle_splat.pipeline.render import render, truth_of
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
 
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .planning_scenes import JUDGED_SCANS, judged_scenes
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
@@ -44,8 +44,8 @@ def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> f
     some = np.random.default_rng(OTHER_SEED).permutation(round(STEEPEST * width * height))[:steep]
     places = [np.concatenate((one, more[some])) for one, more in
               zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]
-    centres = tuple(place + 0.5 for place in places)
-    true, _ = truth(scene, which, pixels=centres, tolerance=TOLERANCE, **shading)
+    centers = tuple(place + 0.5 for place in places)
+    true, _ = truth(scene, which, pixels=centers, tolerance=TOLERANCE, **shading)
     return float(probe_errors(rgba[places[1], places[0]], true).max())
 
 
@@ -142,7 +142,7 @@ def main(arguments) -> int:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin no scene after so long")
     options = parser.parse_args(arguments)
-    where, neighbours, began = circumstances(options.threads), Neighbours(), time.perf_counter()
+    where, neighbors, began = circumstances(options.threads), Neighbors(), time.perf_counter()
     print(describe(where))
     rows = {classification: [] for classification in options.classification}
     left_out = []
@@ -167,8 +167,8 @@ def main(arguments) -> int:
         print("\n".join((f"\n{classification}:", *sentences(found))))
     if left_out:
         print(f"Left out, as too long: {'; '.join(left_out)}.")
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         report = {
             "circumstances": where, "minutes": (time.perf_counter() - began) / 60.0, "left_out": left_out,

@@ -40,7 +40,7 @@ PROBES = 128
 
 
 def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
-    """A Gaussian shell round a lopsided blob, whose value is its opacity; colour follows the value."""
+    """A Gaussian shell round a lopsided blob, whose value is its opacity; color follows the value."""
     color = ((0.0, 0.9, 0.5, 0.2), (0.4, 0.3, 0.7, 0.9))
     return Volume(smooth_shell(n), np.eye(4), name=SMOOTH), TransferFunction(
         SMOOTH, None, ((0.0, 0.0), (1.0, 1.0)), color, 1.0, None

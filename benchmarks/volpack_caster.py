@@ -43,7 +43,7 @@ MIN_VOXEL_OPACITY, MAX_RAY_OPACITY, RGBA = 1014, 1043, 5004
 VIEW, PROJECT = 1, 2
 NORMALS = 7924  # codes of a normal, of which the first stands for none
 
-# A voxel's fields; the first is an index into the table of colours, the second into the weights of its materials.
+# A voxel's fields; the first is an index into the table of colors, the second into the weights of its materials.
 VOXEL = np.dtype([("color", np.uint16), ("weight", np.uint8), ("unused", np.uint8), ("opacity", np.uint16)])
 FIELDS = ("color", "weight", "opacity")
 LARGEST_OPACITY = 65535
@@ -152,7 +152,7 @@ class VolpackCaster:
         self.classify_ms, self._exponent = 1e3 * (time.perf_counter() - began), exponent
 
     def _light(self, ahead) -> None:
-        """Fill the table of colours for a headlight that shines ``ahead``: what the truths say of each normal."""
+        """Fill the table of colors for a headlight that shines ``ahead``: what the truths say of each normal."""
         shade, facing = self._shade, np.abs(_normals() @ ahead)
         matt = np.where(_normals().any(axis=1), shade.ambient + shade.diffuse * facing, 1.0)
         for channel in range(3):
@@ -180,7 +180,7 @@ def _passed(argument):
 
 def _values(volume, tf, stored, count: int) -> tuple[np.ndarray, np.ndarray]:
     """(m,) codes of stored values, which of at most ``count`` evenly spaced ones is next, and the (n, 3) unshaded
-    colours of all codes."""
+    colors of all codes."""
     low, high = float(stored.min()), float(stored.max())
     step = (high - low) / (count - 1)
     if stored.dtype.kind in "iu":

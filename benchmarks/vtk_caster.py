@@ -110,7 +110,7 @@ class VtkCaster:
 
 
 def _functions(volume, tf):
-    """VTK's opacity and colour function over *stored* values, from the points of a physical transfer function."""
+    """VTK's opacity and color function over *stored* values, from the points of a physical transfer function."""
     opacity, color = vtk.vtkPiecewiseFunction(), vtk.vtkColorTransferFunction()
     kind = volume.voxels.dtype
     if kind.kind in "iu" and kind.itemsize == 1:

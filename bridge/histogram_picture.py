@@ -8,14 +8,14 @@ WIDTH, HEIGHT = TILES * TILE, TILE - 2 * GAP
 GROUND = np.array((0.10, 0.10, 0.11))
 BAR = np.array((0.36, 0.36, 0.38))
 CURVE = np.array((1.0, 1.0, 1.0))
-RAMP_ROWS = 8  # pixels at the bottom that show the colours alone
+RAMP_ROWS = 8  # pixels at the bottom that show the colors alone
 
 
 def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     """(HEIGHT, WIDTH, 4) float32 display RGBA, row 0 at the BOTTOM as Blender keeps pixels.
 
     ``stored``: StoredHistogram or None.  Columns are the values from ``low`` to ``high``, the window; bars are
-    logarithmic and take on the colour of the transfer function where it is opaque.
+    logarithmic and take on the color of the transfer function where it is opaque.
     """
     values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
     table = transfer_function.table(values)

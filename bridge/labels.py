@@ -39,13 +39,13 @@ class LabelProperties(bpy.types.PropertyGroup):
     show: BoolProperty(
         name="Show", description="Whether the label's voxels are shown", default=True, update=_evaluate_anew)
     use_color: BoolProperty(
-        name="Own Color", description="Give the label a colour in place of the transfer function's", default=False,
+        name="Own Color", description="Give the label a color in place of the transfer function's", default=False,
         update=_evaluate_anew)
     color: FloatVectorProperty(
-        name="Color", description="Colour of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
+        name="Color", description="Color of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
         default=(0.8, 0.3, 0.2), update=_evaluate_anew)
     look: EnumProperty(
-        name="Look", description="Opacity and colours of the label's voxels", items=LOOK_ITEMS, default=OWN,
+        name="Look", description="Opacity and colors of the label's voxels", items=LOOK_ITEMS, default=OWN,
         update=_evaluate_anew)
 
     def plain(self) -> LabelLook:

@@ -1,4 +1,4 @@
-"""The scene's lights as plain data: strength, colour and place as the evaluated scene has them."""
+"""The scene's lights as plain data: strength, color and place as the evaluated scene has them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..rle_splat.scene import LIGHT_TYPES, Light
 def read_lights(depsgraph) -> tuple[Light, ...]:
     """The lights that take part in a render, instances included, in the depsgraph's order.
 
-    Exposure and colour temperature are folded into energy and colour.  A light's shader nodes are not
-    evaluated: its own colour and power count.  The world's light is not a light object and is left out.
+    Exposure and color temperature are folded into energy and color.  A light's shader nodes are not
+    evaluated: its own color and power count.  The world's light is not a light object and is left out.
     """
     lights = []
     for instance in depsgraph.object_instances:
@@ -52,7 +52,7 @@ def _as_plain_light(data, energy: float, matrix_world: np.ndarray) -> Light:
 
 
 def _emitting_area(data, matrix_world: np.ndarray) -> float:
-    """Area by which a light that is not normalised ("Normalize" off) is brighter, in world units squared.
+    """Area by which a light that is not normalized ("Normalize" off) is brighter, in world units squared.
 
     A light of size zero has no area to grow with and keeps its power.
     """

@@ -8,8 +8,8 @@ from .world import read_world
 
 
 def read_mist(depsgraph) -> Mist | None:
-    """The mist of the scene's world if Mist is on in ``scene.rle_splat``: what mixing the world's colour in by the
-    Mist pass would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one colour counts as
+    """The mist of the scene's world if Mist is on in ``scene.rle_splat``: what mixing the world's color in by the
+    Mist pass would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one color counts as
     black."""
     world = depsgraph.scene_eval.world
     if world is None or not depsgraph.scene_eval.rle_splat.use_mist:

@@ -1,6 +1,6 @@
 """What is kept in the .blend: a property group on each object, and one on the scene.
 
-Voxels are not kept: ``VolumeProperties`` says how to read them again.  The curve and the colours of the transfer
+Voxels are not kept: ``VolumeProperties`` says how to read them again.  The curve and the colors of the transfer
 function are in the node group ``transfer`` points at (see ``transfer.py``); its window is here, so that it
 can be keyframed on the object.
 """
@@ -37,7 +37,7 @@ QUALITY_TEXTS = {
     "strict": ("Strict", "Several sheets a slice: where errors must be as small as they get"),
 }
 CLASSIFICATION_TEXTS = {
-    "pre": ("Pre", "As in the paper: voxels are classified, and colours and opacities interpolated. Softer edges; "
+    "pre": ("Pre", "As in the paper: voxels are classified, and colors and opacities interpolated. Softer edges; "
                    "every footprint, model and voxel record. Errors are against truth T1"),
     "refined": ("Refined", "As pre, on a finer grid of interpolated values: sharper edges, much more memory. Errors "
                            "are against truth T2"),
@@ -58,7 +58,7 @@ MODE_ITEMS = [
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "The lights of the scene; a headlight when there are none"),
     ("HEADLIGHT", "Headlight", "One white parallel light along the camera's axis"),
-    ("NONE", "Unlit", "The colours of the transfer function, unshaded"),
+    ("NONE", "Unlit", "The colors of the transfer function, unshaded"),
 ]
 
 
@@ -131,13 +131,13 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
         name="Keep", description="Which side of this clip object stays", items=CLIP_ITEMS)
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
-        description="Node group that holds the colours and the opacity curve; shared by copies of the object")
+        description="Node group that holds the colors and the opacity curve; shared by copies of the object")
     transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
     transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
     window_center: LiveFloat(
-        name="Level", description="Value in the middle of the colours and the curve", default=0.5, precision=2)
+        name="Level", description="Value in the middle of the colors and the curve", default=0.5, precision=2)
     window_width: LiveFloat(
-        name="Window", description="Span of values that the colours and the curve cover", default=1.0, min=1e-6,
+        name="Window", description="Span of values that the colors and the curve cover", default=1.0, min=1e-6,
         precision=2)
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
@@ -145,7 +145,7 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
         name="Opacity Distance", description="Length, in the volume's unit, to which the curve's opacities "
         "refer; zero for the smallest spacing of the voxels", default=0.0, min=0.0, precision=4)
     use_shading: LiveBool(name="Shading", description="Light the volume by its gradients", default=True)
-    ambient: LiveFloat(name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Unlit share of the colour")
+    ambient: LiveFloat(name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Unlit share of the color")
     diffuse: LiveFloat(name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Share that faces the light")
     use_gradient_opacity: LiveBool(
         name="Surfaces Only", default=False,
@@ -187,7 +187,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     """How the pictures of a scene are made, and what the last one reported."""
 
     scene_scale: FloatProperty(
-        name="Scene Scale", description="World units for each millimetre: 0.001 shows millimetres in metres",
+        name="Scene Scale", description="World units for each millimeter: 0.001 shows millimeters in meters",
         default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
     quality: KnobEnum(
         name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default=USUAL.name)
@@ -236,10 +236,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         "meshes that occlude it. Not with a Maximum Error")
     use_world: LiveBool(
         name="World Light", default=True,
-        description="The world's colour shines from everywhere, beside the lights of the scene")
+        description="The world's color shines from everywhere, beside the lights of the scene")
     use_mist: LiveBool(
         name="Mist", default=False,
-        description="Fade the volume's colours towards the world's colour with their distance, by the world's Mist "
+        description="Fade the volume's colors towards the world's color with their distance, by the world's Mist "
         "settings. The Mist pass of a view layer changes no picture; turn this on in files that relied on it")
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,

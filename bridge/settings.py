@@ -3,8 +3,8 @@
 from ..rle_splat.scene import DEFAULT_QUALITY, NO_RAYS, POST_ONLY, Quality, preintegrated_of, preset_knobs
 from .decimals import typed
 
-# A VDB states no unit; Blender takes its world units as metres.
-MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
+# A VDB states no unit; Blender takes its world units as meters.
+MILLIMETERS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
 KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
 OF_PRE = ("record", "kernel", "minification", "model")  # what post has one value of
 
@@ -67,8 +67,8 @@ def tolerance_of(scene) -> float | None:
 
 
 def scene_scale_of(scene, unit: str = "mm") -> float:
-    """World units for each unit of a volume: the scene's factor for a millimetre times the unit's millimetres.
+    """World units for each unit of a volume: the scene's factor for a millimeter times the unit's millimeters.
 
-    ``unit``: a volume's own unit of length; one that is not known counts as a millimetre.
+    ``unit``: a volume's own unit of length; one that is not known counts as a millimeter.
     """
-    return typed(scene.rle_splat.scene_scale) * MILLIMETRES.get(unit, 1.0)
+    return typed(scene.rle_splat.scene_scale) * MILLIMETERS.get(unit, 1.0)

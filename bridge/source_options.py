@@ -60,7 +60,7 @@ class SourceOptions:
         name="Header Bytes", description="Bytes before the first voxel; -1 where the file says it", default=-1, min=-1)
     # No lower limit here: a negative spacing is refused in a sentence, not silently made zero.
     spacing: FloatVectorProperty(
-        name="Spacing", description="Distance of voxel centres along x, y and z in the volume's unit; "
+        name="Spacing", description="Distance of voxel centers along x, y and z in the volume's unit; "
         "zero where the file says it", size=3, precision=4)
     use_calibration: BoolProperty(
         name="Calibrate", description="Use slope and intercept in place of what the file says", default=False)

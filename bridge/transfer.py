@@ -54,7 +54,7 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     if steep is not None:
         properties.gradient_low, properties.gradient_high = steep.low, steep.high
     if len(kept) < len(color):
-        return (f"The transfer function has {len(color)} colours and a ramp in Blender holds {nodes.MOST_STOPS}; "
+        return (f"The transfer function has {len(color)} colors and a ramp in Blender holds {nodes.MOST_STOPS}; "
                 f"the {nodes.MOST_STOPS} that matter most were kept.")
     return ""
 
@@ -171,7 +171,7 @@ KEYED = (
 def keyframe(volume_object, frame: float) -> int:
     """Insert keyframes on everything of the transfer function at ``frame``; returns how many values were keyed.
 
-    Blender makes no path to a curve's point by itself, so the path is spelt out from the node group.
+    Blender makes no path to a curve's point by itself, so the path is spelled out from the node group.
     """
     properties = volume_object.rle_splat
     if not linked.is_own(properties.transfer):

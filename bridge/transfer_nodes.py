@@ -1,6 +1,6 @@
-"""The node group that holds a transfer function's colours and opacity curve, over positions from 0 to 1.
+"""The node group that holds a transfer function's colors and opacity curve, over positions from 0 to 1.
 
-A property group cannot own a colour ramp or a curve, so both live in nodes of a shader node group: Blender
+A property group cannot own a color ramp or a curve, so both live in nodes of a shader node group: Blender
 then saves, undoes, appends and animates them like anything else.  The group is never wired into a material.
 """
 
@@ -13,9 +13,9 @@ COLOR_NODE = "Color"
 OPACITY_NODE = "Opacity"
 _KINDS = {COLOR_NODE: "ShaderNodeValToRGB", OPACITY_NODE: "ShaderNodeFloatCurve"}
 MARK = "rle_splat_transfer"
-MOST_STOPS = 32  # Blender's limit on the stops of a colour ramp
+MOST_STOPS = 32  # Blender's limit on the stops of a color ramp
 # A repeated position is a step.  Blender may swap points at one position when it sorts, so the second stands this
-# far to the right: thirty times the spacing of float32 below 1, a five-hundredth of a 12-bit grey level.
+# far to the right: thirty times the spacing of float32 below 1, a five-hundredth of a 12-bit gray level.
 STEP = 2e-6
 TABLE = 256  # Blender evaluates a curve through a table of this many intervals
 
@@ -143,7 +143,7 @@ def read_ramp(ramp) -> list[tuple[float, float, float, float]]:
 
 
 def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
-    """Indices of at most ``most`` of the colour points, both ends among them, that keep the largest error small.
+    """Indices of at most ``most`` of the color points, both ends among them, that keep the largest error small.
 
     Points are added where the polyline through those chosen so far is farthest from the others.
     """

@@ -47,7 +47,7 @@ def switch_off_compositor(scene, *, discard: bool) -> None:
 
 
 def add_output_socket(tree) -> None:
-    """Give a compositor tree the colour output without which it has no result."""
+    """Give a compositor tree the color output without which it has no result."""
     if GROUP_COMPOSITOR and not any(
         item.item_type == "SOCKET" and item.in_out == "OUTPUT" and item.socket_type == "NodeSocketColor"
         for item in tree.interface.items_tree
@@ -84,5 +84,5 @@ def check_compositor_can_run(scene) -> None:
 
 
 def world_is_nodes(world) -> bool:
-    """Whether a world is what its nodes say, which from 5.0 on it always is; else it is its colour."""
+    """Whether a world is what its nodes say, which from 5.0 on it always is; else it is its color."""
     return world.node_tree is not None and (bpy.app.version >= (5, 0) or world.use_nodes)

@@ -7,15 +7,15 @@ import numpy as np
 from . import versions
 
 TOO_MUCH = (
-    "The world is more than one colour, which its light cannot be read from here: it is left out; give its Background "
-    "a plain colour and strength, or turn World Light off."
+    "The world is more than one color, which its light cannot be read from here: it is left out; give its Background "
+    "a plain color and strength, or turn World Light off."
 )
 
 
 def read_world(scene, warn=None) -> tuple | None:
     """(r, g, b) scene-linear radiance of an evaluated scene's world; None when it has none, or is black.
 
-    Of a world of nodes the Background at the output counts, when its colour and strength are plain numbers; for any
+    Of a world of nodes the Background at the output counts, when its color and strength are plain numbers; for any
     other world ``warn`` is called with a sentence, and None returned.
     """
     world = scene.world

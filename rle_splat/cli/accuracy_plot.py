@@ -12,11 +12,11 @@ from ..accuracy.metrics import ERRORS, LEVEL, display_encoded
 PLOT_NEEDS = "a plot needs matplotlib; get it with pip install matplotlib, and run the same command again."
 SUFFIXES = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 110
-COLOURS = {"T1": "#c2570c", "T2": "#1b62a5"}  # told apart by any eye, and dark enough on white
+COLORS = {"T1": "#c2570c", "T2": "#1b62a5"}  # told apart by any eye, and dark enough on white
 FAINT = "#8a8a8a"
 FEW = (1.0, 3.0)  # of the numbers of a decade, where there is little room
 MOST_CROPS = 5  # along the front, and the chosen plan's
-FAINTEST_ERROR = 0.05  # levels, at the dark end of the errors' colours
+FAINTEST_ERROR = 0.05  # levels, at the dark end of the errors' colors
 # Where a label may stand from its point: shares of its own width and height, and of as much again, further out.
 DIRECTIONS = ((1, 0.15), (1, 1), (1, -1), (-1, 0.15), (-1, 1), (-1, -1), (0, 1), (0, -1))
 DISTANCES = (7, 15, 26, 40)  # points
@@ -66,13 +66,13 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
     ``named``: only these plans by name, where there is no room for all."""
     axes.free_labels = []
     for truth_name, front_names in fronts.items():
-        colour = COLOURS[truth_name]
+        color = COLORS[truth_name]
         mine = [entry for entry in plans if entry["truth"] == truth_name]
         on_front = [entry for name in front_names for entry in mine if entry["name"] == name]
-        axes.plot(*_places(on_front, key), "-", color=colour, lw=1.6, alpha=0.7, label=f"front, against {truth_name}")
+        axes.plot(*_places(on_front, key), "-", color=color, lw=1.6, alpha=0.7, label=f"front, against {truth_name}")
         for entry in mine:
             (x,), (y,) = _places([entry], key)
-            axes.plot(x, y, "o", ms=7, color=colour, mfc=colour if entry["on_front"] else "white")
+            axes.plot(x, y, "o", ms=7, color=color, mfc=color if entry["on_front"] else "white")
             if entry["chosen"]:
                 axes.plot(x, y, "o", ms=15, mfc="none", mec="black", mew=1.4)
             if named is None or entry["name"] in named:
@@ -116,8 +116,8 @@ def _place_labels(figure, axes) -> None:
             points = np.concatenate([a + steps * (b - a) for a, b in pairwise(points)])
         reach = (2.0 if len(points) > 1 else 0.5 * line.get_markersize()) * scale
         taken += [(x - reach, y - reach, x + reach, y + reach) for x, y in points]
-    for text, x, y, colour in axes.free_labels:
-        label = axes.annotate(text, (x, y), (0, 0), textcoords="offset points", fontsize=9, color=colour)
+    for text, x, y, color in axes.free_labels:
+        label = axes.annotate(text, (x, y), (0, 0), textcoords="offset points", fontsize=9, color=color)
         box = label.get_window_extent(canvas)
         at = axes.transData.transform((x, y))
         best = None
@@ -135,7 +135,7 @@ def _place_labels(figure, axes) -> None:
         label.remove()
         leader = None if distance < FAR else dict(arrowstyle="-", color=FAINT, lw=0.7, shrinkA=1.0, shrinkB=4.0)
         axes.annotate(
-            text, (x, y), offset, textcoords="offset points", fontsize=9, color=colour, arrowprops=leader
+            text, (x, y), offset, textcoords="offset points", fontsize=9, color=color, arrowprops=leader
         )
         taken.append((place[0] - APART, place[1], place[2] + APART, place[3]))
     axes.free_labels = []

@@ -37,7 +37,7 @@ def add_arguments(parser) -> None:
     add_scene_options(parser)
     add_model_option(parser)
     add_machine_options(parser)
-    parser.set_defaults(size=DEFAULT_SIZE)  # a view has a size, though its colours do not depend on it
+    parser.set_defaults(size=DEFAULT_SIZE)  # a view has a size, though its colors do not depend on it
 
 
 def run(args) -> None:

@@ -26,12 +26,12 @@ def encode_srgb(linear) -> np.ndarray:
 
 
 def over_background(rgba, background) -> np.ndarray:
-    """(H, W, 3) float32 scene-linear: the premultiplied picture over one background colour."""
+    """(H, W, 3) float32 scene-linear: the premultiplied picture over one background color."""
     return rgba[..., :3] + (1.0 - rgba[..., 3:4]) * np.asarray(background, dtype=np.float32)
 
 
 def straight_alpha(rgba) -> np.ndarray:
-    """(H, W, 4) float32: colours divided by alpha, as PNG wants them; black where alpha is zero."""
+    """(H, W, 4) float32: colors divided by alpha, as PNG wants them; black where alpha is zero."""
     alpha = rgba[..., 3:4]
     color = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0.0)
     return np.concatenate((color, alpha), axis=-1)
@@ -58,7 +58,7 @@ def write_png(path, rgba, depth, background=None) -> None:
 
     chunks = PngImagePlugin.PngInfo()
     chunks.add(b"sRGB", b"\x00")  # rendering intent 0: perceptual
-    # Of what a pixel differs from its neighbours by, only runs repeat (measured: by looking for runs alone pictures of
+    # Of what a pixel differs from its neighbors by, only runs repeat (measured: by looking for runs alone pictures of
     # scans get at most 8 % larger, and are deflated in a third of the time).
     Image.fromarray(to_bytes(rgba, background)).save(path, format="PNG", pnginfo=chunks, compress_type=zlib.Z_RLE)
 

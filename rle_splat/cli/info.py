@@ -131,7 +131,7 @@ def text_lines(report: dict) -> list[str]:
         ("shape", f"{_times(report['shape_xyz'])} voxels (x, y, z)"),
         ("type", f"{report['type']}, {bytes_text(memory['voxels'])}"),
         ("spacing", f"{_times(report['spacing'])} {report['unit']}"),
-        ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centres"),
+        ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centers"),
         ("modality", report["modality"] or "not known"),
         ("values", f"{number_text(report['range'][0])} to {number_text(report['range'][1])} ({unit})"),
         ("scaling", f"value = {number_text(report['slope'])} * stored + {number_text(report['intercept'])}"),
@@ -157,7 +157,7 @@ def _records_text(records: dict) -> str:
 
 
 def _bars(counted: dict) -> list[str]:
-    """The histogram as text: neighbouring bins gathered into at most TEXT_ROWS rows."""
+    """The histogram as text: neighboring bins gathered into at most TEXT_ROWS rows."""
     counts, edges = np.asarray(counted["counts"]), np.asarray(counted["edges"])
     width = -(-counts.size // TEXT_ROWS)
     starts = np.arange(0, counts.size, width)

@@ -69,7 +69,7 @@ def add_volume_options(parser) -> None:
     group.add_argument("--dtype", metavar="TYPE", help=f"{'|'.join(STORED_TYPES)}")
     group.add_argument("--byte-order", metavar="ORDER", help="|".join(BYTE_ORDERS))
     group.add_argument("--header-bytes", type=int, metavar="N", help="bytes to skip before the voxels")
-    group.add_argument("--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="between voxel centres")
+    group.add_argument("--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="between voxel centers")
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] for the second of that name")
@@ -95,7 +95,7 @@ def add_report_options(parser) -> None:
 def add_transfer_function_options(parser) -> None:
     group = parser.add_argument_group("transfer function", "chosen from the volume's values where left out")
     one = group.add_mutually_exclusive_group()
-    one.add_argument("--transfer-function", metavar="FILE.json", help="points of opacity and colour")
+    one.add_argument("--transfer-function", metavar="FILE.json", help="points of opacity and color")
     one.add_argument("--preset", metavar="NAME", help="a built-in one; an unknown name lists them")
 
 
@@ -106,7 +106,7 @@ def add_light_options(parser) -> None:
         "--headlight", action=argparse.BooleanOptionalAction, default=None,
         help="one white parallel light along the camera's axis (the turntable's default without --lights)",
     )
-    group.add_argument("--no-shading", action="store_true", help="the transfer function's colours as they are")
+    group.add_argument("--no-shading", action="store_true", help="the transfer function's colors as they are")
 
 
 def add_effect_options(parser) -> None:
