@@ -95,7 +95,7 @@ def is_current(scene, row) -> bool:
     Returns
     -------
     bool
-        False too for a row that cannot be read, and with a maximum error, which chooses a plan by itself.
+        False for a row that cannot be read, and with a maximum error, which chooses a plan by itself.
     """
     try:
         return tolerance_of(scene) is None and _same(quality_of(scene), plan_of(row))

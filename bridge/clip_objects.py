@@ -1,7 +1,7 @@
 """Clip objects: the planes and boxes in a scene's collection of clip objects, as plain data.
 
 An Empty displayed as a cube is a box.  An Empty displayed as an arrow, as axes or as an image is a plane: the side that
-its +Z points to is removed.  A flat mesh is a plane too, along its thin local axis.  Any other mesh is its bounding box.
+its +Z points to is removed.  A flat mesh is a plane too, along its thin axis.  Any other mesh is its bounding box.
 Objects in child collections count.  An Empty that is hidden from renders does not count.  A mesh counts hidden or not,
 because hiding it from renders is how a user keeps Blender from rendering it; a clip mesh never occludes the volume.
 """

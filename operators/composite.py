@@ -49,7 +49,7 @@ class RLE_SPLAT_OT_composite(bpy.types.Operator):
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
             remarks.append(f"Only {volume_object.name} is composited, not {', '.join(others)}.")
-        self.report({"INFO"}, " ".join([f"{volume_object.name} is composited into every render from now on.", *remarks]))
+        self.report({"INFO"}, " ".join([f"{volume_object.name} is now composited into every render.", *remarks]))
         return {"FINISHED"}
 
 
