@@ -79,7 +79,7 @@ def plan_of(row) -> Quality:
     try:
         return Quality(name=row.name, **json.loads(row.knobs))
     except (TypeError, ValueError):
-        raise RleSplatError(f"The plan {row.name!r} was saved by another version; measure the accuracy again.") from None
+        raise RleSplatError(f"The plan {row.name!r} is of another version; measure the accuracy again.") from None
 
 
 def is_current(scene, row) -> bool:
@@ -104,7 +104,7 @@ def is_current(scene, row) -> bool:
 
 
 def choose(scene, row) -> None:
-    """Set the scene's settings to a row's plan; ``quality`` becomes "custom" unless a preset is the same plan.
+    """Set the scene's settings to a row's plan; ``quality`` becomes "custom" unless a preset equals the plan.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ CLASSIFICATION_TEXTS = {
 }
 CLASSIFICATION_ITEMS = [(name, *CLASSIFICATION_TEXTS[name]) for name in tables.CLASSIFICATIONS]
 QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name in tables.QUALITY_PRESETS] + [
-    ("paper", "Paper", "The algorithm exactly as published, for comparison: softer edges, slower close-ups"),
+    ("paper", "Paper", "The algorithm exactly as published, for comparison"),
     ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
 RECORD_ITEMS = [(str(size), f"{size} Bytes", "") for size in tables.RECORDS]
