@@ -89,8 +89,8 @@ def load_volume(owner, warn=None):
         _kept[key] = (volume, volume.voxel_key)
     volume, voxel_hash = _kept[key]
     if warn is not None and properties.data_key and voxel_hash != properties.data_key:
-        warn(f"The voxels of {owner.name!r} differ from those that were imported, because {path} has changed; import "
-             "it again, or press Relocate to choose the original file.")
+        warn(f"The voxels of {owner.name!r} are not those that were imported, because {path} has changed; import it "
+             "again, or press Relocate to choose the original file.")
     return volume
 
 

@@ -148,7 +148,7 @@ def test_nodes_deleted_by_hand_are_told(volume, bridge, tmp_path):
     for node in [node for node in tree.nodes if node.bl_idname == "CompositorNodeAlphaOver"]:
         tree.nodes.remove(node)
     scenes.rendered(tmp_path / "gone.exr")
-    assert "taken out of the compositor" in bpy.context.scene.rle_splat.message
+    assert "removed from the compositor" in bpy.context.scene.rle_splat.message
 
 
 def test_a_compositor_that_would_abort_blender(volume, bridge, monkeypatch):
