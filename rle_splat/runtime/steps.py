@@ -42,23 +42,30 @@ class Clock:
         return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
 
 
-def drain(steps):
-    """Run a generator of steps to its end; what it returns."""
+def drain(steps, on_step=None):
+    """Run a generator of steps to its end; return its result. ``on_step``: called with each step."""
     while True:
         try:
-            next(steps)
+            step = next(steps)
         except StopIteration as finished:
             return finished.value
+        if on_step is not None:
+            on_step(step)
+
+
+def mapped(steps, function):
+    """Generator: the steps, each as ``function(step)``; return their result."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as finished:
+            return finished.value
+        yield function(step)
 
 
 def portion(steps, start: float, end: float, message: str):
     """Steps of fractions done as Progress from ``start`` to ``end``; generator, returns what they return."""
-    while True:
-        try:
-            done = next(steps)
-        except StopIteration as finished:
-            return finished.value
-        yield Progress(start + (end - start) * done, message)
+    return (yield from mapped(steps, lambda done: Progress(start + (end - start) * done, message)))
 
 
 def timed(steps, clock: Clock, stage: str):

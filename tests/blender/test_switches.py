@@ -173,7 +173,7 @@ def test_a_clip_in_a_hidden_collection_cuts_and_says_that_it_is_hidden(clips, ca
         clips.hide_viewport = True
     before = contents()
     assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
-    assert "cuts the volume but is not visible, because its collection is hidden in the viewport" in capfd.readouterr().out
+    assert "cuts the volume but is not visible, because its collection is hidden" in capfd.readouterr().out
     (added,) = clips.objects
     assert contents() == {**before, "objects": before["objects"] + 1, "active": added}
     half = pixels()
