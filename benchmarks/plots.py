@@ -1,4 +1,4 @@
-"""The plots in docs/images; matplotlib is in the benchmarks' environment alone."""
+"""The plots in docs/images.  matplotlib is installed only in the benchmarks' environment."""
 
 from __future__ import annotations
 
@@ -29,9 +29,21 @@ def _save(figure, path: Path) -> str:
 
 
 def scaling_plot(rows, path: Path, most_bytes: int) -> str:
-    """Time against kept voxels and against the volume, and peak memory; a sentence on what was written.
+    """Plot time against kept voxels and against volume size, and peak memory.
 
-    ``most_bytes``: the peak that is allowed, drawn as a line.
+    Parameters
+    ----------
+    rows : list of dict
+        The rows of bench scaling.
+    path : Path
+        The file to write.
+    most_bytes : int
+        The allowed peak, drawn as a line.
+
+    Returns
+    -------
+    str
+        A sentence on the file.
     """
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
@@ -42,7 +54,7 @@ def scaling_plot(rows, path: Path, most_bytes: int) -> str:
         for name, style in (("frame", "o-"), ("encode", "s--"), ("classify", "^:")):
             spent = [row[f"{name}_ms"] for row in mine]
             by_volume.loglog(volume, spent, style, color=color, label=f"{name}, {series}")
-            if name != "classify":  # which looks at every voxel
+            if name != "classify":  # its time depends on all voxels
                 by_kept.loglog(kept, spent, style, color=color, label=f"{name}, {series}")
         for name, style, label in (
             ("three_axes_peak_bytes", "D-", "peak, three axes"), ("peak_bytes", "o-", "peak, one axis and frames"),
@@ -59,8 +71,8 @@ def scaling_plot(rows, path: Path, most_bytes: int) -> str:
     volume = sorted(sides.values())
     memory.loglog(volume, [size / 2**30 for size in volume], ":", color="gray", label="the volume itself")
     memory.axhline(most_bytes / 2**30, color="tab:red", lw=1, label=f"{most_bytes >> 30} GiB")
-    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="A frame follows what is kept ...")
-    by_volume.set(xlabel="voxels of the volume", ylabel="milliseconds", title="... not the volume")
+    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="Time grows with the kept voxels ...")
+    by_volume.set(xlabel="voxels of the volume", ylabel="milliseconds", title="... not with the volume")
     memory.set(xlabel="voxels of the volume", ylabel="GiB", title="Memory")
     for axes in (by_volume, memory):
         axes.set_xticks(list(sides.values()), [f"{side}³" for side in sides])
@@ -72,7 +84,20 @@ def scaling_plot(rows, path: Path, most_bytes: int) -> str:
 
 
 def turn_plot(turn, near, path: Path) -> str:
-    """Frame difference and alpha over a full turn, and the difference of two axes near the switch."""
+    """Plot the frame difference and alpha over a full turn, and the difference of two axes near the switch.
+
+    Parameters
+    ----------
+    turn, near : list of dict
+        The results of ``Turn.round`` and ``Turn.both_axes``.
+    path : Path
+        The file to write.
+
+    Returns
+    -------
+    str
+        A sentence on the file.
+    """
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
     figure, (steps, alpha, both) = plt.subplots(3, 1, figsize=(11, 9))

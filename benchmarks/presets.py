@@ -1,8 +1,8 @@
-"""Error and time of the quality presets of post on volumes of 256^3 voxels, and what holds the error.
+"""Error and time of the post-classified quality presets on volumes of 256^3 voxels, and the sources of the error.
 
-Each against T2, unshaded, at random pixels of a few views: the presets as they are; what is left of ``standard`` with
-sheets so dense that nothing but depth errs, and with so many slabs a voxel that nothing but the sheets' resampling
-does; and which share of the squared error the worst pixels hold.
+Errors are against T2, unshaded, at random pixels of a few views.  Besides the presets it measures ``standard`` with
+very dense sheets, which leaves the depth error, and with many slabs per voxel, which leaves the resampling error.  It
+also gives the share of the squared error in the worst pixels.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from .scenes import scenes
 SIZE, PROBES, REPEATS, TOLERANCE = 512, 4096, 5, 1e-6
 VIEWS = ((35, 25), (130, -20), (-60, 75))  # azimuth and elevation, degrees
 LARGE = ("X-ray foot", "CT bonsai")
-WORST = 0.003  # of all pixels
-# What of standard is left when one of its two errors is taken away, by name.
+WORST = 0.003  # fraction of all pixels
+# Changes to standard that remove one of its two errors.
 ALONE = {"depth alone": dict(sheet_density=4.0), "resampling alone": dict(depth_rule="midpoint-8", termination=1e-6)}
 
 
 def subjects(names):
-    """Name, volume, transfer function: the preset's own, and, called so, the benchmarks' own."""
+    """Yield name, volume and transfer function: with presets, and with the transfer functions of bench paper."""
     yield from scenes(("shells", *LARGE) if not names else names)
     for data in PAPER:
         if data.name in (names or LARGE):
@@ -42,7 +42,7 @@ def subjects(names):
 
 
 def measure(scenes_of_views, quality: Quality, cache: StageCache, true, places, repeats: int) -> dict:
-    """JSON-ready: median milliseconds, RMSE of full scale, and the share of the squared error in the worst pixels."""
+    """JSON-ready: median milliseconds, RMSE (1 is full scale), share of the squared error in the worst pixels."""
     spent, squares = [], []
     for scene, expected in zip(scenes_of_views, true, strict=True):
         rendering, _ = best_frame(scene, quality, repeats, cache)

@@ -1,8 +1,8 @@
-"""What shorter voxel records cost: their pictures against 16 bytes and against the truth, and the time of a frame.
+"""Error and frame time of short voxel records, against records of 16 bytes and against the truth.
 
-Every record size draws the same views in turns, so that what else the machine does falls on all alike.  Errors are
-levels, 1/255 of premultiplied scene-linear RGBA: from the picture of 16 bytes over all pixels of all views, and from
-T1, the classified medium interpolated, at random probe pixels.
+All record sizes draw the same views in alternation, so that other load affects all equally.  Errors are levels of 1/255
+of premultiplied scene-linear RGBA: against the picture of 16 bytes over all pixels of all views, and against T1
+(classify, then interpolate) at random probe pixels.
 """
 
 from __future__ import annotations
@@ -31,17 +31,29 @@ from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, view_
 REPEATS = 3
 PROBES = 64  # per view
 FIELD_SIZE = 128  # voxels a side of the synthetic fields
-THIN_ALPHA, THIN_SLICES = 0.002, 256  # algorithm.md 1.11: a linear alpha of 8 bits is 59 levels off here
+THIN_ALPHA, THIN_SLICES = 0.002, 256  # a medium for which a linear 8-bit alpha has an error of 59 levels
 
 
 def compare_records(scenes, quality: Quality, probes: int = PROBES, repeats: int = REPEATS) -> list[dict]:
-    """One JSON-ready row per record size, for the views ``scenes`` of one volume.
+    """Compare the record sizes on several views of one volume.
 
-    ``against_16`` and ``t1``: RMSE and largest error, levels.  ``frame``: milliseconds of splat and warp over those
-    of 16 bytes, the median of the views' ratios.
+    Parameters
+    ----------
+    scenes : list of Scene
+        The views.
+    quality : Quality
+        The knobs.
+    probes, repeats : int
+        Probe pixels per view, and frames of which the fastest counts.
+
+    Returns
+    -------
+    list of dict
+        One JSON-ready row per record size.  ``against_16`` and ``t1``: RMSE and largest error in levels.  ``frame``:
+        time of a frame over that with 16 bytes, the median over the views.
     """
     found = {record: {"against_16": [], "t1": [], "frame": []} for record in RECORDS}
-    quality = quality.classified("pre")  # records are those of classified voxels
+    quality = quality.classified("pre")  # only classified voxels have records of different sizes
     for number, scene in enumerate(scenes):
         cache = StageCache()
         columns, rows, truth = probe_truth(scene_medium(scene, quality), probes, seed=number)

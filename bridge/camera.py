@@ -189,7 +189,7 @@ def without_scale(matrix_world) -> np.ndarray:
     matrix = np.array(matrix_world, dtype=np.float64)
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     if not (np.isfinite(matrix).all() and (lengths > 0.0).all()):
-        raise RleSplatError("The scale of the camera or of a parent is zero; set it above zero.")
+        raise RleSplatError("The scale of the camera or of a parent is zero or not finite; set it above zero.")
     matrix[:3, :3] /= lengths
     return matrix
 
