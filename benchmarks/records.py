@@ -83,8 +83,8 @@ def _levels(pictures, references) -> dict:
 
 
 def fields():
-    """Yields name, volume and transfer function of media whose truth is known in every voxel; unshaded."""
-    thin = TransferFunction(  # solid matter is in the function, so codes must span all densities
+    """Yield name, volume and transfer function of unshaded synthetic media."""
+    thin = TransferFunction(  # includes opaque values, so that the codes of a record must span all densities
         "thin", None, ((0, THIN_ALPHA), (150, THIN_ALPHA), (200, 1.0)), ((0, 1.0, 0.37, 0.61),), 1.0, None
     )
     yield "thin medium", Volume(np.full((64, THIN_SLICES, 64), 100, np.uint8), np.eye(4)), thin
@@ -97,7 +97,7 @@ def fields():
 
 
 def header() -> str:
-    """The table's first lines."""
+    """The heading of the table."""
     short = [f"{record} B" for record in RECORDS[1:]]
     return (
         f"{'':<24}{'':<10}" + "".join(f"{f'{name} against 16':>18}" for name in short)
@@ -109,14 +109,14 @@ def header() -> str:
 
 
 def line(name: str, quality: str, rows: list[dict]) -> str:
-    """One line of the table from what ``compare_records`` returned."""
+    """One line of the table from the result of ``compare_records``."""
     against = "".join(f"{row['against_16']['rmse']:10.3f}{row['against_16']['largest']:8.2f}" for row in rows[1:])
     truth = "".join(f"{row['t1']['rmse']:9.3f}{row['t1']['largest']:7.2f}" for row in rows)
     return f"{name:<24}{quality:<10}{against}{truth}   " + "".join(f"{row['frame']:8.2f}" for row in rows[1:])
 
 
 def _volumes(options):
-    """Yields name, volume, transfer function and whether it is lit."""
+    """Yield name, volume, transfer function, and whether it is shaded."""
     if not options.no_fields:
         yield from ((*field, False) for field in fields())
     chosen = PAPER if options.data is None else [data for data in PAPER if data.name in options.data]
@@ -128,11 +128,11 @@ def main(arguments) -> int:
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["standard"])
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
+    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels per view")
     parser.add_argument("--data", nargs="*", choices=[data.name for data in PAPER], help="only these data sets")
-    parser.add_argument("--no-fields", action="store_true", help="without the synthetic media")
+    parser.add_argument("--no-fields", action="store_true", help="skip the synthetic media")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     where, neighbors, table = circumstances(options.threads), Neighbors(), []
@@ -144,7 +144,7 @@ def main(arguments) -> int:
             rows = compare_records(scenes, knobs, options.probes, options.repeats)
             table.append({"volume": name, "quality": quality, "records": rows})
             print(line(name, quality, rows), flush=True)
-    print(f"\nx frame: splat + warp over that of 16 bytes, drawn in turns.\n{neighbors.describe()}")
+    print(f"\nframe: splat + warp over that of 16 bytes, drawn in alternation.\n{neighbors.describe()}")
     where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
