@@ -1,4 +1,4 @@
-"""Long work as generators of steps, and what each stage of it takes."""
+"""Long work as generators of steps, and the time that each stage takes."""
 
 from __future__ import annotations
 
@@ -38,6 +38,15 @@ class Clock:
         finally:
             self.stages[name] += 1e3 * (time.perf_counter() - begun)
 
+    def timing(self, name: str, function):
+        """The function with its time counted for a stage."""
+
+        def timed_function(*arguments):
+            with self.stage(name):
+                return function(*arguments)
+
+        return timed_function
+
     def report(self) -> dict:
         return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
 
@@ -63,17 +72,37 @@ def mapped(steps, function):
         yield function(step)
 
 
-def portion(steps, start: float, end: float, message: str):
-    """Steps of fractions done as Progress from ``start`` to ``end``; generator, returns what they return."""
-    return (yield from mapped(steps, lambda done: Progress(start + (end - start) * done, message)))
-
-
-def timed(steps, clock: Clock, stage: str):
-    """The same steps with the time between them counted for ``stage``; generator, returns what they return."""
+def within(steps, context):
+    """Generator: the steps, each made within ``context()``, a context manager; return their result."""
     while True:
         try:
-            with clock.stage(stage):
+            with context():
                 step = next(steps)
         except StopIteration as finished:
             return finished.value
         yield step
+
+
+def portion(steps, start: float, end: float, message: str):
+    """Generator: fractions done as Progress from ``start`` to ``end`` with a message; return the steps' result."""
+    return mapped(steps, lambda done: Progress(start + (end - start) * done, message))
+
+
+def part(steps, start: float, end: float, message: str = ""):
+    """Generator: Progress from 0 to 1 as Progress from ``start`` to ``end``; return the steps' result.
+
+    ``message``: in place of each step's own, if given.
+    """
+    return mapped(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
+
+
+def timed(steps, clock: Clock, stage: str, without: str | None = None):
+    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result.
+
+    ``without``: a stage that is timed within these steps by itself, and not counted twice.
+    """
+    before = clock.stages[without] if without else 0.0
+    result = yield from within(steps, lambda: clock.stage(stage))
+    if without:
+        clock.stages[stage] -= clock.stages[without] - before
+    return result
