@@ -49,7 +49,6 @@ class LabelProperties(bpy.types.PropertyGroup):
         update=_evaluate_anew)
 
     def plain(self) -> LabelLook:
-        """The row as plain data."""
         return LabelLook(
             self.label, self.label_name, not self.show,
             tuple(typed(c) for c in self.color) if self.use_color else None, None if self.look == OWN else self.look,
