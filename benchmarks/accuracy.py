@@ -1,8 +1,8 @@
-"""Error against time: makes every figure and table of docs/accuracy.md.
+"""Error against time: makes every figure and table of the page accuracy.md.
 
 A CT, an MR and a cloud of smoke are measured in orthographic and perspective views, as ``rle-splat accuracy`` does.  On
 the orthographic views every knob is varied by itself.  The tables are written between marks in the page, the numbers
-into docs/accuracy.json and the pictures into docs/images; the other text of the page is not changed.
+into accuracy.json beside it and the pictures into docs/images; the other text of the page is not changed.
 """
 
 from __future__ import annotations
@@ -351,7 +351,7 @@ def fill(page: str, blocks: dict[str, str]) -> str:
 
 
 def plain_report(measured: dict) -> dict:
-    """The reports for docs/accuracy.json, without their texts."""
+    """The reports for accuracy.json, without their texts."""
     return {
         title: {key: value for key, value in report.items() if key not in ("truths", "remarks")}
         for title, report in measured.items()
@@ -365,7 +365,7 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS, help="frames timed")
     parser.add_argument("--threads", type=int, default=0, help="0 uses all cores")
     parser.add_argument("--backend", default="auto", choices=BACKENDS)
-    parser.add_argument("--output", type=Path, default=DOCS, help="the folder of the page (default docs/)")
+    parser.add_argument("--output", type=Path, default=DOCS, help="folder of the page")
     options = parser.parse_args(arguments)
     where, neighbors = circumstances(options.threads), Neighbors()
     print(describe(where), flush=True)

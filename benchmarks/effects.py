@@ -448,7 +448,7 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--docs", action="store_true", help="write docs/effects.md and docs/effects.json")
+    parser.add_argument("--docs", action="store_true", help="write the tables into the page effects.md")
     options = parser.parse_args(arguments)
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
     where, neighbors, table = circumstances(options.threads), Neighbors(), []

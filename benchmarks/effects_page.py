@@ -1,4 +1,4 @@
-"""The tables of docs/effects.md from docs/effects.json, the last results of ``bench effects`` for each scene."""
+"""The tables of the page effects.md from effects.json, the last results of ``bench effects`` for each scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HEADER = ("effect", "over", "first", "frame", "its own work", "kernels more", "m
 
 
 def write_page(measured: dict, folder: Path = DOCS) -> None:
-    """Update docs/effects.json and the tables of docs/effects.md.
+    """Update effects.json and the tables of effects.md.
 
     Parameters
     ----------
