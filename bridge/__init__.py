@@ -1,6 +1,6 @@
-"""Between Blender and the renderer's plain data.  Operators and panels are above, ``rle_splat`` is below."""
+"""Translation between Blender's data and the renderer's plain data: the layer between operators and ``rle_splat``."""
 
-# First: it chooses the folder of compiled kernels before any kernel's module is imported.
+# Imported first: it sets the cache folder of compiled kernels, which kernel modules read on import.
 from . import paths
 
 # isort: split

@@ -189,7 +189,7 @@ def test_volpack_sees_the_same_frame(view, spacing):
         caster = VolpackCaster(scene, shaded, ALL_VOXELS)
         picture, spent = caster.draw(scene)
         assert spent > 0.0 and caster.classify_ms > 0.0
-        with pytest.raises(RleSplatError, match="parallel rays only"):
+        with pytest.raises(RleSplatError, match="only parallel rays"):
             caster.draw(view_scene(volume, LOPSIDED, view, 48, perspective=True))
         caster.close()
         pixels = (columns + 0.5, rows + 0.5)

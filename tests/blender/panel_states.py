@@ -13,7 +13,7 @@ SIDE = 8  # voxels
 LONG_NAME = "sub-01_ses-preop_acq-mprage_run-02_T1w"  # as scans have them, and too long for its row
 SENTENCE = (
     "The file of 'sub-01_ses-preop_acq-mprage_run-02_T1w' is not at //scans/sub-01.nii.gz; press Relocate in the "
-    "RLE Splat tab to say where it is now.")
+    "RLE Splat tab to choose its new place.")
 
 
 def add_volume(folder, name="scan"):

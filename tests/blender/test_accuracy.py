@@ -68,7 +68,7 @@ def test_choosing_a_row_sets_its_plan(listed, bridge):
         plan = bridge("settings").quality_of(scene)
         for name, value in json.loads(row.knobs).items():
             assert getattr(plan, name) == (pytest.approx(value) if isinstance(value, float) else value), name
-    with pytest.raises(RuntimeError, match="measured plans"):
+    with pytest.raises(RuntimeError, match="no measured plan"):
         bpy.ops.rle_splat.choose_plan(index=99)
 
 
