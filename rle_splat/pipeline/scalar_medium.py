@@ -88,7 +88,7 @@ def scalar_medium_steps(scene: Scene, quality: Quality, job: Job, clock: Clock, 
     volume, tf = scene.volume, scene.transfer_function
     machine = dict(backend=quality.backend, threads=quality.threads)
     length = unit_length(volume, scene.index_to_world)
-    voxels_key = (volume.key if job.kept.keeps else "", quality.backend)
+    voxels_key = (volume.key if job.cache.keeps else "", quality.backend)
     steps = job.steps("blocks", voxels_key, lambda: block_steps(volume, **machine))
     blocks = yield from portion(timed(steps, clock, "classify"), 0.0, 0.02, "Looking through the voxels")
     falling = scene_lighting(scene, scene.index_to_world)
@@ -206,7 +206,7 @@ def _relevant_steps(scene, quality, job: Job, clock: Clock, blocks: Blocks, voxe
             close_gaps(bits, volume.shape_xyz, **machine)
         counted = kept_counts(bits, **machine)
     needs = wanted(counted)
-    job.kept.make_room(needs.needed)
+    job.cache.make_room(needs.needed)
     refuse_too_much(needs)
     yield Progress(0.08, f"Keeping {needs.visible_voxels} voxels, about {bytes_text(needs.needed)} in all")
     with clock.stage("classify"):
@@ -260,7 +260,7 @@ def _axis_steps(volume, lit: _Lit, axis: int, infinite, centre: float, quality: 
     order = IN_ROWS if is_shared(axis) else axis
 
     def scalars():
-        job.kept.make_room(needs.needed)
+        job.cache.make_room(needs.needed)
         refuse_too_much(needs)
         return in_scanlines(tables, voxels, scalars_of(voxels, kind, infinite, centre), **machine)
 
