@@ -25,8 +25,7 @@ import numpy as np
 from benchmarks.effects import given
 from benchmarks.scenes import scenes as scans_of
 from benchmarks.scenes import shells, smoke
-from rle_splat import Quality, RleSplatError, Scene, encode, load_encoded, preset, save_encoded, turntable
-from rle_splat.pipeline import render
+from rle_splat import Quality, RleSplatError, Scene, encode, load_encoded, preset, render, save_encoded, turntable
 from rle_splat.pipeline.previews import previews
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.runtime.steps import drain

@@ -161,7 +161,7 @@ def main() -> None:
         for check in (check_composite, check_reload):
             check(folder)
             passed += 1
-    backend = import_module(f"{MODULE}.rle_splat.jit")
+    backend = import_module(f"{MODULE}.rle_splat.runtime.jit")
     kernels = "numba" if backend.compiled() else f"numpy ({backend.NUMBA_PROBLEM})"
     print(f"{passed} passed, 0 failed, 0 skipped")
     print(f"REAL BLENDER PASSED {bpy.app.version_string} with {kernels}", flush=True)

@@ -325,7 +325,7 @@ def test_no_memory_and_our_own_failures(refused, raw, raw_options, monkeypatch):
 
 def test_too_little_memory_is_told_beforehand(render_refused, refused, raw, raw_options, tmp_path, monkeypatch):
     def short_of_memory(free):
-        for module in ("memory_estimate", "kept", "memory", "cli.info"):
+        for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory", "cli.info"):
             monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
     short_of_memory(1 << 30)

@@ -16,7 +16,7 @@ def short_of_memory(monkeypatch):
     """``short_of_memory(free)``: as if the machine had that many bytes."""
 
     def run(free):
-        for module in ("memory_estimate", "kept", "memory"):
+        for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
             monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
     return run

@@ -194,7 +194,7 @@ def test_S3_the_worst_runs_are_in_the_estimate(record, make):
 def test_S3_the_worst_runs_are_refused_when_they_do_not_fit(record, make, monkeypatch):
     scene = close_up(make(64), 2, (32.0, 32.0, 32.0))
     wanted = memory_estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
-    for module in ("memory_estimate", "kept", "memory"):
+    for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: wanted // 2)
     with pytest.raises(RleSplatError, match="are free") as problem:
         render(scene, QUALITY)

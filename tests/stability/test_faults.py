@@ -187,7 +187,7 @@ if limit:  # no file may grow beyond: what a full disk does, to one process
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 import hashlib
-from rle_splat import jit
+from rle_splat.runtime import jit
 from rle_splat.pipeline.render import render
 from tests.stability.pictures import scene
 picture = render(*scene("parallel"))
@@ -215,7 +215,7 @@ import resource, signal, sys
 if sys.argv[1] == "full":
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-from rle_splat import jit
+from rle_splat.runtime import jit
 from rle_splat.view.footprints import tap_count
 print(jit.compiled(), tap_count(1.5), len(tap_count.signatures))
 """
@@ -275,7 +275,8 @@ def flipped(content: bytes, bit: int) -> bytes:
 LITTLE_MEMORY = """
 import resource, sys
 import numpy as np
-from rle_splat import memory, memory_estimate
+from rle_splat.pipeline import memory_estimate
+from rle_splat.runtime import memory
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.scene import Quality, RleSplatError, Scene

@@ -80,7 +80,7 @@ BESIDE_ANOTHER = """
 import os, sys
 import numba
 numba.config.CACHE_DIR = theirs = os.path.join(sys.argv[1], "theirs")
-from rle_splat import jit
+from rle_splat.runtime import jit
 from rle_splat.view.footprints import tap_count
 import another
 print(jit.nothing_compiled_yet(), tap_count(1.5), another.next_to(6), numba.config.CACHE_DIR == theirs)

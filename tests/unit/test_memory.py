@@ -56,7 +56,7 @@ def test_what_there_is_is_a_part_of_the_machine():
 @pytest.mark.skipif(memory.resource is None, reason="this system has no limits of address space")
 def test_the_limit_of_the_process_counts():
     program = (
-        "import resource; from rle_splat import memory; before = memory.available_bytes(); "
+        "import resource; from rle_splat.runtime import memory; before = memory.available_bytes(); "
         f"resource.setrlimit(resource.RLIMIT_AS, ({GIB}, {GIB})); print(memory.available_bytes(), before)"
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
@@ -259,7 +259,7 @@ def test_the_voxels_are_hashed_once():
 def short_of_memory(monkeypatch, free):
     """As if there were ``free`` bytes; and work on few voxels at a time, as large volumes have it."""
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
-    for module in ("memory_estimate", "kept", "memory"):
+    for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
 

@@ -226,7 +226,7 @@ def test_too_little_memory_is_refused_before_it_is_taken(monkeypatch):
     camera, matrix = turntable(noise(), 20, 10, width=64, height=64)
     big = Scene(noise(), FUNCTION, camera, 64, 64, matrix)
     render(big, QUALITY)
-    for module in ("memory_estimate", "kept", "memory"):
+    for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: 2 << 20)
 
     def refused():

@@ -275,7 +275,7 @@ def noise(n=48, dtype=np.uint8):
 @pytest.mark.parametrize("headlight", (False, True))
 @pytest.mark.parametrize(("refinement", "dtype"), ((2, np.uint8), (3, np.uint8), (2, np.float32)))
 def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, monkeypatch):
-    for name in ("classify.visible", "memory_estimate"):  # as large volumes have it: some planes at a time
+    for name in ("classify.visible", "pipeline.memory_estimate"):  # as large volumes have it: some planes at a time
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 16)
     scene, quality = scene_of(noise(dtype=dtype), headlight=headlight), refined_quality(refinement)
     render(scene, quality)  # whatever is made once
@@ -298,14 +298,14 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
      (0.001, 16, "crop or thin the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
-    for name in ("classify.visible", "memory_estimate"):
+    for name in ("classify.visible", "pipeline.memory_estimate"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
     monkeypatch.setattr(sys.modules[render.__module__], "scratch_bytes", lambda *_: 0)
     scene, quality = scene_of(noise(32), size=8), refined_quality(4, record=record)
     needed = render(scene, quality).report["memory_estimate_bytes"]["needed"]
-    for module in ("memory_estimate", "kept"):
+    for module in ("pipeline.memory_estimate", "pipeline.stage_cache"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: int(share * needed / estimate.SPARE))
     with pytest.raises(RleSplatError, match="are free") as problem:
         render(scene, quality)
