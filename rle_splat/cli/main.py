@@ -26,6 +26,7 @@ COMMANDS = {
     "encode": "classify, shade and run-length encode a volume into a .rle file",
     "convert": "copy a volume from one format to another",
     "accuracy": "measure error against time over the sensible plans on a volume and view: table, JSON, plot",
+    "prepare": "compile ahead what a default picture needs, so that the first one is quick",
     "compare": "hold the systems that the paper names side by side: time, memory, error",
 }
 

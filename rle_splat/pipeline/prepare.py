@@ -1,0 +1,180 @@
+"""Compile kernels ahead: render tiny synthetic scenes whose kernels are those of default pictures.
+
+A kernel is compiled once for each combination of argument types, when a picture first calls it, and kept on disk
+(``runtime/kernel_cache``).  Which types a picture has follows from the voxels' type, the classification, the quality,
+the lights, the projection and the principal axis, not from any size.  So a volume of 64 voxels a side calls for the
+same kernels as a scan does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from ..classify.default import default_transfer_function
+from ..runtime import jit
+from ..runtime.steps import Progress
+from ..scene import Light, Quality, RleSplatError, Scene
+from ..view.turntable import turntable
+from ..volume.volume import Volume
+from .previews import progressive_steps
+from .render import render_steps
+from .stage_cache import StageCache
+
+SIDE = 64  # voxels: fewer have no previews (``previews.preview_levels``)
+WIDTH, HEIGHT = 32, 24  # pixels
+# The stored types of most scans: CT is int16 or uint16, converted scans and phantoms are uint8, VDB grids float32.
+STORED_TYPES = ("uint8", "int16", "uint16", "float32")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One synthetic picture, made once for each of STORED_TYPES.
+
+    ``seconds``: how long its kernels took to compile for all types in an empty cache, measured on one core; the
+    fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
+    """
+
+    name: str
+    seconds: float
+    quality: str = "standard"
+    classification: str = "post"
+    scene: str = "headlight"
+    azimuth: float = 0.0
+    perspective: bool = False
+    previews: bool = False
+
+
+# In the order in which users need them.  Sideways: the voxels' x is the principal axis, whose runs lie across rows.
+PICTURES = (
+    Picture("orthographic", 17.0),
+    Picture("perspective", 1.5, perspective=True),
+    Picture("sideways", 2.0, azimuth=90.0),
+    Picture("lights and shadows", 3.5, scene="lights", perspective=True),
+    Picture("lights, shadows and meshes", 19.0, scene="meshes", perspective=True),
+    Picture("previews", 7.5, scene="meshes", perspective=True, previews=True),
+    Picture("draft", 0.5, quality="draft"),
+    Picture("pre-classified, orthographic", 4.0, classification="pre"),
+    Picture("pre-classified, perspective", 3.0, classification="pre", perspective=True),
+    Picture("pre-classified, sideways", 0.5, classification="pre", azimuth=90.0),
+    Picture("pre-classified, draft", 0.5, quality="draft", classification="pre"),
+)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One picture's part of a preparation: how long it took, and the kernels that were new on disk after it, one that
+    was compiled for several combinations of argument types as often."""
+
+    picture: str
+    seconds: float
+    kernels: tuple[str, ...]
+
+
+def prepare_steps():
+    """Compile what default pictures need and is not on disk yet.
+
+    Covered are pictures at the qualities "standard" and "draft", post- and pre-classified, of volumes of STORED_TYPES
+    with shading: by the headlight, and as Blender's default scene has it, by a lamp with shadows and the world's
+    light, without and with meshes that hide the volume; in perspective and orthographic; with progressive previews.
+
+    Not covered, and compiled when a picture first needs them: other stored types; the classification "refined"; the
+    qualities "fine", "strict" and "paper" and knobs by hand; a maximum error; labels and channels; clip objects;
+    depth of field and motion blur beyond what sharp pictures need; gradient opacity; mist; ambient occlusion; modes
+    other than "composite"; unshaded volumes; ``.rle`` files.
+
+    Yields
+    ------
+    Progress
+        The fraction is a share of the time that an empty cache takes.
+
+    Returns
+    -------
+    list of Prepared
+        One entry for each picture and stored type.
+
+    Raises
+    ------
+    RleSplatError
+        Where numba cannot be loaded, or no kernel can be kept on disk.
+    """
+    jit.compiled("numba")
+    whole = sum(picture.seconds for picture in PICTURES) * len(STORED_TYPES)
+    done, prepared = 0.0, []
+    for picture in PICTURES:
+        for stored in STORED_TYPES:
+            name = f"{picture.name}, {stored}"
+            began, before = perf_counter(), _on_disk()
+            for step in _picture_steps(picture, stored):
+                fraction = (done + picture.seconds * step.fraction) / whole
+                yield Progress(fraction, f"Preparing kernels: {name}")
+            done += picture.seconds
+            new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
+            prepared.append(Prepared(name, perf_counter() - began, tuple(new)))
+    if jit.nothing_compiled_yet():
+        raise RleSplatError(f"Compiled kernels cannot be kept in {jit.KERNELS}; set RLE_SPLAT_CACHE to another folder.")
+    _mark().touch()
+    yield Progress(1.0, "Done")
+    return prepared
+
+
+def is_prepared() -> bool:
+    """Whether ``prepare_steps`` has run to its end for these kernels, under the name that this package has."""
+    return jit.compiled() and _mark().is_file()
+
+
+def _mark() -> Path:
+    """The empty file that says so.  Kernels are kept under the name of their module, see ``kernel_cache``."""
+    return jit.KERNELS / f"{__name__}.done"
+
+
+def _on_disk() -> set[Path]:
+    """Files of compiled kernels, one for each combination of argument types."""
+    return set(jit.KERNELS.rglob("*.nbc"))
+
+
+def _picture_steps(picture: Picture, stored: str):
+    """Generator of Progress: one synthetic picture, on one thread."""
+    quality = Quality.preset(
+        picture.quality, classification=picture.classification, backend="numba", threads=1
+    )
+    scene = _scene(picture, _ball(stored))
+    if not picture.previews:
+        yield from render_steps(scene, quality)
+        return
+    for step in progressive_steps(scene, quality, StageCache(), every=True):
+        if isinstance(step, Progress):
+            yield step
+
+
+def _ball(stored: str) -> Volume:
+    """A soft ball, read-only as ``read_volume`` maps a file."""
+    z, y, x = np.mgrid[:SIDE, :SIDE, :SIDE] - 0.5 * (SIDE - 1)
+    distance = np.sqrt(x * x + y * y + z * z) / (0.5 * SIDE)
+    voxels = (250.0 * np.clip(1.2 - distance, 0.0, 1.0)).astype(stored)
+    voxels.flags.writeable = False
+    return Volume(voxels, np.eye(4))
+
+
+def _scene(picture: Picture, volume: Volume) -> Scene:
+    """The ball before a turntable's camera.
+
+    By the headlight; or by "lights", a lamp that casts shadows and the world's light; or, with "meshes", by these
+    with a triangle that cuts the ball.
+    """
+    camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
+    function, _ = default_transfer_function(volume)
+    scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
+    if picture.scene == "headlight":
+        return scene
+    beside = np.eye(4)
+    beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
+    lamp = Light("POINT", energy=float(SIDE**3), matrix_world=beside, radius=1.0)
+    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
+    if picture.scene == "lights":
+        return scene
+    corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
+    return replace(scene, triangles=corners)
