@@ -1,4 +1,4 @@
-"""Long work as generators of steps, and what each stage of it takes."""
+"""Long work as generators of steps, and the time that each stage takes."""
 
 from __future__ import annotations
 
@@ -42,31 +42,51 @@ class Clock:
         return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
 
 
-def drain(steps):
-    """Run a generator of steps to its end; what it returns."""
+def drain(steps, on_step=None):
+    """Run a generator of steps to its end; return its result. ``on_step``: called with each step."""
     while True:
         try:
-            next(steps)
+            step = next(steps)
         except StopIteration as finished:
             return finished.value
+        if on_step is not None:
+            on_step(step)
 
 
-def portion(steps, start: float, end: float, message: str):
-    """Steps of fractions done as Progress from ``start`` to ``end``; generator, returns what they return."""
+def mapped(steps, function):
+    """Generator: the steps, each as ``function(step)``; return their result."""
     while True:
         try:
-            done = next(steps)
+            step = next(steps)
         except StopIteration as finished:
             return finished.value
-        yield Progress(start + (end - start) * done, message)
+        yield function(step)
 
 
-def timed(steps, clock: Clock, stage: str):
-    """The same steps with the time between them counted for ``stage``; generator, returns what they return."""
+def within(steps, context):
+    """Generator: the steps, each made within ``context()``, a context manager; return their result."""
     while True:
         try:
-            with clock.stage(stage):
+            with context():
                 step = next(steps)
         except StopIteration as finished:
             return finished.value
         yield step
+
+
+def portion(steps, start: float, end: float, message: str):
+    """Generator: fractions done as Progress from ``start`` to ``end`` with a message; return the steps' result."""
+    return mapped(steps, lambda done: Progress(start + (end - start) * done, message))
+
+
+def part(steps, start: float, end: float, message: str = ""):
+    """Generator: Progress from 0 to 1 as Progress from ``start`` to ``end``; return the steps' result.
+
+    ``message``: in place of each step's own, if given.
+    """
+    return mapped(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
+
+
+def timed(steps, clock: Clock, stage: str):
+    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result."""
+    return within(steps, lambda: clock.stage(stage))
