@@ -16,7 +16,7 @@ import numpy as np
 
 from ..classify.default import default_transfer_function
 from ..runtime import jit
-from ..runtime.steps import Progress
+from ..runtime.steps import Progress, part
 from ..scene import Light, Quality, RleSplatError, Scene
 from ..view.turntable import turntable
 from ..volume.volume import Volume
@@ -108,10 +108,8 @@ def prepare_steps():
         for stored in STORED_TYPES:
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()
-            for step in _picture_steps(picture, stored):
-                fraction = (done + picture.seconds * step.fraction) / whole
-                yield Progress(fraction, f"Preparing kernels: {name}")
-            done += picture.seconds
+            start, done = done, done + picture.seconds
+            yield from part(_picture_steps(picture, stored), start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
             prepared.append(Prepared(name, perf_counter() - began, tuple(new)))
     if jit.nothing_compiled_yet():
@@ -137,17 +135,14 @@ def _on_disk() -> set[Path]:
 
 
 def _picture_steps(picture: Picture, stored: str):
-    """Generator of Progress: one synthetic picture, on one thread."""
-    quality = Quality.preset(
-        picture.quality, classification=picture.classification, backend="numba", threads=1
-    )
+    """Generator of Progress: one synthetic picture, on one thread, its previews left out."""
+    quality = Quality.preset(picture.quality, classification=picture.classification, backend="numba", threads=1)
     scene = _scene(picture, _ball(stored))
-    if not picture.previews:
-        yield from render_steps(scene, quality)
-        return
-    for step in progressive_steps(scene, quality, StageCache(), every=True):
-        if isinstance(step, Progress):
-            yield step
+    if picture.previews:
+        steps = progressive_steps(scene, quality, StageCache(), every=True)
+    else:
+        steps = render_steps(scene, quality)
+    return (step for step in steps if isinstance(step, Progress))
 
 
 def _ball(stored: str) -> Volume:
