@@ -24,6 +24,7 @@ from types import ModuleType
 BUSY = 3  # exit code: another process holds the lock
 GONE = 4  # exit code: nobody holds the pipe any more
 NICENESS = 10
+FIRST_FRACTION = 0.1  # of the work: what is left of it cannot be told before
 PULSE = 0.5  # seconds between bytes: the pipe, unread, has room for 4096 on Windows
 LOCK, STATE = "preparing.lock", "preparing.txt"
 
@@ -85,10 +86,11 @@ def follow(steps, state: Path) -> int:
     began, pulse = time.monotonic(), 0.0
     for progress in steps:
         now = time.monotonic()
-        if progress.fraction > 0.0 and now > pulse + PULSE:
+        if now > pulse + PULSE:
             pulse = now
-            with suppress(OSError):  # on Windows where it is being read
-                state.write_text(f"{seconds_left(now - began, progress.fraction):.0f}", encoding="ascii")
+            if progress.fraction > FIRST_FRACTION:
+                with suppress(OSError):  # on Windows where it is being read
+                    state.write_text(f"{seconds_left(now - began, progress.fraction):.0f}", encoding="ascii")
             try:
                 os.write(sys.stdout.fileno(), b".")
             except OSError:

@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from ..classify.default import default_transfer_function
+from ..classify.transfer_function import Shade
 from ..runtime import jit
 from ..runtime.steps import Progress, part
 from ..scene import Light, Quality, RleSplatError, Scene
@@ -32,35 +33,44 @@ STORED_TYPES = ("uint8", "int16", "uint16", "float32")
 
 @dataclass(frozen=True)
 class Picture:
-    """One synthetic picture, made once for each of STORED_TYPES.
+    """One synthetic picture, made once for each stored type.
 
-    ``seconds``: how long its kernels took to compile for all types in an empty cache, measured on one core; the
-    fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
+    ``first``, ``more``: processor seconds that its kernels took to compile in an empty cache, for the first type and for
+    each other; the fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
     """
 
     name: str
-    seconds: float
+    first: float
+    more: float
     quality: str = "standard"
     classification: str = "post"
     scene: str = "headlight"
     azimuth: float = 0.0
     perspective: bool = False
     previews: bool = False
+    types: tuple[str, ...] = STORED_TYPES
+
+    def seconds(self, stored: str) -> float:
+        return self.first if stored == self.types[0] else self.more
 
 
 # In the order in which users need them.  Sideways: the voxels' x is the principal axis, whose runs lie across rows.
 PICTURES = (
-    Picture("orthographic", 17.0),
-    Picture("perspective", 1.5, perspective=True),
-    Picture("sideways", 2.0, azimuth=90.0),
-    Picture("lights and shadows", 3.5, scene="lights", perspective=True),
-    Picture("lights, shadows and meshes", 19.0, scene="meshes", perspective=True),
-    Picture("previews", 7.5, scene="meshes", perspective=True, previews=True),
-    Picture("draft", 0.5, quality="draft"),
-    Picture("pre-classified, orthographic", 4.0, classification="pre"),
-    Picture("pre-classified, perspective", 3.0, classification="pre", perspective=True),
-    Picture("pre-classified, sideways", 0.5, classification="pre", azimuth=90.0),
-    Picture("pre-classified, draft", 0.5, quality="draft", classification="pre"),
+    Picture("orthographic", 7.0, 3.8),
+    Picture("perspective", 1.0, 0.0, perspective=True),
+    Picture("sideways", 1.3, 0.0, azimuth=90.0),
+    Picture("lights", 2.4, 0.0, scene="lights", perspective=True),
+    Picture("lights and meshes", 7.3, 2.1, scene="meshes", perspective=True),
+    Picture("previews", 5.8, 0.9, scene="meshes", perspective=True, previews=True),
+    Picture("matt", 2.6, 0.0, scene="matt lights", perspective=True, types=("float32",)),
+    Picture("matt among meshes", 2.6, 0.0, scene="matt meshes", perspective=True, types=("float32",)),
+    Picture("colored lights", 2.5, 2.4, scene="colored lights", perspective=True),
+    Picture("colored lights and meshes", 2.5, 2.3, scene="colored meshes", perspective=True),
+    Picture("draft", 0.5, 0.0, quality="draft"),
+    Picture("pre-classified, orthographic", 2.4, 0.6, classification="pre"),
+    Picture("pre-classified, perspective", 0.7, 0.5, classification="pre", perspective=True),
+    Picture("pre-classified, sideways", 0.1, 0.0, classification="pre", azimuth=90.0),
+    Picture("pre-classified, draft", 0.1, 0.0, quality="draft", classification="pre"),
 )
 
 
@@ -77,14 +87,17 @@ class Prepared:
 def prepare_steps():
     """Compile what default pictures need and is not on disk yet.
 
-    Covered are pictures at the qualities "standard" and "draft", post- and pre-classified, of volumes of STORED_TYPES
-    with shading: by the headlight, and as Blender's default scene has it, by a lamp with shadows and the world's
-    light, without and with meshes that hide the volume; in perspective and orthographic; with progressive previews.
+    Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
 
-    Not covered, and compiled when a picture first needs them: other stored types; the classification "refined"; the
-    qualities "fine", "strict" and "paper" and knobs by hand; a maximum error; labels and channels; clip objects;
-    depth of field and motion blur beyond what sharp pictures need; gradient opacity; mist; ambient occlusion; modes
-    other than "composite"; unshaded volumes; ``.rle`` files.
+    - post-classified at the quality "standard": by the headlight; by lamps, white or colored, with shadows and the
+      world's light, without and with meshes that hide the volume; with progressive previews.  Of float32, which VDB
+      grids of smoke are, without a highlight too.
+    - post-classified at "draft", and pre-classified at "standard" and "draft": by the headlight.
+
+    Not covered, and compiled when a picture first needs them: other stored types; other types
+    without a highlight, and unshaded ones; the classification "refined"; the qualities "fine", "strict" and "paper"
+    and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient occlusion;
+    modes other than "composite"; ``.rle`` files.
 
     Yields
     ------
@@ -102,13 +115,13 @@ def prepare_steps():
         Where numba cannot be loaded, or no kernel can be kept on disk.
     """
     jit.compiled("numba")
-    whole = sum(picture.seconds for picture in PICTURES) * len(STORED_TYPES)
+    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in picture.types)
     done, prepared = 0.0, []
     for picture in PICTURES:
-        for stored in STORED_TYPES:
+        for stored in picture.types:
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()
-            start, done = done, done + picture.seconds
+            start, done = done, done + picture.seconds(stored)
             yield from part(_picture_steps(picture, stored), start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
             prepared.append(Prepared(name, perf_counter() - began, tuple(new)))
@@ -157,19 +170,23 @@ def _ball(stored: str) -> Volume:
 def _scene(picture: Picture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
-    By the headlight; or by "lights", a lamp that casts shadows and the world's light; or, with "meshes", by these
-    with a triangle that cuts the ball.
+    By the headlight, or as the words of ``picture.scene`` say: "lights", a lamp that casts shadows and the world's
+    light; "colored" ones; "meshes", with these lights and a triangle that cuts the ball; "matt", without a highlight.
     """
+    words = picture.scene.split()
     camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
     function, _ = default_transfer_function(volume)
+    if "matt" in words:
+        function = replace(function, shade=Shade(specular=0.0))
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
-    if picture.scene == "headlight":
+    if "headlight" in words:
         return scene
     beside = np.eye(4)
     beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
-    lamp = Light("POINT", energy=float(SIDE**3), matrix_world=beside, radius=1.0)
+    color = (1.0, 0.5, 0.25) if "colored" in words else (1.0, 1.0, 1.0)
+    lamp = Light("POINT", color, float(SIDE**3), beside, radius=1.0)
     scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
-    if picture.scene == "lights":
+    if "meshes" not in words:
         return scene
     corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
     return replace(scene, triangles=corners)
