@@ -56,11 +56,6 @@ def _is_taken(file) -> bool:
     return True
 
 
-def seconds_left(elapsed: float, fraction: float) -> float:
-    """What is left of a work of which a fraction, not 0, took so many seconds."""
-    return elapsed * (1.0 - fraction) / fraction
-
-
 def stand_in_for_parents(package: str, extension: str) -> None:
     """Make ``package`` and its parents importable without running them; what is below is found in ``extension``."""
     parts = package.split(".")
@@ -85,12 +80,12 @@ def follow(steps, state: Path) -> int:
     """Run a generator of Progress to its end, with the seconds that are left in a file; the exit code."""
     began, pulse = time.monotonic(), 0.0
     for progress in steps:
-        now = time.monotonic()
+        now, done = time.monotonic(), progress.fraction
         if now > pulse + PULSE:
             pulse = now
-            if progress.fraction > FIRST_FRACTION:
+            if done > FIRST_FRACTION:
                 with suppress(OSError):  # on Windows where it is being read
-                    state.write_text(f"{seconds_left(now - began, progress.fraction):.0f}", encoding="ascii")
+                    state.write_text(f"{(now - began) * (1.0 - done) / done:.0f}", encoding="ascii")
             try:
                 os.write(sys.stdout.fileno(), b".")
             except OSError:

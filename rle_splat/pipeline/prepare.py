@@ -35,8 +35,8 @@ STORED_TYPES = ("uint8", "int16", "uint16", "float32")
 class Picture:
     """One synthetic picture, made once for each stored type.
 
-    ``first``, ``more``: processor seconds that its kernels took to compile in an empty cache, for the first type and for
-    each other; the fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
+    ``first``, ``more``: seconds that its kernels took to compile in an empty cache, for the first type and for each
+    other, of one core's time; the fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
     """
 
     name: str
