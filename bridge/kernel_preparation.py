@@ -21,8 +21,8 @@ from pathlib import Path
 
 import bpy
 
-from ..rle_splat.pipeline.prepare import is_prepared
-from ..rle_splat.runtime.jit import cache_folder, compiled
+from ..rle_splat.pipeline.prepare import is_needed
+from ..rle_splat.runtime.jit import cache_folder
 from . import prepare_process
 from .canvas import redraw
 from .messages import tell
@@ -110,7 +110,7 @@ def _is_wanted() -> bool:
     """Whether there is anything to prepare, a Python to do it, and the user's consent."""
     addon = bpy.context.preferences.addons.get(EXTENSION)
     allowed = addon is not None and addon.preferences is not None and addon.preferences.prepare_kernels
-    return allowed and compiled() and not is_prepared() and is_python(sys.executable)
+    return allowed and is_needed() and is_python(sys.executable)
 
 
 def is_python(program: str) -> bool:

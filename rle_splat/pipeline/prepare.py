@@ -29,6 +29,10 @@ SIDE = 64  # voxels: fewer have no previews (``previews.preview_levels``)
 WIDTH, HEIGHT = 32, 24  # pixels
 # The stored types of most scans: CT is int16 or uint16, converted scans and phantoms are uint8, VDB grids float32.
 STORED_TYPES = ("uint8", "int16", "uint16", "float32")
+NOT_KEPT = (
+    "Kernels cannot be prepared, since compiled ones cannot be kept: RLE_SPLAT_CACHE has to name a folder that can be "
+    "written to, and numba has to be of the version that RLE Splat is made for."
+)
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,8 @@ def prepare_steps():
     RleSplatError
         Where numba cannot be loaded, or no kernel can be kept on disk.
     """
-    jit.compiled("numba")
+    if jit.compiled("numba") and not _can_be_kept():
+        raise RleSplatError(NOT_KEPT)
     whole = sum(picture.seconds(stored) for picture in PICTURES for stored in picture.types)
     done, prepared = 0.0, []
     for picture in PICTURES:
@@ -125,20 +130,23 @@ def prepare_steps():
             yield from part(_picture_steps(picture, stored), start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
             prepared.append(Prepared(name, perf_counter() - began, tuple(new)))
-    if jit.nothing_compiled_yet():
-        raise RleSplatError(f"Compiled kernels cannot be kept in {jit.KERNELS}; set RLE_SPLAT_CACHE to another folder.")
     _mark().touch()
     yield Progress(1.0, "Done")
     return prepared
 
 
-def is_prepared() -> bool:
-    """Whether ``prepare_steps`` has run to its end for these kernels, under the name that this package has."""
-    return jit.compiled() and _mark().is_file()
+def is_needed() -> bool:
+    """Whether kernels are kept on disk, and ``prepare_steps`` has not yet run to its end for those of these sources,
+    under the name that this package has."""
+    return jit.compiled() and _can_be_kept() and not _mark().is_file()
+
+
+def _can_be_kept() -> bool:
+    return jit.KERNELS.parent.is_dir()
 
 
 def _mark() -> Path:
-    """The empty file that says so.  Kernels are kept under the name of their module, see ``kernel_cache``."""
+    """The empty file that says that it has.  Kernels are kept under the name of their module, see ``kernel_cache``."""
     return jit.KERNELS / f"{__name__}.done"
 
 

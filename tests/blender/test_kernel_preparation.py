@@ -32,7 +32,7 @@ def ahead(bridge, core, monkeypatch, tmp_path):
     monkeypatch.setenv("RLE_SPLAT_CACHE", str(tmp_path))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     module = bridge("kernel_preparation")
-    monkeypatch.setattr(module, "is_prepared", lambda: False)
+    monkeypatch.setattr(module, "is_needed", lambda: True)
     yield module
     module.end()
 
@@ -138,7 +138,7 @@ def test_a_process_that_is_done_leaves_nothing_to_do(ahead, monkeypatch):
 
 
 def test_where_all_is_there_no_process_is_started(ahead, monkeypatch):
-    monkeypatch.setattr(ahead, "is_prepared", lambda: True)
+    monkeypatch.setattr(ahead, "is_needed", lambda: False)
     assert ahead.advance() is None and ahead._Now.process is None
 
 

@@ -99,20 +99,20 @@ def test_without_numba_one_sentence_says_so(environ):
 def one_picture(monkeypatch, tmp_path):
     """Of one picture and type, with the mark in an empty folder; the kernels themselves are where they always are."""
     monkeypatch.setattr(prepare, "PICTURES", (replace(prepare.PICTURES[0], types=("uint8",)),))
-    monkeypatch.setattr(jit, "KERNELS", tmp_path)
+    monkeypatch.setattr(jit, "KERNELS", tmp_path / "kernels")
+    (tmp_path / "kernels").mkdir()
 
 
 @needs_numba
-def test_a_preparation_is_marked_when_it_is_done(one_picture, tmp_path):
-    (tmp_path / "one.nbi").touch()
+def test_a_preparation_is_marked_when_it_is_done(one_picture):
     steps = prepare.prepare_steps()
     said = []
     with pytest.raises(StopIteration) as done:
         while True:
-            assert not prepare.is_prepared()
+            assert prepare.is_needed()
             said.append(next(steps))
             if said[-1].fraction == 1.0 and said[-1].message == "Done":
-                assert prepare.is_prepared()
+                assert not prepare.is_needed()
                 next(steps)
     assert [step.fraction for step in said] == sorted(step.fraction for step in said)
     assert all(isinstance(step, Progress) for step in said)
@@ -120,7 +120,8 @@ def test_a_preparation_is_marked_when_it_is_done(one_picture, tmp_path):
 
 
 @needs_numba
-def test_where_no_kernel_can_be_kept_nothing_is_marked(one_picture, tmp_path):
+def test_where_no_kernel_can_be_kept_none_is_prepared(monkeypatch):
+    monkeypatch.setattr(jit, "KERNELS", Path(os.devnull, "kernels"))
+    assert not prepare.is_needed()
     with pytest.raises(RleSplatError, match="cannot be kept"):
         drain(prepare.prepare_steps())
-    assert not prepare.is_prepared() and not list(tmp_path.iterdir())
