@@ -238,13 +238,19 @@ def check_B84_measure_accuracy_redraws():
 
 
 def check_preparation():
-    """A timer starts the process that compiles kernels ahead and says so in the panel; switched off, it ends."""
+    """A timer starts the process, which compiles kernels, and says so in the panel; switched off, it ends."""
     ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
     assert ahead._Now.process is None and ahead.is_needed()  # the zip has numba
+
+    def kernels():
+        return len(list(ahead.cache_folder().rglob("*.nbc")))
+
+    before = kernels()
     preparation(True)
     yield from until(lambda: ahead._Now.process is not None)
     process = ahead._Now.process
     yield from until(ahead.text, seconds=5.0)
+    yield from until(lambda: kernels() > before or process.poll() is not None, seconds=120.0)
     assert process.poll() is None
     preparation(False)
     yield from until(lambda: not ahead.text(), seconds=5.0)
