@@ -4,10 +4,11 @@
 from . import paths
 
 # isort: split
-from . import handlers, preferences, previews, properties, source_paths
+from . import handlers, kernel_preparation, preferences, previews, properties, source_paths
 
 __all__ = [
-    "handlers", "paths", "preferences", "previews", "properties", "register", "source_paths", "unregister",
+    "handlers", "kernel_preparation", "paths", "preferences", "previews", "properties", "register", "source_paths",
+    "unregister",
 ]
 
 
@@ -17,9 +18,11 @@ def register():
     previews.register()
     source_paths.register()
     handlers.register()
+    kernel_preparation.register()
 
 
 def unregister():
+    kernel_preparation.unregister()
     handlers.unregister()
     source_paths.unregister()
     previews.unregister()

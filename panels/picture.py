@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import facts, freshness, transfer, volumes
+from ..bridge import facts, freshness, kernel_preparation, transfer, volumes
 from ..bridge.camera import image_size
 from ..bridge.settings import quality_of
 from ..rle_splat.scene import RleSplatError
@@ -30,6 +30,9 @@ class PicturePanel:
     def draw(self, context):
         layout = self.layout
         settings = context.scene.rle_splat
+        preparing = kernel_preparation.text()
+        if preparing:
+            paragraph(context, layout, preparing, icon="TIME")
         needed = _memory(context)
         if needed:
             layout.label(text=needed, icon="MEMORY")

@@ -27,6 +27,7 @@ COMMANDS = {
     "encode": "classify, shade and run-length encode a volume into a .rle file",
     "convert": "write a volume in another format",
     "accuracy": "measure error and time of several quality settings on a volume and view: table, JSON, plot",
+    "prepare": "compile ahead what a default picture needs, so that the first one is quick",
     "compare": "compare the methods that the paper names: time, memory, error",
 }
 COMMANDS = {name: purpose for name, purpose in COMMANDS.items() if find_spec(f"{__package__}.{name}")}
