@@ -1,4 +1,4 @@
-"""Voxels that post-classified sheets need: the corners of visible cells (algorithm.md, section 1.14).
+"""Voxels that post-classified sheets need: the corners of visible cells (algorithm.md 1.14).
 
 Post-classified sheets interpolate the scalar first and classify then. Inside a cell of eight voxels the interpolated
 value takes all values from the smallest to the largest. A cell is visible if the transfer function is above zero

@@ -138,7 +138,7 @@ def place_sheets(
         Depth rule.
     eye_position : float or None
         The eye's coordinate along the axis; None for parallel rays. Sheets behind the eye are left out, and the cell
-        around the eye is integrated from the eye on (algorithm.md, section 1.4).
+        around the eye is integrated from the eye on (algorithm.md 1.4).
     footprint : Footprint
     boxed : bool
         Whether the medium ends at the first and last slice, without the ramps of footprints.
