@@ -14,8 +14,6 @@ import sys
 from decimal import Decimal
 from importlib import import_module
 
-from ..runtime.interpreter import collector_paused, with_room
-
 DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 # One table of commands: name -> what it does, as the help shows it.  Each is a module of this folder with
@@ -118,8 +116,7 @@ def main(argv=None) -> int:
     argv = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in argv
     try:
-        with collector_paused():
-            from ..scene import Cancelled, RleSplatError
+        from ..scene import Cancelled, RleSplatError
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return INTERRUPTED
@@ -143,7 +140,6 @@ def main(argv=None) -> int:
         return code
 
 
-@with_room
 def run_process() -> int:
     """``main`` for a process of its own, which leaves at once.
 

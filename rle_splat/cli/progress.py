@@ -52,23 +52,12 @@ class ProgressLine:
     @contextmanager
     def compiling(self):
         """While this is open the line says when kernels are compiled, which takes a while but happens once."""
-        from ..runtime.jit import numba
+        from ..runtime.jit import compiled, while_compiling
 
-        if numba is None or not self._on:
+        if not compiled() or not self._on:
             yield
             return
-        from numba.core import event
-
-        show = self.show
-
-        class Compiling(event.Listener):
-            def on_start(self, _):
-                show(None, "compiling kernels (first run only)")
-
-            def on_end(self, _):
-                """Nothing to say: the next step speaks for itself."""
-
-        with event.install_listener("numba:compile", Compiling()):
+        with while_compiling(lambda: self.show(None, "compiling kernels (first run only)")):
             yield
 
     def _draw(self, text: str) -> None:

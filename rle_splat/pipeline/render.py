@@ -20,7 +20,7 @@ from ..effects.ray_values import mode_quality, mode_remarks, sheet_rule
 from ..encode.scalars import ScalarVolume
 from ..encode.store import StoredVolume
 from ..encode.tables import TABLES, RunLengthVolume
-from ..runtime.jit import NUMBA_PROBLEM, compiled, nothing_compiled_yet, noting_kernels, thread_count
+from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, nothing_compiled_yet, noting_kernels, thread_count
 from ..runtime.steps import Clock, Progress, portion, timed
 from ..scene import NO_DEPTH, Quality, Rendering, RleSplatError, Scene
 from ..splat.scratch import scratch_bytes
@@ -408,4 +408,8 @@ def _remarks(scene: Scene, quality: Quality, medium: Medium, view: IndexView) ->
     if quality.backend == "numpy":
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
+    elif PLAIN_NUMBA:
+        remarks.append(
+            f"{PLAIN_NUMBA}: kernels run on one thread and are not kept on disk, so each session compiles them again."
+        )
     return remarks

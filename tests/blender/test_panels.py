@@ -232,9 +232,9 @@ def test_messages_and_reports_are_shown(volume_object, monkeypatch):
 
 
 def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):
-    monkeypatch.setattr(sys.modules[f"{addon.__name__}.panels.quality"], "NUMBA_PROBLEM", "ImportError: no numba")
-    shown = texts(draw_all(monkeypatch))
-    assert "SLOW FALLBACK" in shown and "no numba" in shown
+    monkeypatch.setattr(sys.modules[f"{addon.__name__}.panels.picture"], "NUMBA_PROBLEM", "ImportError: no numba here")
+    drawn = draw_all(monkeypatch)
+    assert "No compiled kernels" in texts(drawn) and "no numba here" in texts(drawn)
 
 
 def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, monkeypatch):
