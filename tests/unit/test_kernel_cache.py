@@ -284,7 +284,7 @@ def test_an_edited_part_of_a_kernel_is_compiled_and_nothing_else(tmp_path, varia
 def test_a_constant_of_another_file_is_part_of_the_key(tmp_path):
     copy = Copy(tmp_path)
     copy.edit("encode/line_bits.py", "runs[run] = x - end\n", "runs[run] = x - end + SHIFT\n")
-    copy.edit("encode/line_bits.py", "from ..runtime.jit import", "from ..shift import SHIFT\nfrom ..runtime.jit import")
+    copy.edit("encode/line_bits.py", "from ..runtime.jit", "from ..shift import SHIFT\nfrom ..runtime.jit")
     (copy.folder / "shift.py").write_text("SHIFT = 1\n", encoding="utf-8")
     assert [copy.runs(), copy.runs()] == ["3 3 5 0", "3 3 5 1"]
     (copy.folder / "shift.py").write_text("SHIFT = 2\n", encoding="utf-8")
@@ -389,7 +389,7 @@ def test_kernels_are_loaded_from_no_given_folder_that_others_can_write_to(given,
     assert places.cache_folder() == inside
     with monkeypatch.context() as patch:
         patch.setattr(os, "getuid", lambda: 54321)
-        assert places.cache_folder() == NOWHERE, "not of a folder that this user does not own, nor of such a temporary one"
+        assert places.cache_folder() == NOWHERE, "a folder that this user does not own"
 
 
 @needs_variables

@@ -44,8 +44,10 @@ if sys.argv[2] != "lacking":
     np.save(sys.argv[1], rendering.rgba)
 after = {name: str(value) for name, value in vars(numba.config).items() if name.isupper()}
 print(json.dumps({
-    "compiled": jit.compiled(), "plain": jit.PLAIN_NUMBA, "remarks": report["remarks"], "threads": jit.available_threads(),
-    "kept": jit.KERNELS.exists(), "threads used": report.get("threads"), "changed": [name for name in config if after.get(name) != config[name]],
+    "compiled": jit.compiled(), "plain": jit.PLAIN_NUMBA, "remarks": report["remarks"],
+    "threads": jit.available_threads(),
+    "kept": jit.KERNELS.exists(), "threads used": report.get("threads"),
+    "changed": [name for name in config if after.get(name) != config[name]],
     "environ": dict(os.environ) == environ,
 }))
 """
@@ -53,7 +55,7 @@ print(json.dumps({
 
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory):
-    """A picture, None with what is lacking, and what is said, by a process of its own with numba as it is or altered."""
+    """A function that returns a picture, where one is rendered, and a report, by a process with numba as named."""
     folder, done = tmp_path_factory.mktemp("plain"), {}
 
     def render(numba):
