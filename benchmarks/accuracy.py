@@ -1,8 +1,8 @@
-"""What accuracy costs in time: every figure and table of docs/accuracy.md, by one command.
+"""What accuracy costs in time: every figure and table of docs/explanation/accuracy.md, by one command.
 
 A CT, an MR and a cloud of smoke, orthographic and in perspective, each as ``rle-splat accuracy`` measures it; and on
-the orthographic views every knob by itself.  Numbers stand in the page between marks and in docs/accuracy.json, the
-pictures in docs/images; the words round them are nobody's but the page's.
+the orthographic views every knob by itself.  Numbers stand in the page between marks and in accuracy.json beside it,
+the pictures in docs/images; the words around them are written by hand.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from .data_sets import PAPER
 from .frames import Neighbours, circumstances, describe
 from .scenes import DATA, REAL, smoke
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "explanation"
 SIZE, PROBES, REPEATS = 512, 1000, 3
 STANDARD = Quality.preset("standard")
 PROJECTIONS = {"orthographic": False, "perspective": True}
@@ -334,7 +334,7 @@ def fill(page: str, blocks: dict[str, str]) -> str:
 
 
 def plain_report(measured: dict) -> dict:
-    """What docs/accuracy.json holds of each view: less the words."""
+    """What accuracy.json holds of each view: less the words."""
     return {
         title: {key: value for key, value in report.items() if key not in ("truths", "remarks")}
         for title, report in measured.items()
@@ -348,7 +348,7 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS, help="frames timed")
     parser.add_argument("--threads", type=int, default=0, help="0: one per core")
     parser.add_argument("--backend", default="auto", choices=BACKENDS)
-    parser.add_argument("--output", type=Path, default=DOCS, help="the folder of the page; docs/ when left out")
+    parser.add_argument("--output", type=Path, default=DOCS, help="folder of the page; plots go to ../images")
     options = parser.parse_args(arguments)
     where, neighbours = circumstances(options.threads), Neighbours()
     print(describe(where), flush=True)
@@ -369,7 +369,7 @@ def main(arguments) -> int:
     said = neighbours.describe()
     print(said)
     write_page(options, views, knobs, names, [describe(where), said, *{s.note for s in things if s.note}])
-    images = options.output / "images"
+    images = options.output.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
     record = {"circumstances": {**where, "others_busy_cores": neighbours.cores()},
               "views": plain_report({**views, hard.name: knobs[hard.name]})}  # fmt: skip

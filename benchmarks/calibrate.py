@@ -23,9 +23,9 @@ from rle_splat.accuracy.planner.features import Features, doubtful_pixels, featu
 from rle_splat.accuracy.planner.model import Model, splat_terms, warp_terms
 from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
-from rle_splat.pipeline.render import render, truth_of
+from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import Quality, Scene
+from rle_splat.scene import Quality, Scene, truth_of
 
 from .frames import best_frame
 from .planning_scenes import calibration_scenes

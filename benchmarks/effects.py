@@ -426,7 +426,7 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--docs", action="store_true", help="put the tables into docs/effects.md and docs/effects.json")
+    parser.add_argument("--docs", action="store_true", help="put the tables into docs/explanation/effects.md")
     options = parser.parse_args(arguments)
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
     where, neighbours, table = circumstances(options.threads), Neighbours(), []

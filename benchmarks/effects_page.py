@@ -1,4 +1,5 @@
-"""The tables of docs/effects.md, from docs/effects.json: what ``bench effects`` measured last of each scene."""
+"""The tables of docs/explanation/effects.md, from effects.json beside it, which holds the last ``bench effects`` of
+each scene."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from pathlib import Path
 from .accuracy import fill, markdown
 from .frames import describe
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = Path(__file__).parents[1] / "docs" / "explanation"
 HEADER = ("effect", "over", "first", "frame", "its own work", "kernels more", "made again by a frame")
 
 

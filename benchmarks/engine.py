@@ -33,7 +33,7 @@ from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, fram
 from .peers import PEERS, Peer
 from .scenes import REAL, scenes
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "benchmarks.md"
 REPEATS = 3
 PROBES = 64  # per view
 PAPER_LIKE = "paper-like"

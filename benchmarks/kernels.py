@@ -1,4 +1,4 @@
-"""Seconds to compile the kernels of a first picture, kernel by kernel; writes docs/kernels.md."""
+"""Seconds to compile the kernels of a first picture, kernel by kernel; writes docs/explanation/kernels.md."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "kernels.md"
+PAGE = ROOT / "docs" / "explanation" / "kernels.md"
 SIZE = 48  # voxels along each axis: the time is that of compiling, not of rendering
 TEXT = """# Kernels of a first picture
 
@@ -103,7 +103,7 @@ def _table(rows, head) -> str:
 
 
 def page(measured: dict) -> str:
-    """The text of docs/kernels.md."""
+    """The text of docs/explanation/kernels.md."""
     import numba
 
     outer, inside = [], []

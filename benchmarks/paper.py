@@ -22,7 +22,7 @@ from rle_splat.comparison.unaccelerated import every_voxel
 from rle_splat.comparison.westover import prepare as prepare_westover
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume
-from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.steps import Clock
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.splat.pixel_block import BLOCK

@@ -21,9 +21,9 @@ from rle_splat.accuracy.measure import TOLERANCE
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.accuracy.probes import PROBES, STEEP_SHARE, probe_errors, steep_pixels, stratified_pixels
 from rle_splat.accuracy.truths import truth
-from rle_splat.pipeline.render import render, truth_of
+from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
+from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
 
 from .frames import Neighbours, circumstances, describe
 from .planning_scenes import JUDGED_SCANS, judged_scenes

@@ -20,10 +20,10 @@ from rle_splat.accuracy.phantoms import smooth_shell
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline.render import render, truth_of
+from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled
-from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, RleSplatError
+from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, RleSplatError, truth_of
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import axis_shares, dominant_axis
 from rle_splat.volume.volume import Volume

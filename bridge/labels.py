@@ -10,7 +10,7 @@ import os
 import bpy
 import numpy as np
 
-from ..rle_splat.classify.label_looks import LabelLook, labels_of
+from ..rle_splat.classify.label_styles import LabelStyle, labels_of
 from ..rle_splat.read.formats import format_of
 from ..rle_splat.scene import Labels, RleSplatError
 from . import volumes
@@ -48,8 +48,8 @@ class LabelProperties(bpy.types.PropertyGroup):
         name="Look", description="Opacity and colours of the label's voxels", items=LOOK_ITEMS, default=OWN,
         update=_evaluate_anew)
 
-    def plain(self) -> LabelLook:
-        return LabelLook(
+    def plain(self) -> LabelStyle:
+        return LabelStyle(
             self.label, self.label_name, not self.show,
             tuple(typed(c) for c in self.color) if self.use_color else None, None if self.look == OWN else self.look,
         )
@@ -86,8 +86,8 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     properties = owner.evaluated_get(depsgraph).rle_splat
     if not owner.rle_splat.label_file or len(properties.labels) == 0:
         return None
-    looks = [row.plain() for row in properties.labels]
-    return labels_of(load_labels(owner, volume.shape_xyz), looks, volume, transfer_function)
+    styles = [row.plain() for row in properties.labels]
+    return labels_of(load_labels(owner, volume.shape_xyz), styles, volume, transfer_function)
 
 
 def list_labels(owner, volume) -> tuple[int, int]:

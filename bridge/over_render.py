@@ -14,7 +14,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from ..rle_splat.pipeline.render import EMPTY_REMARKS
+from ..rle_splat.pipeline.report import EMPTY_REMARKS
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
 from . import compositor, following, images, messages, pictures, presence, render_scene

@@ -1,4 +1,5 @@
-"""docs/stability.md, written from what the tests of the catalogue measured, and from the table of situations."""
+"""docs/explanation/stability.md, written from the figures of the catalogue's tests and the table of
+situations."""
 
 from __future__ import annotations
 
@@ -11,27 +12,28 @@ from .places import ROOT, Failure
 
 # Names the file, as JSON, that the tests write their figures to; not set, they are only held against their bounds.
 FIGURES_VARIABLE = "RLE_SPLAT_CATALOGUE"
-PAGE = ROOT / "docs" / "stability.md"
+PAGE = ROOT / "docs" / "explanation" / "stability.md"
 WIDTHS = ("float32", "float64")
 HEAD = """# Hard cases, and what holds in each
 
-Written by `python3 dev.py test --catalogue` from the tests in `tests/stability`; do not edit it by hand.
-Each line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in
-32-bit and in 64-bit arithmetic.  A test whose figure exceeds its bound fails, and no page is written.
+`python3 dev.py test --catalogue` writes this page from the tests in `tests/stability`; do not edit it by hand. Each
+line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in 32-bit
+and in 64-bit arithmetic. A test whose figure exceeds its bound fails, and no page is written. The ids are those of
+[the algorithm](algorithm.md#3-numerical-stability).
 
-Each guard is shown to be needed by `python3 dev.py test --mutations`, which puts naive forms in place of stable ones
-and sees that these tests notice; `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
+`python3 dev.py test --mutations` shows that each guard is needed: it puts naive forms in place of stable ones and
+checks that these tests notice. `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
 
-What is done with numbers at the edge, whatever the classification:
+Numbers at the edge are treated alike under every classification:
 
-- NaN voxels are transparent, and counted in the report.  Where the scalar is interpolated before it is classified,
-  a cell is transparent when any of its corners is NaN.
-- Infinite voxels take the transfer function's value at the nearest of its ends; so do finite ones beyond them.
-- A step of a transfer function is taken from the right; a range of a single value is a step.
+- NaN voxels are transparent, and counted in the report. Where values are interpolated before they are classified, a
+  cell is transparent when any of its corners is NaN.
+- Infinite voxels take the transfer function's value at its nearest end. So do finite ones beyond the ends.
+- A step of a transfer function is taken from the right. A range of a single value is a step.
 - An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 tells from infinity.
-- Colours, and what lights make of them, may be up to 1e9 times white; more is refused in a sentence.
-- An opacity distance below 1e-26 world units is taken as that: what it applies to is opaque in any case.
-- Matrices hold entries up to 1e100, and lengths of a camera lie from 1e-50 to 1e50; others are refused in a sentence.
+- Colors, and lit colors, may be up to 1e9 times white. More is refused in one sentence.
+- An opacity distance below 1e-26 world units is taken as 1e-26: what it applies to is opaque in any case.
+- Matrices hold entries up to 1e100, and lengths of a camera lie from 1e-50 to 1e50. Others are refused in one sentence.
 
 | id | case | what is bounded | at most | float32 | float64 |
 |---|---|---|---|---|---|
@@ -39,8 +41,7 @@ What is done with numbers at the edge, whatever the classification:
 SITUATIONS_HEAD = """
 ## Blender situations
 
-Each line is held by tests in `tests/blender` that carry its id, and `python3 dev.py test` runs all of them in Blender
-4.5, 5.0 and 5.2.
+Tests in `tests/blender` carry the id of each line. `python3 dev.py test` runs all of them in Blender 4.5, 5.0 and 5.2.
 
 | id | situation | what holds |
 |---|---|---|

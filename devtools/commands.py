@@ -71,6 +71,12 @@ def _build(known, rest) -> int:
     return 0
 
 
+def _docs(known, rest) -> int:
+    from .docs import docs
+
+    return docs()
+
+
 def _lint(known, rest) -> int:
     from .checks import lint
 
@@ -111,7 +117,7 @@ def _parser() -> argparse.ArgumentParser:
     show.add_argument("--size", default="960x720", metavar="WxH", help="pixels")
     test = add("test", _test, "run every test this machine can run; other arguments go to pytest", open_ended=True)
     test.add_argument("--quick", action="store_true", help="without slow tests and with one Blender only")
-    test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write docs/stability.md")
+    test.add_argument("--catalogue", action="store_true", help="the hard cases alone, and write their page")
     test.add_argument(
         "--mutations", nargs="?", const="", metavar="NAME",
         help="put naive forms in place of stable ones, all or those named so, and see that the tests notice",
@@ -119,8 +125,8 @@ def _parser() -> argparse.ArgumentParser:
     test.add_argument("--fuzz", type=float, metavar="SECONDS", help="property-based tests with new seeds, that long")
     add("bench", _bench(), "measure; arguments go to the benchmarks", open_ended=True, add_help=False)
     add(
-        "accuracy", _bench("accuracy"), "measure what accuracy costs in time: docs/accuracy.md", open_ended=True,
-        add_help=False,
+        "accuracy", _bench("accuracy"), "measure what accuracy costs in time: docs/explanation/accuracy.md",
+        open_ended=True, add_help=False,
     )
     add(
         "calibrate", _bench("calibrate"), "make the planner's constants anew, from scenes of formulas", open_ended=True,
@@ -132,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     build = add("build", _build, "make the extension zips in dist/")
     build.add_argument("--platform", action="append", help="only this one (linux-x64, windows-x64, macos-arm64)")
+    add("docs", _docs, "build the documentation site in build/docs")
     add("lint", _lint, "ruff and the house's own gates; other arguments go to ruff", open_ended=True)
     blender = add("blender", _blender, "set up a real Blender executable for the tests (Debian, as root)")
     blender.add_argument("--test", action="store_true", help="and run the whole of tests/blender inside it")

@@ -1,6 +1,6 @@
 """The demo's own volume: obtained by the set-up, or generated when there is no network.
 
-See docs/sample.md for what it is and under which terms.
+See docs/reference/sample.md for what it is and under which terms.
 """
 
 from __future__ import annotations

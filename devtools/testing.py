@@ -231,7 +231,7 @@ def test(arguments, quick: bool = False) -> int:
 
 
 def test_catalogue() -> int:
-    """The catalogue of hard cases alone; when all of it holds, docs/stability.md is written from its figures."""
+    """The catalogue of hard cases alone; when all hold, docs/explanation/stability.md is written from its figures."""
     FIGURES.unlink(missing_ok=True)
     stages = [_hard_cases([], aside=False)]
     if not stages[0].failed:

@@ -10,7 +10,7 @@ from .through_camera import ThroughCamera
 
 
 class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
-    bl_idname = "rle_splat.pipeline.shadow_pass"
+    bl_idname = "rle_splat.shadow_pass"
     bl_label = "Shadow Pass"
     bl_description = (
         "Make an image of the share of each pixel's light that shadows and ambient occlusion take away, 0 to 1")

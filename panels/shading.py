@@ -35,7 +35,7 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         row.active = not settings.max_error
         row.prop(settings, "ambient_occlusion", text="Occlusion")  # the whole name is cut off
         layout.prop(settings, "use_mist")
-        layout.operator("rle_splat.pipeline.shadow_pass", icon="IMAGE_DATA")
+        layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
         column = layout.column(align=True)
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):

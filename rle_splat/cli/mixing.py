@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..classify.label_looks import labels_of, read_label_looks
+from ..classify.label_styles import labels_of, read_label_styles
 from ..classify.transfer_function import TransferFunction
 from ..scene import Channel, RleSplatError, Scene
 
@@ -39,7 +39,7 @@ def read_looks(args) -> tuple[tuple, tuple]:
             f"There are {len(args.channel)} of --channel and {len(args.channel_function)} of --channel-function; give "
             "each channel its function."
         )
-    looks = () if args.label_functions is None else read_label_looks(args.label_functions)
+    looks = () if args.label_functions is None else read_label_styles(args.label_functions)
     return looks, tuple(TransferFunction.from_json(path) for path in args.channel_function)
 
 

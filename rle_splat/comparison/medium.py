@@ -11,7 +11,7 @@ import numpy as np
 from ..classify.classification import ClassifiedVolume
 from ..effects.analyse import analyse, called_for
 from ..encode.store import StoredVolume
-from ..pipeline.medium import classify_and_shade
+from ..pipeline.scan_source import classify_and_shade
 from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
 from ..view.eye import IndexView, index_view

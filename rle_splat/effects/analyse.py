@@ -1,7 +1,7 @@
-"""Which effects a scene calls for, and the scene that is left without the others.
+"""Which effects a scene calls for, and the scene with all others removed.
 
-Stages further on look only at the scene that is left, so an effect that is off costs nothing there, and its picture is
-that of a scene that has never heard of it, bit for bit.
+Later stages see only that scene.  A disabled effect therefore adds no work, and the picture is bit for bit that of a
+scene without it.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from .motion import MOTION_BLUR
 from .ray_mode import MODE
 from .shadow_kinds import AMBIENT_OCCLUSION, SHADOWS, WORLD
 
-# One table: an effect's name -> its kind, in the order in which people read of them.  What an effect rests on stands
-# before it, as it is asked of a scene from which what is off before it is gone.
+# Name of an effect -> its kind, in dependency order: each is evaluated on the scene with the disabled effects before it
+# removed.
 EFFECTS: dict[str, Kind] = {
     "mode": MODE,
     "gradient opacity": GRADIENT_OPACITY,
@@ -48,10 +48,10 @@ EFFECTS: dict[str, Kind] = {
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of a scene: whether it is on, and why, as words that stand behind "on" or "off".
+    """An effect of a scene: whether it is on, and why, as words behind "on" or "off".
 
-    ``by_hand``: what the scene's overrides force it to be; None where the scene itself decides.  ``tried``: a stage
-    has worked on it before it was found to change nothing.
+    ``by_hand``: what the scene's overrides force it to be; None where the scene itself decides.  ``tried``: whether a
+    stage has worked on it before it was found to change nothing.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Effect:
 
     @property
     def is_taken_out(self) -> bool:
-        """Whether the scene that is left is without it."""
+        """Whether it is removed from the scene."""
         return not self.on and (self.by_hand is False or not EFFECTS[self.name].may_be_idle)
 
 
@@ -84,14 +84,24 @@ class EffectSet:
         return tuple(effect.name for effect in self.effects if effect.on)
 
     def found_off(self, name: str, reason: str) -> EffectSet:
-        """The same set after a stage has found that an effect that seemed to be called for changes nothing."""
+        """The same set with an effect off that a stage has found to change nothing."""
         found = replace(self[name], on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
+
+    def fitted(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
+        """The quality that the effects which are on can be rendered by, and sentences on why it is another."""
+        remarks = []
+        for effect in self.effects:
+            kind = EFFECTS[effect.name]
+            if effect.on and kind.fitted is not None:
+                quality, remark = kind.fitted(scene, quality)
+                remarks.append(remark)
+        return quality, tuple(dict.fromkeys(remark for remark in remarks if remark))
 
     def report(self, clock: Clock) -> list[dict]:
         """JSON-ready rows: name, on, reason and ms, the milliseconds of its own work.
 
-        0 where it is off; None for an effect that is done within another's work, which has the time of both.
+        0 where it is off; None for an effect within another's work, which has the time of both.
         """
         return [
             {"name": effect.name, "on": effect.on, "reason": effect.reason, "ms": _milliseconds(effect, clock)}
@@ -142,7 +152,7 @@ def analyse(scene: Scene, quality: Quality) -> EffectSet:
 
 
 def called_for(scene: Scene, effects: EffectSet) -> Scene:
-    """The scene without what is off, and with what is on by hand."""
+    """The scene with the effects that are off removed, and those that are on by hand added."""
     left = _without_forced_off(scene, {effect.name: effect.by_hand for effect in effects})
     for effect in effects:
         kind = EFFECTS[effect.name]
@@ -152,7 +162,7 @@ def called_for(scene: Scene, effects: EffectSet) -> Scene:
 
 
 def _without_forced_off(scene: Scene, overrides: dict) -> Scene:
-    """What is off by hand is off for every other effect too, whatever their order."""
+    """The scene without the effects that are off by hand, for every other effect."""
     for name, by_hand in overrides.items():
         scene = EFFECTS[name].without(scene) if by_hand is False else scene
     return scene

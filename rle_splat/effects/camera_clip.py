@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import LARGEST_LENGTH, LEAST_LENGTH, Quality, Scene
+from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
-from ..view.ray_limits import box_depths
+from ..view.ray_limits import box_depths, ray_limits
 from .kind import Kind
+from .ray_pass import RayEffect, RayPass
 
 
 def slab_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
@@ -26,6 +28,31 @@ def is_cut(scene: Scene, view: IndexView, quality: Quality) -> bool:
     nearest, furthest = slab_depths(scene, view, quality)
     behind_eye = not view.is_parallel and nearest <= 0.0
     return (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
+
+
+class CameraClip(RayEffect):
+    """Ends rays at the camera's clip distances, and at the surface of a mesh where a pass has one."""
+
+    def __init__(self, camera, quality: Quality, cuts: bool):
+        self._distances, self._machine = (camera.clip_start, camera.clip_end), (quality.backend, quality.threads)
+        self.moves_depth = cuts
+
+    @classmethod
+    def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> CameraClip | None:
+        cuts, meshes = is_cut(scene, view, quality), scene.triangles is not None and len(scene.triangles) > 0
+        return cls(scene.camera, quality, cuts) if cuts or meshes else None
+
+    def stage_of(self, ray_pass: RayPass) -> str:
+        return self.stage if ray_pass.surface is None else "occlusion"
+
+    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        if not self.moves_depth and ray_pass.surface is None:
+            return plane, intervals
+        backend, threads = self._machine
+        found = ray_limits(
+            plane, *self._distances, ray_pass.surface, ray_pass.first_pixel, backend=backend, threads=threads
+        )
+        return plane, found
 
 
 def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:

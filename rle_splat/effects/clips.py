@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import CLIP_KINDS, Clip, Quality, Scene
-from ..view.clip_limits import Cuts
+from ..view.base_plane import BasePlane
+from ..view.clip_limits import Cuts, clip_limits, what_is_left
 from ..view.footprints import FOOTPRINTS
+from ..warp.warp import TAPS, warp_reach
 from .kind import Kind
+from .ray_pass import RayEffect, RayPass
 
 NOTHING_LEFT = "The picture is empty: what the clip objects leave of the volume is transparent, or out of sight."
 
@@ -26,6 +29,27 @@ def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
     return Cuts(
         np.concatenate([np.empty((0, 4)), *kept]), tuple(sides for clip, sides in cutting if _is_hole(clip))
     )  # fmt: skip
+
+
+class ClipBodies(RayEffect):
+    """Cuts out of rays what the scene's clip objects cut away."""
+
+    stage = "clip objects"
+    nothing_left = NOTHING_LEFT
+
+    def __init__(self, cuts: Cuts, quality: Quality):
+        self._cuts, self._quality = cuts, quality
+
+    @classmethod
+    def of(cls, scene: Scene, view, quality: Quality, ends_at_box: bool) -> ClipBodies | None:
+        cuts = cuts_of(scene, quality)
+        return None if cuts is None else cls(cuts, quality)
+
+    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        quality = self._quality
+        found = clip_limits(plane, self._cuts, intervals, quality.backend, quality.threads)
+        # A pass that takes pixels over needs all of the plane.
+        return (plane, found) if ray_pass.before else what_is_left(plane, found, warp_reach(quality) + TAPS)
 
 
 def _cutting(scene: Scene, quality: Quality):

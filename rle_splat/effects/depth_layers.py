@@ -1,8 +1,8 @@
-"""Depth layers: what lets a mesh's silhouette be antialiased against the volume.
+"""Depth layers, by which a mesh's silhouette is antialiased against the volume.
 
-Along a silhouette one pixel sees two depths: part of it ends at the mesh, the rest goes on to what lies behind.
-Integrating to their mean would be wrong for both, so such a pixel gets both pictures, mixed by the part of it
-that the mesh covers.  The warp reads neighbours, so each layer is carried a few pixels past the silhouette.
+A pixel on a silhouette sees two depths: some of its rays end at the mesh, the others go past it.  Integrating to the
+mean depth would be wrong for both.  Such a pixel therefore mixes two pictures by the part of it that the mesh covers.
+The warp reads neighbors, so each layer is continued a few pixels past the silhouette.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a camera with a lens and a shutter sees: the mean of sharp pictures through the lens, while it is open."""
+"""Depth of field and motion blur: the mean of sharp pictures through points of the lens at times of the shutter."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..runtime.steps import Progress
+from ..runtime.steps import part
 from ..scene import Rendering, Scene
 from .lens import lens_pictures, lens_points, through_lens
 from .motion import at_time, motion_pictures
@@ -17,9 +17,9 @@ LENS, SHUTTER = "depth of field", "motion blur"  # their names in the table of e
 
 
 def exposures(scene: Scene) -> list[Scene]:
-    """The sharp, still scenes whose mean picture the scene's is; itself alone if nothing is blurred.
+    """The sharp, still scenes whose mean is the scene's picture; the scene alone if nothing is blurred.
 
-    Every point of the lens has a time of its own, both evenly spread, so that one set of pictures blurs both.
+    Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
     """
     through, during = lens_pictures(scene), motion_pictures(scene)
     count = max(through, during)
@@ -37,22 +37,29 @@ def exposures(scene: Scene) -> list[Scene]:
     return sharp
 
 
-def exposure_steps(scene: Scene, scenes: list[Scene], render_one):
-    """Generator of Progress: the mean of the pictures of ``scenes``, the scene's exposures, as one Rendering.
+def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
+    """Generator of Progress: the mean of the pictures of some scenes as one Rendering.
 
-    ``render_one``: a scene -> the generator of its Rendering.  Depth and report are those of the first picture, which
-    is the one nearest the middle of the lens and of the time; the report's times are those of all.
+    Parameters
+    ----------
+    scene : Scene
+        With its lens and its shutter.
+    scenes : list of Scene
+        Its ``exposures``.
+    sharp_steps : callable
+        ``sharp_steps(scene)``: generator of Progress, returns the Rendering of a sharp scene.
+
+    Returns
+    -------
+    Rendering
+        Depth and report are those of the first picture, which is the one nearest the middle of the lens and of the
+        time; the report's times are those of all.
     """
+    if len(scenes) == 1:
+        return (yield from sharp_steps(scenes[0]))
     rgba, first, reports = None, None, []
     for number, sharp in enumerate(scenes):
-        steps = render_one(sharp)
-        while True:
-            try:
-                step = next(steps)
-            except StopIteration as finished:
-                one = finished.value
-                break
-            yield Progress((number + step.fraction) / len(scenes), step.message)
+        one = yield from part(sharp_steps(sharp), number / len(scenes), (number + 1) / len(scenes))
         reports.append(one.report)
         if first is None:
             rgba, first = one.rgba.astype(np.float64), one
@@ -63,7 +70,7 @@ def exposure_steps(scene: Scene, scenes: list[Scene], render_one):
 
 
 def _times(scene: Scene, reports: list[dict]) -> dict:
-    """The stages' and the effects' milliseconds in all pictures; all pictures but the first are the blur's price."""
+    """The stages' and the effects' milliseconds in all pictures; those after the first are counted for the blur."""
     stages = {stage: sum(report["stages_ms"][stage] for report in reports) for stage in reports[0]["stages_ms"]}
     extra = stages["total"] - reports[0]["stages_ms"]["total"]
     blur = LENS if lens_pictures(scene) >= motion_pictures(scene) else SHUTTER  # the other shares its pictures

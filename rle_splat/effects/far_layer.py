@@ -1,8 +1,8 @@
-"""What lies behind silhouettes of meshes: a second picture of few pixels, and of the rays that end elsewhere there.
+"""The far layer: a second picture of what is seen past the silhouettes of meshes.
 
 A silhouette's pixels show what is before the mesh and what is beside it.  The second picture is a window around all
-silhouettes, and in it only blocks of pixels with rays that end elsewhere are splatted: the others are as they were, to
-the bit, because blocks of pixels do not depend on each other.
+silhouettes.  Only blocks of pixels whose rays end elsewhere are splatted in it.  The other blocks are copied from the
+first picture, with the same bits, because blocks do not depend on each other.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def leave_out_like(plane: BasePlane, limits, near: BasePlane, near_limits) -> np
 
 
 def take_like(image: IntermediateImage, near: IntermediateImage | None, like) -> None:
-    """Fill in what ``leave_out_like`` has left out.  ``near``: any window of its base plane; what it does not hold is
-    empty, as what was left out is already, and so is all of it where it is None."""
+    """Fill in what ``leave_out_like`` has left out.  ``near``: any window of its base plane, None where that is empty;
+    outside the window everything is empty."""
     if near is None:
         return
     of_image, of_near = [], []

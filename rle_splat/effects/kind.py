@@ -1,4 +1,4 @@
-"""What the set of effects needs to know of a kind of effect: one row of the table in ``analyse.py``."""
+"""A kind of effect: one row of the table in ``analyse.py``."""
 
 from __future__ import annotations
 
@@ -8,15 +8,29 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of effect, beside its name.
+    """A kind of effect.
 
-    ``text``: what it does, for people.  ``called_for(scene, quality) -> (on, reason)``: whether the scene, from which
-    what is off before it in the table is gone already, calls for it, and why or why not, as words that stand behind
-    "on" or "off"; it must not look at voxels.  ``without(scene) -> scene``: the scene that has never heard of it.
-    ``stage``: of the clock, the work it has of its own; None where that is part of the work of the effect ``within``,
-    and its milliseconds cannot be told apart.  ``with_default(scene) -> scene``: what turning it on by hand adds, which
-    is nothing to a scene that has it; None when nothing could be meant.  ``may_be_idle``: whether it may stay where it
-    changes nothing: then only a hand takes it out of a scene, and turning it on there is not refused.
+    Attributes
+    ----------
+    text : str
+        What it does, for people.
+    called_for : callable
+        ``called_for(scene, quality) -> (on, reason)``: whether the scene calls for it, and why or why not, as words
+        behind "on" or "off".  The scene has the effects before it in the table removed where they are off.  It must not
+        look at voxels.
+    without : callable
+        ``without(scene) -> scene``: the scene with the effect removed.
+    stage : str or None
+        Of the clock, its own work; None where that is part of the work of the effect ``within``.
+    within : str or None
+    with_default : callable or None
+        ``with_default(scene) -> scene``: the scene with the effect turned on by hand; unchanged where it has it.  None
+        where there is no default.
+    may_be_idle : bool
+        Whether it may stay where it changes nothing; only a hand then removes it.
+    fitted : callable or None
+        ``fitted(scene, quality) -> (quality, remark)``: the quality that a scene with the effect can be rendered by,
+        and a sentence for the report, "" for none; None where any quality will do.
     """
 
     text: str
@@ -26,3 +40,4 @@ class Kind:
     within: str | None = None
     with_default: Callable | None = None
     may_be_idle: bool = False
+    fitted: Callable | None = None

@@ -1,4 +1,4 @@
-"""Depth of field: pictures through several points of the lens, all of which agree in the plane of focus.
+"""Depth of field: pictures through several points of the lens, which agree in the plane of focus.
 
 A thin lens blurs a point at depth z to a disk, the picture of its aperture (algorithm.md 4.2).  Each point of the
 aperture sees the scene as a pinhole there would whose sensor is shifted so that the plane of focus stays in place; the

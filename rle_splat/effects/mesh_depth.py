@@ -14,8 +14,8 @@ import numpy as np
 from ..runtime.jit import compiled, kernel, parallel_call, prange
 from ..scene import Camera, RleSplatError
 from ..view.projection import depth_row, world_to_pixel
+from .sizes import SAMPLES
 
-SAMPLES = 16
 # Sixteen rays a pixel, one in each sixteenth of its width and of its height, so that an edge along either axis
 # is seen in sixteen steps.
 _ORDER = np.array((5, 12, 2, 9, 15, 6, 0, 11, 3, 8, 13, 1, 10, 4, 14, 7))

@@ -7,16 +7,63 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import Quality, Scene
+from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
 from ..view.ray_limits import pixels_read
 from .camera_clip import slab_depths
 from .depth_layers import HALO, DepthLayers, depth_layers
+from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
 from .kind import Kind
 from .mesh_depth import mesh_depth
+from .ray_pass import RayEffect, RayPass
 
 BEHIND = "no mesh lies in or before the volume"
+
+
+class MeshSurfaces(RayEffect):
+    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass."""
+
+    name, stage = "mesh occlusion", "occlusion"
+
+    def __init__(self, scene: Scene, view: IndexView, quality: Quality):
+        self._scene, self._view, self._quality = scene, view, quality
+        self._layers: DepthLayers | None = None
+
+    @classmethod
+    def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> MeshSurfaces | None:
+        meshes = scene.triangles is not None and len(scene.triangles) > 0
+        return cls(scene, view, quality) if meshes else None
+
+    def look(self, planes: list[BasePlane]) -> str | None:
+        self._layers = mesh_layers(self._scene, self._view, self._quality, planes)
+        return BEHIND if self._layers is None else None
+
+    def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:
+        (whole,) = passes
+        planes, first_pixel = [plane for _, plane in whole.planes], self._layers.first_pixel
+        found: list[RayPass] = []
+        for surface, region, shown in layers_to_splat(self._layers, whole.region, planes, reach):
+            found.append(RayPass(region, shown, surface, first_pixel, found[0] if found else None))
+        return found
+
+    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        if ray_pass.before is None:
+            ray_pass.ends[number] = plane, intervals
+        else:
+            ray_pass.alike[number] = leave_out_like(plane, intervals, *ray_pass.before.ends[number])
+        return plane, intervals
+
+    def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
+        if ray_pass.before is None:
+            ray_pass.images[number] = image
+        else:
+            take_like(image, ray_pass.before.images.get(number), ray_pass.alike[number])
+
+    def mixed(self, ray_pass: RayPass, picture, found):
+        mix_layers(self._layers, self._scene.region, ray_pass.region, *picture, *found)
+        return picture
 
 
 def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:

@@ -16,12 +16,12 @@ def is_mixed(scene: Scene) -> bool:
     return scene.labels is not None or bool(scene.channels)
 
 
-def classified_by_pre(quality: Quality) -> Quality:
+def _classified_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     """The quality for labels and channels: what lies between two labels, or two functions, has no value to classify."""
     try:
-        return quality.classified("pre")
+        return quality.classified("pre"), BY_PRE
     except RleSplatError:  # a depth rule that only post has, chosen by hand
-        return replace(quality, classification="pre", depth_rule=None, rays=NO_RAYS)
+        return replace(quality, classification="pre", depth_rule=None, rays=NO_RAYS), BY_PRE
 
 
 def _hindered(scene: Scene) -> str:
@@ -57,8 +57,10 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 LABELS = Kind(
     "gives each label its own transfer function, or hides it", _labels_called_for,
     lambda scene: replace(scene, labels=None), stage="mixing",
+    fitted=_classified_by_pre,
 )  # fmt: skip
 CHANNELS = Kind(
     "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,
     lambda scene: replace(scene, channels=()), stage="mixing",
+    fitted=_classified_by_pre,
 )  # fmt: skip

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..scene import MODES, Quality, Scene
+from ..encode.store import StoredVolume
+from ..scene import MODES, POST_ONLY, Quality, RleSplatError, Scene
 from .kind import Kind
 
 MODE_NAMES = dict(zip(MODES, ("composite", "X-ray", "MIP", "MinIP", "average"), strict=True))
@@ -16,7 +17,25 @@ def _mode(scene: Scene, _: Quality) -> tuple[bool, str]:
     return scene.mode != MODES[0], f"mode {MODE_NAMES[scene.mode]}"
 
 
+def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
+    """The quality by which a mode can be rendered: by sheets of the scalar, which alone hold values.
+
+    Returns it and a sentence on why it is another, "" where it is not.  RleSplatError for a ``.rle`` file.
+    """
+    if scene.mode == MODES[0]:
+        return quality, ""
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError(
+            f"A .rle file holds voxels that are classified already; the mode {scene.mode} needs the volume itself."
+        )
+    if quality.classification == "post":
+        return quality, ""
+    by_post = replace(quality.classified("pre"), **POST_ONLY, classification="post")
+    return by_post, f"The mode {scene.mode} shows values, so it was rendered by post, not by {quality.classification}."
+
+
 MODE = Kind(
     "absorption alone, or the largest, smallest or mean value of each ray, in place of emission and absorption", _mode,
     lambda scene: replace(scene, mode=MODES[0]), stage="splat",
+    fitted=mode_quality,
 )

@@ -1,4 +1,4 @@
-"""Modes: what a pixel shows of its ray in place of emission and absorption, front to back (algorithm.md 4.2).
+"""Modes: what a pixel shows of its ray in place of emission and absorption (algorithm.md 4.2).
 
     xray      absorption alone: 1 - exp(-sum of optical depths), white on nothing, bone bright as on film
     mip       the largest value on the ray, minip the smallest, average the mean over its path: values first, the
@@ -16,45 +16,17 @@ smallest value, cells that reach down to the highest value shown.  A mean needs 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..classify.points import pieces, positive_intervals
-from ..encode.store import StoredVolume
-from ..scene import NO_DEPTH, POST_ONLY, Quality, RleSplatError, Scene
-from ..view.depth_rules import value_rule
-from .ray_mode import OF_VALUES as VALUE_MODES
+from ..scene import NO_DEPTH
 
 TO_STORED = {"mip": 1.0, "minip": -1.0, "average": 0.0}  # which value is wanted, were the slope positive
 # What is below the lowest value shown, in parts of the values above it, still counts: not to end in a step.
 MARGIN = 1.0 / 16.0
 LEAST_COVERED = 1.0 / 256.0  # of a pixel; with less of it in the box its value is not known well enough
-
-
-def mode_quality(scene: Scene, quality: Quality) -> Quality:
-    """The quality that the scene's mode can be rendered with: by sheets of the scalar, which alone hold values."""
-    if scene.mode == "composite":
-        return quality
-    if isinstance(scene.volume, StoredVolume):
-        raise RleSplatError(
-            f"A .rle file holds voxels that are classified already; the mode {scene.mode} needs the volume itself."
-        )
-    if quality.classification == "post":
-        return quality
-    return replace(quality.classified("pre"), **POST_ONLY, classification="post")
-
-
-def mode_remarks(scene: Scene, asked: Quality) -> list[str]:
-    """What a report says of a scene whose mode could not be rendered with the quality that was asked for."""
-    if mode_quality(scene, asked) is asked:
-        return []
-    return [f"The mode {scene.mode} shows values, so it was rendered by post, not by {asked.classification}."]
-
-
-def sheet_rule(scene: Scene, quality: Quality) -> str:
-    """The depth rule of the sheets that a scene is splatted from."""
-    return value_rule(quality.depth_rule) if scene.mode in VALUE_MODES else quality.depth_rule
 
 
 def shown_values(tf, mode: str) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What reaches each voxel of a light, and of the sky: volumetric shadows, those of meshes, ambient occlusion.
+"""Shadows of the volume and of meshes, and ambient occlusion: what reaches each voxel of a light and of the sky.
 
 Each is one number a voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives.
 The extinction that casts shadows is that of the voxels, interpolated, whatever the classification.
@@ -31,10 +31,10 @@ NEAR_SKY = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Matter:
-    """What stands in the way of light.
+class Occluders:
+    """What stands in the way of light: voxels and meshes.
 
-    ``voxels``, and ``find_extinction()``: (m,) float32 of theirs, 1 / world length, in their own order; asked once.
+    ``voxels``, and ``find_extinction()``: (m,) float32 of theirs, 1 / world length, in their own order; called once.
     ``tables_of(axis)``: their RunTables.  ``matrix``: (4, 4) index to world.  ``triangles``: (n, 3, 3) world, or None.
     ``clips``: what they cut away casts no shadow.
     ``look``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
@@ -83,73 +83,73 @@ class Matter:
         return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, **machine))
 
 
-def light_steps(light, matter: Matter):
+def light_steps(light, occluders: Occluders):
     """Generator: yields the fraction done; returns (m,) uint16, what arrives at each voxel of a scene.Light."""
-    samples = light_samples(light, matter.corners, matter.voxel)
+    samples = light_samples(light, occluders.corners, occluders.voxel)
     make = sun_sweeps if light.type == "SUN" else point_sweeps
-    passes = [make(sample, matter.matrix, matter.voxels.shape_xyz, matter.boxed) for sample in samples]
-    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), matter)
+    passes = [make(sample, occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed) for sample in samples]
+    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), occluders)
 
 
-def sky_steps(matter: Matter):
+def sky_steps(occluders: Occluders):
     """The same of light from everywhere, seen in fourteen directions; what is nearer than NEAR_SKY slices hides none
     of it."""
-    shape = matter.voxels.shape_xyz
+    shape = occluders.voxels.shape_xyz
     passes = [
-        [sweep.without_nearest(NEAR_SKY) for sweep in sun_sweeps(direction, matter.matrix, shape, matter.boxed)]
+        [sweep.without_nearest(NEAR_SKY) for sweep in sun_sweeps(direction, occluders.matrix, shape, occluders.boxed)]
         for direction in SKY_DIRECTIONS
     ]
-    return mean_steps(passes, SKY_WEIGHTS, matter)
+    return mean_steps(passes, SKY_WEIGHTS, occluders)
 
 
-def mean_steps(passes: list[list[Sweep]], weights, matter: Matter):
+def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     """Generator: yields the fraction done; returns (m,) uint16, the weighted mean of what several lights without size
     leave; each has its Sweeps."""
-    total = np.zeros(len(matter.voxels) if len(passes) > 1 else 0, np.float32)
+    total = np.zeros(len(occluders.voxels) if len(passes) > 1 else 0, np.float32)
     for n, (sweeps, weight) in enumerate(zip(passes, weights)):
         yield n / len(passes)
-        codes = _swept(sweeps, matter)
+        codes = _swept(sweeps, occluders)
         if len(passes) == 1:
             return codes
         total += np.float32(weight) * codes
     return np.minimum(total + np.float32(0.5), np.float32(FULL)).astype(np.uint16)
 
 
-def _swept(sweeps: list[Sweep], matter: Matter) -> np.ndarray:
+def _swept(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
     """(m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
-    voxels = matter.voxels
-    machine = dict(backend=matter.backend, threads=matter.threads)
+    voxels = occluders.voxels
+    machine = dict(backend=occluders.backend, threads=occluders.threads)
     codes = np.full(len(voxels), FULL, np.uint16)  # of voxels that no sweep is for: at the light itself
     _, ny, nz = voxels.shape_xyz
     rows = voxels.row_start[:-1].reshape(nz, ny)
     # Along x voxels are in another order; all that come back from there replace what was there before.
     across = [sweep for sweep in sweeps if sweep.axis == 0]
     if across:
-        tables, found = matter.tables_of(0), codes.copy()
-        starts, extinction = tables.scanline_data_pointers, matter.extinction_across
+        tables, found = occluders.tables_of(0), codes.copy()
+        starts, extinction = tables.scanline_data_pointers, occluders.extinction_across
         for sweep in across:
-            sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, matter), found, **machine)
+            sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, occluders), found, **machine)
         drain(fetch_slabs(tables, voxels, codes[:, None], found[:, None], **machine))
     for sweep in sweeps:
         if sweep.axis != 0:
             starts = rows if sweep.axis == 2 else np.ascontiguousarray(rows.T)
-            meshes = _meshes_before(sweep, matter)
-            sweep_light(sweep, matter.tables_of(sweep.axis), starts, matter.extinction, meshes, codes, **machine)
+            meshes = _meshes_before(sweep, occluders)
+            sweep_light(sweep, occluders.tables_of(sweep.axis), starts, occluders.extinction, meshes, codes, **machine)
     return codes
 
 
-def _meshes_before(sweep: Sweep, matter: Matter) -> np.ndarray | None:
+def _meshes_before(sweep: Sweep, occluders: Occluders) -> np.ndarray | None:
     """(height, width, samples) float32 slices, ascending, from the sweep's first to the meshes on the light's rays,
     as ``sweep_light`` takes them; None when no mesh shades any of the voxels."""
-    if matter.triangles is None or len(matter.triangles) == 0:
+    if occluders.triangles is None or len(occluders.triangles) == 0:
         return None
-    corners = np.concatenate((matter.triangles, np.ones((*matter.triangles.shape[:2], 1))), axis=2)
+    corners = np.concatenate((occluders.triangles, np.ones((*occluders.triangles.shape[:2], 1))), axis=2)
     placed = corners @ sweep.to_sheet.T
     pixels, depths = placed[..., :3], placed[..., 3]
     pixels[..., :2] += 0.5 * pixels[..., 2:]  # the rays of a pixel lie all round the pixel's own
     clips = (-np.inf, float(len(sweep.slices)))
     found = sheet_depth(
-        pixels, depths, clips, sweep.width, sweep.height, backend=matter.backend, threads=matter.threads
+        pixels, depths, clips, sweep.width, sweep.height, backend=occluders.backend, threads=occluders.threads
     )
     met = np.isfinite(found).any(axis=2)
     if not met.any():

@@ -1,4 +1,4 @@
-"""The first half of the road, kept: a scene's volume classified, shaded and encoded, ready for a `.rle` file."""
+"""Encode a scene: its volume classified, shaded and run-length encoded, ready for a ``.rle`` file."""
 
 from __future__ import annotations
 
@@ -11,34 +11,45 @@ from ..encode.store import StoredVolume
 from ..runtime.steps import Clock, drain, portion
 from ..scene import Quality, RleSplatError, Scene
 from ..volume.axes import AXES, AXIS_NAMES
-from .medium import axis_steps, look_steps
+from .scan_source import scan_source
+from .source import Work
 from .stage_cache import StageCache
 
 
 def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
-    """The tables of ``scene`` for the principal ``axes`` (0, 1, 2 for x, y, z); can be saved, and rendered as a volume.
+    """Classify, shade and encode the volume of a scene.
 
-    Of ``quality`` only the model, the record and what does the work matter: tables always hold classified voxels.
-    ``source``: see ``encode_scene_steps``.
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality, optional
+        Its model, record, backend and threads count; tables always hold pre-classified voxels.
+    axes : sequence of int
+        Principal axes to encode, 0, 1, 2 for x, y, z.
+    source : str
+        Name of the file that the volume was read from, for whoever opens the result.
+
+    Returns
+    -------
+    StoredVolume
+        Can be saved, and rendered as a volume.
     """
     return drain(encode_scene_steps(scene, quality or Quality(classification="pre"), axes, source))[0]
 
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
-    """Generator form: yields Progress, returns (StoredVolume, report).  Colours are those a rendering has.
-
-    ``source``: name of the file the volume was read from, for whoever opens the result.
-    """
+    """Generator form of ``encode_scene``: yields Progress, returns (StoredVolume, report)."""
     if quality.classification == "refined":
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
     scene = called_for(scene, analyse(scene, quality))
-    clock, job = Clock(), StageCache(0).job()
-    look = yield from look_steps(scene, quality, job, clock, len(axes))
-    classified = look.classified
+    clock = Clock()
+    scan, work = scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))
+    lit = yield from scan.lit_steps(work)
+    classified = lit.classified
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)
     for axis in sorted(axes, reverse=True):  # the others take the records of z, so that all is shaded once
-        steps = axis_steps(look, quality, axis, job, clock)
+        steps = scan.axis_steps(lit, axis, work)
         encoded[axis] = yield from portion(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
         begun += share
     encoded = {axis: encoded[axis] for axis in axes}
@@ -58,7 +69,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         },
         "model": quality.model,
         "record": quality.record,
-        "memory_estimate_bytes": look.estimate.report(),
+        "memory_estimate_bytes": lit.estimate.report(),
         "axes": {
             AXIS_NAMES[axis]: {
                 "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},
@@ -76,10 +87,10 @@ def looking_direction(camera) -> np.ndarray:
 
 
 def describe_lighting(scene: Scene) -> dict:
-    """What the shaded colours of a scene depend on besides volume and transfer function, JSON-ready.
+    """JSON-ready: what the lit colors of a scene depend on besides the volume and the transfer function.
 
-    ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position
-    of the eye, which highlights depend on.
+    ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position of
+    the eye, for highlights.
     """
     camera, looking = scene.camera, looking_direction(scene.camera)
     parallel = camera.type == "ORTHO"
@@ -92,6 +103,6 @@ def describe_lighting(scene: Scene) -> dict:
 
 
 def describe_light(light) -> dict:
-    """A light as the lights file has it."""
+    """A light in the format of the lights file."""
     described = {entry.name: getattr(light, entry.name) for entry in fields(light)}
     return {**described, "color": list(light.color), "matrix_world": light.matrix_world.tolist()}

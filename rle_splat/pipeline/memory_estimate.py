@@ -1,7 +1,8 @@
-"""What a picture or a file of tables will take of memory, reckoned before it is taken (algorithm.md 1.11).
+"""Estimate the memory of a picture or a file of tables before it is taken (algorithm.md 1.11).
 
 The voxels that a transfer function shows are counted first, which takes no memory for each of them; everything else
-follows from the count.  No kernels here: what only looks at a file does not wait for a compiler to load.
+follows from the count and from what each stage says of itself, in its module ``sizes``.  No kernels are loaded here:
+what only looks at a file does not wait for a compiler.
 """
 
 from __future__ import annotations
@@ -12,39 +13,29 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..classify.sizes import (
+    LOOK,
+    TYPICAL_NEAR,
+    TYPICAL_PIECE,
+    fine_block_bytes,
+    fine_work_bytes,
+    mark_bytes,
+    row_bytes,
+    voxel_bytes,
+)
+from ..effects.sizes import MESH_LAYERS, MESH_PIXEL
+from ..encode.sizes import SCANLINE, run_bytes, scalar_record, scanlines, work_bytes
+from ..raycast.sizes import AT_ONCE, RAY, STEEP_PIXEL
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality, RleSplatError
+from ..shade.sizes import LIGHT, LIT, NORMAL, lit_voxels, shadow_bytes
+from ..splat.sizes import SHEET_PIXEL
+from ..view.sizes import INTERVALS
 from ..volume.axes import AXES
 from ..volume.counts import counts_values, stored_values
-from ..warp.filters import is_prefiltered
+from ..warp.sizes import PICTURE_PIXEL, WRITTEN, filter_bytes
 
-# Bytes of a voxel's normal, and of its look where it has one of its own.
-NORMAL, LOOK = 12, 20
-# Bytes of a row of the visible voxels: where it starts, its pieces; of a scanline: its pointers, and what making them
-# takes meanwhile.
-ROW, SCANLINE = 28, 72
-VOXELS_AT_ONCE = 1 << 22  # voxels whose records are made together; the encoder's own number
 SAMPLED_PLANES = 32
-TYPICAL_PIECE = 4  # visible voxels side by side in a row of a scan, where nothing but a histogram is known
-# Voxels kept for sheets of the scalar, corners of cells that are shown, for each visible one: 1.25 to 1.85 in scans.
-TYPICAL_NEAR = 1.5
-SHEET_PIXEL = 20  # colour, transmittance and half depth of a sheet pixel
-WARPED = 16  # a sheet pixel once more, as coefficients of a filter that needs them
-LIMITS = 40  # where the ray of a sheet pixel begins and ends, and what finding that takes
-MESH_SAMPLES = 16  # of a pixel; the effects' own number
-# Depths of a pixel's samples of meshes, of its layers, and what finding those takes; what is left of it afterwards.
-MESH_PIXEL, MESH_LAYERS = 4 * MESH_SAMPLES + 12 + 9, 12
-PICTURE_PIXEL = 20  # colour and depth of a finished pixel
-# What tracing steep pixels takes of each: how steep and which they are, where if all of them are, and the picture once
-# more without its border; and of the rays that are followed together.
-STEEP_PIXEL, RAYS_AT_ONCE = 4 + 1 + 8 + 20, 4096 * 320
-WRITTEN = 48  # what putting it into a file takes meanwhile
-# Bytes of a voxel of the scan next to fine ones that a refined classification shows: which it is, its normal, light and
-# highlight, and what finding these takes.
-LIT = 3 + NORMAL + 2 * 12 + 16
-FINE_VOXELS_AT_ONCE = 1 << 23  # fine voxels that are made together, whole blocks of planes; classify's own number
-BLOCK = 8 * 8 * 32  # fine voxels of which the least and the largest are kept
-SHADOW, CASTING = 4, 10  # bytes of a voxel for each light that casts shadows, and while they are made
 SPARE = 0.9  # of what is free may be asked for: the system and Python want some too
 
 
@@ -99,7 +90,7 @@ class MemoryEstimate:
 
     def with_shadows(self, count: int) -> MemoryEstimate:
         """The same with what ``count`` lights leave to each voxel, the ambient light among them."""
-        return replace(self, normals=self.normals + (SHADOW * count + CASTING) * self.visible_voxels) if count else self
+        return replace(self, normals=self.normals + shadow_bytes(count, self.visible_voxels))
 
     def three_axes(self) -> MemoryEstimate:
         """The same with every principal axis held."""
@@ -115,7 +106,7 @@ class MemoryEstimate:
             return self
         return replace(
             self, record=record, records=self.axes * self.visible_voxels * record,
-            work=_work_bytes(self.visible_voxels, record),
+            work=work_bytes(self.visible_voxels, record),
         )
 
     def with_refinement(self, refinement: int) -> MemoryEstimate:
@@ -133,7 +124,7 @@ class MemoryEstimate:
         each = (self.visible + self.normals - self.rows + self.records) / max(self.visible_voxels, 1)
         each += self.axes * self.alone
         left = free - self.rows - self.axes * self.scanlines
-        working = (left - self.work) / each, left / (each + _work_bytes(1, self.record) * (self.work > 0))
+        working = (left - self.work) / each, left / (each + work_bytes(1, self.record) * (self.work > 0))
         return math.floor(min((left - self.picture) / each, max(working)))
 
 
@@ -217,15 +208,6 @@ def _reckon_scan(shape, dtype, count, pieces, lines, quality, axes, shaded, pict
     return _reckon(tuple(shape), dtype, count, pieces, lines, quality, axes, shaded, picture, held)
 
 
-def _lit_voxels(count: int, pieces: int, s: int) -> int:
-    """About how many voxels of a scan are next to ``count`` fine voxels: a piece of n of these spans n / s cells of the
-    scan and reaches into one at either end, taken alike along every axis."""
-    return round(count * ((1.0 + 2.0 * (s - 1) * pieces / max(count, 1)) / s) ** 3)
-
-
-LIGHT = 4  # bytes of a voxel's light and highlight, white: mostly they are
-
-
 def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture: int = 0) -> MemoryEstimate:
     """As ``estimate_of``, for tables of scalars: ``counted`` are the voxels that matter to post-classified sheets.
 
@@ -241,43 +223,37 @@ def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture
 def _reckon_scalars(shape, dtype, count, pieces, lines, axes, lit, picture, held) -> MemoryEstimate:
     least = Quality(classification="pre", record=RECORDS[-1])
     needs = _reckon(tuple(shape), dtype, count, pieces, lines, least, axes, lit, picture, held)
-    looks = 0 if counts_values(dtype) else LOOK * count  # the value table stands for them
-    marks = math.prod(shape) // 8 + math.prod(shape) // 64  # of voxels that are kept, and of bricks with any
-    visible = needs.visible - looks + marks + LIGHT * lit * count
-    record = min(dtype.itemsize, 4) + LIGHT * lit
-    return replace(needs, visible=visible, records=axes * record * count, record=0, work=0, rows=needs.rows + marks)
+    looks = 0 if counts_values(dtype) else LOOK * count  # the lookup table stands for them
+    light, marks = LIGHT * lit, mark_bytes(shape)
+    visible = needs.visible - looks + marks + light * count
+    records = axes * scalar_record(dtype.itemsize, light) * count
+    return replace(needs, visible=visible, records=records, record=0, work=0, rows=needs.rows + marks)
 
 
 def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
-    nx, ny, nz = shape
     refinement = _refinement_of(quality)
-    rows = ROW * ny * nz
-    visible = count * ((2 if nx <= 65536 else 4) + dtype.itemsize) + rows
+    rows = row_bytes(shape)
+    visible = count * voxel_bytes(shape, dtype.itemsize) + rows
     if not counts_values(dtype):
         visible += LOOK * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
-    run = 2 if max(shape) <= 65535 else 4
-    runs = (2 * pieces + lines) * run
-    scanlines = max(shape[across] * shape[principal] for _, across, principal in AXES.values())
-    normals, work = NORMAL * count, _work_bytes(count, quality.record)
+    run = run_bytes(shape)
+    runs, most_scanlines = (2 * pieces + lines) * run, scanlines(shape)
+    normals, work = NORMAL * count, work_bytes(count, quality.record)
     if refinement > 1:
         scan = [(n - 1) // refinement + 1 for n in shape]
-        lit = min(_lit_voxels(count, pieces, refinement), math.prod(scan))
-        blocks = 2 * dtype.itemsize * nx * ny * nz // BLOCK
-        normals = LIT * lit + ROW * scan[1] * scan[2]
+        lit = min(lit_voxels(count, pieces, refinement), math.prod(scan))
+        blocks = fine_block_bytes(shape, dtype.itemsize)
+        normals = LIT * lit + row_bytes(scan)
         visible += blocks
-        rows += blocks + shaded * ROW * scan[1] * scan[2]
-        work = max(work, dtype.itemsize * max(FINE_VOXELS_AT_ONCE, 8 * nx * ny))
+        rows += blocks + shaded * row_bytes(scan)
+        work = max(work, fine_work_bytes(shape, dtype.itemsize))
     return MemoryEstimate(
-        visible_voxels=count, voxels=nx * ny * nz, volume=held, visible=visible,
-        normals=normals if shaded else 0, runs=axes * (runs + SCANLINE * scanlines),
+        visible_voxels=count, voxels=math.prod(shape), volume=held, visible=visible,
+        normals=normals if shaded else 0, runs=axes * (runs + SCANLINE * most_scanlines),
         records=axes * quality.record * count, work=work, picture=picture, axes=axes, record=quality.record,
-        rows=rows, scanlines=(SCANLINE + run) * scanlines, alone=2 * run, refinement=refinement,
+        rows=rows, scanlines=(SCANLINE + run) * most_scanlines, alone=2 * run, refinement=refinement,
     )
-
-
-def _work_bytes(count: int, record: int) -> int:
-    return min(count, VOXELS_AT_ONCE) * (16 + (record if record != 16 else 0))
 
 
 class SheetSides(NamedTuple):
@@ -307,8 +283,8 @@ def picture_bytes(
     sheets = [plane.width * plane.height for plane in planes]
     largest = max(sheets, default=0)
     splatting = (1 + meshes) * SHEET_PIXEL * sum(sheets) + MESH_LAYERS * meshes * pixels
-    splatting += (WARPED * is_prefiltered(quality.warp_filter) + LIMITS * limited) * largest
-    tracing = (STEEP_PIXEL * pixels + RAYS_AT_ONCE) * traced
+    splatting += (filter_bytes(quality.warp_filter) + INTERVALS * limited) * largest
+    tracing = (STEEP_PIXEL * pixels + AT_ONCE * RAY) * traced
     after = PICTURE_PIXEL * pixels + max(splatting, WRITTEN * pixels, tracing)
     return scratch + max(MESH_PIXEL * meshes * pixels, after)
 
@@ -360,7 +336,7 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
     if least.needed > free:
         share = min(100.0 * least.most_voxels(free) / least.voxels, 99.0)
         if share < 0.05:
-            return "crop or thin the volume, or free some memory"
+            return "crop or downsample the volume, or free some memory"
         counted = "" if wanted.record else ", their neighbours counted"
         narrower = f"one that shows at most {_two_figures_down(share)} % of the voxels{counted},"
         parts.append(f"a narrower transfer function, {narrower}")

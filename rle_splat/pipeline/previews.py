@@ -12,24 +12,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.analyse import analyse, called_for
-from ..effects.mixing import is_mixed
 from ..encode.encode import brightest_steps, encode
 from ..encode.nodes import NODE_BYTES, Nodes, node_errors, node_steps
 from ..encode.pooling import classified_nodes, node_lists, node_to_voxel, nodes_shape
 from ..encode.store import StoredVolume
 from ..runtime.jit import compiled, thread_count
 from ..runtime.memory import available_bytes
-from ..runtime.steps import Clock, Progress, portion
-from ..scene import MODES, Quality, Rendering, RleSplatError, Scene
-from ..shade.shading import color_bound
+from ..runtime.steps import Clock, Progress, mapped, portion
+from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import candidate_pyramids
-from .medium import Look, look_steps
+from .choose_source import Settled, choose_source, settled
 from .memory_estimate import SPARE
 from .render import render_steps
+from .scan_source import LitVolume, scan_source
+from .source import Source, Work
 from .stage_cache import Job, StageCache
 
 # A picture that takes less is there before a preview would be of use; milliseconds.
@@ -97,16 +96,14 @@ def previews(scene: Scene, quality: Quality | None = None, cache: StageCache | N
     ``cache``: a store shared with other pictures, so that a new view of the same volume does not average it again.
     Volumes that are a few nodes wide, `.rle` files and the opacity model have no previews.
     """
-    steps = progressive_steps(scene, quality or Quality(), cache, every=True)
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as finished:
-            rendering = finished.value
-            yield Preview(rendering, 0, np.zeros(rendering.depth.shape, np.float32))
-            return
-        if isinstance(step, Preview):
-            yield step
+    finished: list[Rendering] = []
+
+    def noted_steps():
+        finished.append((yield from progressive_steps(scene, quality or Quality(), cache, every=True)))
+
+    yield from (step for step in noted_steps() if isinstance(step, Preview))
+    (rendering,) = finished
+    yield Preview(rendering, 0, np.zeros(rendering.depth.shape, np.float32))
 
 
 def progressive_steps(
@@ -117,27 +114,24 @@ def progressive_steps(
 
     ``every``: show all of them, however little the picture takes.  The Rendering it returns is the same to the bit.
     """
-    cache, whole = cache if cache is not None else StageCache(), scene
-    scene = called_for(scene, analyse(scene, quality))
-    levels = () if is_mixed(scene) else preview_levels(scene.volume.shape_xyz)
-    possible = levels and cache.keeps and quality.model == "extinction" and not isinstance(scene.volume, StoredVolume)
-    possible = possible and scene.mode == MODES[0]  # averages of what absorbs tell no values
-    planes = seen_planes(scene, scene.index_to_world, scene.volume.shape_xyz, quality) if possible else []
+    cache = cache if cache is not None else StageCache()
+    door = settled(scene, quality)
+    source, shown = choose_source(door.scene, door.quality), door.scene
+    levels = preview_levels(shown.volume.shape_xyz)
+    possible = levels and cache.keeps and source.preview_stages and quality.model == "extinction"
+    planes = seen_planes(shown, shown.index_to_world, shown.volume.shape_xyz, door.quality) if possible else []
     if planes:
-        settled = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
         made = dict(cache.made)
         job = cache.job()
-        look = yield from _look_steps(scene, settled, job, len({plane.axis for plane in planes}))
+        lit = yield from _lit_steps(source, door, job, len({plane.axis for plane in planes}))
         job.keep()
-        # Post-classified tables hold the same whatever a transfer function makes of the values.
-        stages = ("visible", "normals") if quality.classification == "post" else ("visible", "looks", "normals")
-        fresh = any(cache.made.get(stage) != made.get(stage) for stage in stages)
-        count = 0 if look is None else len(levels)
+        fresh = any(cache.made.get(stage) != made.get(stage) for stage in source.preview_stages)
+        count = 0 if lit is None else len(levels)
         if count and not every:
-            count = how_many(planes, scene, quality, fresh * look.classified.visible_voxels)
-        if count and fits(scene.volume.shape_xyz, levels):
-            yield from _preview_steps(scene, look, levels, count, settled, cache)
-    return (yield from render_steps(whole, quality, cache, refuse_empty_view=refuse_empty_view))
+            count = how_many(planes, shown, door.quality, fresh * lit.classified.visible_voxels)
+        if count and fits(shown.volume.shape_xyz, levels):
+            yield from _preview_steps(source, door, lit, levels, count, cache)
+    return (yield from render_steps(scene, quality, cache, refuse_empty_view=refuse_empty_view))
 
 
 def preview_levels(shape_xyz) -> tuple[int, ...]:
@@ -183,33 +177,32 @@ def seen_planes(scene: Scene, index_to_world, shape_xyz, quality: Quality) -> li
 # --- the previews ---------------------------------------------------------------------------------------------
 
 
-def _look_steps(scene: Scene, quality: Quality, job: Job, axes: int):
-    """Generator: the Look that nodes are averages of; None where post-classified tables may fit in memory, but not
-    those of classified voxels."""
+def _lit_steps(source: Source, door: Settled, job: Job, axes: int):
+    """Generator: the LitVolume that nodes are averages of; None where its tables do not fit in memory, but those of
+    scalar sheets may."""
     try:
-        return (yield from look_steps(scene, quality, job, Clock(), axes))
+        return (yield from scan_source(door.scene, door.quality).lit_steps(Work(job, Clock(), axes)))
     except RleSplatError:
-        if quality.classification != "post":
-            raise
-        return None
+        if source.scalar_sheets:
+            return None
+        raise
 
 
-def _preview_steps(scene: Scene, look: Look, levels, count: int, quality: Quality, cache: StageCache):
+def _preview_steps(source: Source, door: Settled, lit: LitVolume, levels, count: int, cache: StageCache):
     """Generator of Progress and, coarsest first, Previews of the ``count`` finest of the levels."""
-    job = cache.job()
+    job, scene = cache.job(), door.scene
     steps = job.steps(
-        "pyramid", (look.key, levels), lambda: _pyramid_steps(look, levels, quality),
+        "pyramid", (lit.key, levels), lambda: _pyramid_steps(lit, levels, door.quality),
         lambda pyramid: sum(level.nbytes for level in pyramid),
     )
     pyramid = yield from portion(steps, 0.1, 0.1, "Averaging voxels")
     job.keep()
-    bounded = quality.classification == "pre"
-    quality = replace(quality, **KNOBS)
+    quality = replace(door.quality, **KNOBS)
     of_errors = replace(quality, warp_filter="bilinear")  # a filter with negative lobes could take from a bound
     for level in reversed(pyramid[:count]):
-        nodes = _scene_of(scene, look, level.level, level.means, 0, quality)
+        nodes = _scene_of(scene, lit, level.level, level.means, 0, quality)
         rendering = yield from _drawn(nodes, quality)
-        if not bounded:
+        if not source.bounds_previews:
             yield Preview(rendering, level.level, None)
             continue
         beyond = np.pad(level.means[..., 3], 1)
@@ -217,15 +210,15 @@ def _preview_steps(scene: Scene, look: Look, levels, count: int, quality: Qualit
         records = np.stack((level.errors, level.errors, level.errors, absorbs), axis=3)
         # Meshes only shorten the rays along which errors add up.
         unmeshed = replace(scene, triangles=None)
-        misstated = yield from _drawn(_scene_of(unmeshed, look, level.level, records, 1, of_errors), of_errors)
+        misstated = yield from _drawn(_scene_of(unmeshed, lit, level.level, records, 1, of_errors), of_errors)
         yield Preview(rendering, level.level, _error_of(rendering.rgba, misstated.rgba[..., 0], level.brightest))
 
 
-def _pyramid_steps(look: Look, levels, quality: Quality):
+def _pyramid_steps(lit: LitVolume, levels, quality: Quality):
     """Generator: yields the fraction done; returns the Levels, finest first."""
-    voxels = look.classified.voxels
-    write = look.write_records("extinction", quality.backend, quality.threads)
-    brightest = color_bound(look.classified, look.falling)
+    voxels = lit.classified.voxels
+    write = lit.write_records("extinction")
+    brightest = lit.color_bound
     if brightest is None:
         brightest = yield from brightest_steps(voxels, write)
     nodes = yield from node_steps(voxels, write, levels[0], brightest, quality.backend)
@@ -244,12 +237,7 @@ def _level_of(nodes: Nodes, quality: Quality) -> Level:
 def _drawn(scene: Scene, quality: Quality):
     """Generator: the steps of a picture that nobody waits for; returns its Rendering."""
     steps = render_steps(scene, quality, refuse_empty_view=False)
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as finished:
-            return finished.value
-        yield Progress(0.1, f"Previewing: {step.message}")
+    return mapped(steps, lambda step: Progress(0.1, f"Previewing: {step.message}"))
 
 
 def _error_of(rgba: np.ndarray, misstated: np.ndarray, brightest: float) -> np.ndarray:
@@ -267,9 +255,9 @@ def _error_of(rgba: np.ndarray, misstated: np.ndarray, brightest: float) -> np.n
     return np.minimum(misstated, room)
 
 
-def _scene_of(scene: Scene, look: Look, level: int, records: np.ndarray, margin: int, quality: Quality) -> Scene:
+def _scene_of(scene: Scene, lit: LitVolume, level: int, records: np.ndarray, margin: int, quality: Quality) -> Scene:
     """The scene with nodes in place of its voxels; ``records``: (nz, ny, nx, 4), ``margin`` nodes of them outside."""
-    classified, colors = classified_nodes([node_lists(records)], records.shape[2::-1], look.classified)
+    classified, colors = classified_nodes([node_lists(records)], records.shape[2::-1], lit.classified)
     to_voxels = node_to_voxel(level)
     to_voxels[:3, 3] -= margin * 2**level
     planes = seen_planes(scene, scene.index_to_world @ to_voxels, classified.shape_xyz, quality)

@@ -1,4 +1,4 @@
-"""The shadow pass: a picture of how much of the light shadows take away."""
+"""The shadow pass: a picture of the share of light that shadows take away."""
 
 from __future__ import annotations
 
@@ -7,47 +7,49 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects.analyse import analyse, called_for
-from ..runtime.steps import Progress
+from ..runtime.steps import part
 from ..scene import NO_RAYS, Quality, RleSplatError, Scene
 from .render import render_steps
 from .shadows import shadow_count, without_shadows
 from .stage_cache import StageCache
 
-FAINTEST = 1e-6  # light of a pixel, red, green and blue together, of which no share is told
+FAINTEST = 1e-6  # light of a pixel, red, green and blue together, below which its share counts as none
 
 
 def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None = None):
-    """Generator of Progress: (the scene's Rendering, (H, W) float32 share of each pixel's light that is taken away).
+    """Generator of Progress: render a scene with and without its shadows.
 
-    The share is one less the picture's light over that of the same picture without shadows and ambient occlusion, red,
-    green and blue together; 0 where there is none.  Everything but light is made once for both, and both are of sheets
-    alone: which pixels are steep enough for single rays depends on the light.  RleSplatError for a scene without
-    shadows.
+    Everything but light is made once for both pictures.  Both are made of sheets alone, because the light decides which
+    pixels are steep enough for single rays.
+
+    Returns
+    -------
+    Rendering
+        The scene's picture.
+    (H, W) float32
+        The share of each pixel's light that shadows and ambient occlusion take away: 1 less the picture's light over
+        that of the same picture without them, red, green and blue together; 0 where there is no light.
+
+    Raises
+    ------
+    RleSplatError
+        For a scene without shadows.
     """
     if not shadow_count(called_for(scene, analyse(scene, quality))):
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")
     cache = StageCache() if cache is None else cache
     unshaded = without_shadows(scene)
-    rendering = shaded = yield from _part(render_steps(scene, quality, cache), 0.0, 0.5)
+    rendering = shaded = yield from part(render_steps(scene, quality, cache), 0.0, 0.5)
     quality = replace(quality, rays=NO_RAYS)
     if rendering.report["rays"]["pixels"]:
-        shaded = yield from _part(render_steps(scene, quality, cache), 0.5, 0.6)
-    plain = yield from _part(render_steps(unshaded, quality, cache), 0.6, 1.0)
+        shaded = yield from part(render_steps(scene, quality, cache), 0.5, 0.6)
+    plain = yield from part(render_steps(unshaded, quality, cache), 0.6, 1.0)
     light, whole = (made.rgba[..., :3].sum(axis=2) for made in (shaded, plain))
     share = np.divide(light, whole, out=np.ones_like(whole), where=whole > FAINTEST)
     return rendering, np.clip(1.0 - share, 0.0, 1.0)
 
 
-def _part(steps, begin: float, end: float):
-    while True:
-        try:
-            step = next(steps)
-        except StopIteration as finished:
-            return finished.value
-        yield Progress(begin + (end - begin) * step.fraction, step.message)
-
-
 def as_picture(share: np.ndarray, rgba: np.ndarray) -> np.ndarray:
-    """(H, W, 4) float32 premultiplied greys of a shadow pass, as opaque as the picture ``rgba`` it belongs to."""
+    """(H, W, 4) float32 premultiplied grays of a shadow pass, with the alpha of the picture ``rgba``."""
     alpha = rgba[..., 3:]
     return np.concatenate((np.repeat(share[..., None], 3, axis=2) * alpha, alpha), axis=2)

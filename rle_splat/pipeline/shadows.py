@@ -1,5 +1,4 @@
-"""The stage of shadows: one result for each light that casts them, so that to move one light sweeps that one alone, and
-to move the camera none."""
+"""The stage of shadows: one result for each light, so that a light that moves is swept alone."""
 
 from __future__ import annotations
 
@@ -7,7 +6,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from ..effects.shadows import Matter, light_steps, sky_steps
+from ..effects.shadows import Occluders, light_steps, sky_steps
 from ..runtime.steps import Clock, timed
 from ..scene import Light, Scene
 from ..shade.light_sweep import FULL
@@ -26,7 +25,7 @@ def casting(scene: Scene) -> list[int]:
 
 
 def shadow_count(scene: Scene) -> int:
-    """How many lights, the one from everywhere among them, of which it is stored what reaches each voxel."""
+    """How many lights, ambient light among them, have their share stored for each voxel."""
     return len(casting(scene)) + (scene.ambient_occlusion > 0.0)
 
 
@@ -36,24 +35,24 @@ def without_shadows(scene: Scene) -> Scene:
     return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
 
 
-def shadow_steps(scene: Scene, matter: Matter, job: Job, clock: Clock):
+def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):
     """Generator of fractions done: the Shadows of a scene's lights, a headlight behind them, and their key."""
     numbers, sky = casting(scene), scene.ambient_occlusion > 0.0
     row_of = np.full(len(scene.lights) + scene.headlight + 1, -1, np.int64)
     found, keys = [], []
     for number in numbers:
         light = scene.lights[number]
-        key = (matter.key, _light_key(light))
-        steps = job.steps("shadows", key, lambda light=light: light_steps(light, matter))
+        key = (occluders.key, _light_key(light))
+        steps = job.steps("shadows", key, lambda light=light: light_steps(light, occluders))
         row_of[number] = len(found)
         found.append((yield from timed(steps, clock, "shadows")))
         keys.append((number, key))
     if sky:
-        steps = job.steps("ambient occlusion", matter.key, lambda: sky_steps(matter))
+        steps = job.steps("ambient occlusion", occluders.key, lambda: sky_steps(occluders))
         left = yield from timed(steps, clock, "ambient occlusion")
         row_of[-1] = len(found)
         found.append(np.rint(FULL - scene.ambient_occlusion * (FULL - left.astype(np.float32))).astype(np.uint16))
-        keys.append((scene.ambient_occlusion, matter.key))
+        keys.append((scene.ambient_occlusion, occluders.key))
     return Shadows(np.stack(found), row_of), tuple(keys)
 
 

@@ -1,7 +1,7 @@
-"""Single pixels of a picture by rays of their own, where sheets and warp err most.
+"""Single rays: pixels of a picture that are integrated one by one, where sheets and warp err most.
 
-They go through the same voxels, table of values and light as the sheets, and are cut off by the same box and clip
-distances; what they leave out is the resampling of sheets and the warp.
+Single rays go through the same voxels, lookup table and light as the sheets, and the same box and clip distances end
+them.  They leave out the resampling of sheets and the warp.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 
 from ..raycast.scalar_rays import rays_through
+from ..raycast.sizes import AT_ONCE
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
 from ..view.eye import IndexView
 from ..view.principal_axis import candidate_pyramids, dominant_axis
 from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
-from .medium import Medium
+from .source import Medium
 
-AT_ONCE = 4096  # rays between two looks at the user's Esc
 NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays
 LEAST_SLABS = 4
-# What of a scene single rays know of, light by the voxels that it falls on; anything else must be as it is by itself.
+# Fields of a scene that single rays take into account; every other field must have its default.
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
     "background", "crop", "effects", "volume_shadows", "world", "ambient_occlusion", "reasons_off",
@@ -29,7 +29,7 @@ KNOWN = {
 
 
 def can_trace(scene: Scene, quality: Quality) -> bool:
-    """Whether single pixels of a scene can be had by rays of their own: of scalars, and without meshes.
+    """Whether pixels of a scene can be integrated by single rays: post-classified, and without meshes.
 
     ``scene``: without the effects that are off (``effects.analyse``).
     """
@@ -41,7 +41,7 @@ def can_trace(scene: Scene, quality: Quality) -> bool:
 
 
 def _given(scene: Scene, field) -> bool:
-    """Whether a field of the scene is something else than what it is by itself; an empty array is nothing."""
+    """Whether a field of the scene differs from its default; an empty array counts as the default."""
     value, usual = getattr(scene, field.name), field.default
     usual = field.default_factory() if usual is MISSING else usual
     if isinstance(value, np.ndarray):
@@ -50,13 +50,12 @@ def _given(scene: Scene, field) -> bool:
 
 
 def traces_steep_pixels(scene: Scene, quality: Quality) -> bool:
-    """Whether a quality has the steep pixels of a scene traced by rays of their own."""
+    """Whether a quality integrates the steep pixels of a scene by single rays."""
     return quality.rays > 0.0 and can_trace(scene, quality)
 
 
 def with_neighbours(scene: Scene) -> Scene:
-    """The scene with a crop so much larger that it holds whole tiles (see ``warp.steep``), and all their pixels have
-    their neighbours."""
+    """The scene with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors."""
     if scene.crop is None:
         return scene
     first = (max(side // TILE * TILE - AROUND, 0) for side in scene.crop[:2])
@@ -65,9 +64,9 @@ def with_neighbours(scene: Scene) -> Scene:
 
 
 def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, slabs: int):
-    """Generator of fractions done; returns premultiplied rgba (n, 4) float32 of pixels of the picture.
+    """Generator of fractions done: integrate pixels of the picture; returns premultiplied rgba (n, 4) float32.
 
-    ``columns``, ``rows``: (n,) ints.  ``slabs``: that a voxel's depth is cut into, at least.
+    ``columns``, ``rows``: (n,) ints.  ``slabs``: at least as many per voxel of depth.
     """
     rgba, planes = np.empty((len(columns), 4), np.float32), {}
     for first in range(0, len(columns), AT_ONCE):
@@ -80,7 +79,7 @@ def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, sl
 def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int):
     """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture; NO_DEPTH where there is none.
 
-    ``planes``: base planes by axis and sign, as far as they were needed before.
+    ``planes``: base planes by axis and sign, filled as they are needed.
     """
     left, top = scene.region[:2]
     columns, rows = columns + (left + 0.5), rows + (top + 0.5)
@@ -102,11 +101,22 @@ def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns
 
 
 def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: Quality, rgba, depth):
-    """Generator of fractions done; traces the steep pixels of a picture, returns it without its border, and what a
-    report says of its rays.
+    """Generator of fractions done: integrate the steep pixels of a picture by single rays.
 
-    ``scene``: of the picture, of which only the pixels of ``wanted``, (left, top, right, bottom) in the whole frame,
-    are returned: rgba (h, w, 4) and depth (h, w).
+    Parameters
+    ----------
+    scene : Scene
+        Of the picture.
+    wanted : (left, top, right, bottom)
+        The pixels of the whole frame that are returned.
+    rgba, depth : (H, W, 4) and (H, W) float32
+        The picture by sheets.
+
+    Returns
+    -------
+    rgba, depth : (h, w, 4) and (h, w) float32
+    dict
+        The report's ``rays``: pixels, their share, and slabs per voxel.
     """
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
@@ -123,13 +133,12 @@ def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: 
 
 
 def _slabs_of(quality: Quality) -> int:
-    """That a voxel's depth is cut into along a quality's own rays: twice as many as its sheets, and no fewer than err
-    less than these anywhere."""
+    """Slabs per voxel of depth along a quality's own rays: twice its sheets, and enough to err less than these."""
     return max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
 
 
 def rays_lines(rays: dict | None) -> list[str]:
-    """What a report's ``rays`` say to people."""
+    """A report's ``rays`` as lines for people."""
     if not rays or not rays["pixels"]:
         return []
     return [f"{rays['pixels']} pixels ({100.0 * rays['share']:.2g} %) by single rays"]

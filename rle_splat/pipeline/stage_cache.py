@@ -1,9 +1,9 @@
-"""What is kept between frames, in one place: results of stages, keyed by the content they were made from.
+"""The stage cache: results of stages kept between frames, keyed by the content that they were made from.
 
-A key names everything a result depends on, so nothing kept can go stale: not by undo, not by loading another
-file.  A job sees what is kept, and hands over what it made only when all of it is done, so a job that was cancelled
-or failed half-way leaves everything as it was.  Jobs of several threads may share a store (Blender renders beside its
-window): nothing is relied on to be still there, and nothing is counted but what is.
+A key holds everything that a result depends on, so no result can go stale, not by undo and not by loading another
+file.  A job reads the cache and adds its own results only when all of its work is done.  A job that was cancelled or
+failed half-way therefore leaves the cache as it was.  Jobs of several threads may share a cache, because Blender
+renders beside its window.  So a job never relies on a result to be still there.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from ..runtime.memory import available_bytes, total_bytes
 
 LEAST_BYTES = 1 << 30  # kept on any machine
 SHARE = 0.25  # of a larger machine's memory
-# Stages whose results replace one another as a light, a camera or a transfer function is dragged about: how many are
-# worth their memory.  (What leaves makes room for what comes, see ``reused``.)
+# How many results of a stage are kept while a light, a camera or a transfer function is dragged about.  (Memory of
+# those that leave is used again, see ``runtime.buffer_pool``.)
 MOST_RESULTS = {
     "visible": 6, "relevant": 6, "looks": 6, "normals": 6, "light": 6, "runs": 6, "records": 6, "scalars": 6,
     "lights": 6, "bricks": 6, "table": 6, "gradients": 6, "thinned": 6, "pyramid": 2, "nodes": 2, "node records": 6,
@@ -23,10 +23,17 @@ MOST_RESULTS = {
 
 
 class StageCache:
-    """A store of stage results, the least recently used leaving first when ``most_bytes`` are exceeded.
+    """Results of stages, of which the least recently used leave first.
 
-    Left out, ``most_bytes`` is a quarter of the machine's memory, one GiB at least.
-    ``made`` counts how often each stage really ran, so that tests can tell work from reuse.
+    Parameters
+    ----------
+    most_bytes : int, optional
+        Bytes that are kept at most; 0 keeps nothing.  Left out, a quarter of the machine's memory, one GiB at least.
+
+    Attributes
+    ----------
+    made : dict
+        Name of a stage -> how often it really ran, so that tests can tell work from reuse.
     """
 
     def __init__(self, most_bytes: int | None = None):
@@ -36,7 +43,7 @@ class StageCache:
 
     @property
     def keeps(self) -> bool:
-        """Whether there is any use in keys: a store without room forgets at once."""
+        """Whether results are kept at all; a cache without room needs no keys."""
         return self.most_bytes > 0
 
     @property
@@ -49,7 +56,7 @@ class StageCache:
         return tuple(self._results.copy())
 
     def job(self) -> Job:
-        """A job's view of the store; see the module."""
+        """A new job that reads this cache; see the module."""
         return Job(self)
 
     def has(self, stage: str, key) -> bool:
@@ -60,7 +67,7 @@ class StageCache:
         forget()
 
     def make_room(self, needed: int) -> None:
-        """Forget everything when ``needed`` bytes are more than the machine has free: a picture comes first."""
+        """Forget everything where the machine has fewer than ``needed`` bytes free: a picture comes first."""
         if needed > available_bytes():
             self.clear()
 
@@ -80,20 +87,20 @@ class StageCache:
 
 
 class Job:
-    """One picture's or one file's work: results of stages by content, those kept and those made by itself."""
+    """The stage results that one picture or one file uses: those of the cache, and those that it makes itself."""
 
     def __init__(self, cache: StageCache):
         self.cache = cache
         self._used: dict = {}
 
     def has(self, stage: str, key) -> bool:
-        """Whether a result is at hand, kept or made by this job, and will be until the job is done."""
+        """Whether there is a result, which then stays until the job is done."""
         return self._find((stage, key))
 
     def get(self, stage: str, key, make, size=None):
-        """The result of ``stage`` for ``key``: the kept one, or ``make()``.
+        """The result of a stage for a key: the cached one, or ``make()``.
 
-        ``size(result)`` tells its bytes; without it, its own ``nbytes`` do.
+        ``size(result)``: its bytes; left out, its own ``nbytes``.
         """
         place = (stage, key)
         if not self._find(place):
@@ -108,8 +115,10 @@ class Job:
         return self._used[place][0]
 
     def latest(self, stage: str, serves) -> object:
-        """The key of the latest kept result of ``stage`` for which ``serves(key, result)``, which is at hand from now
-        on; None if there is none."""
+        """The key of the latest cached result of a stage for which ``serves(key, result)`` holds; None for none.
+
+        The result then stays until the job is done.
+        """
         for place, held in reversed(self.cache._results.copy().items()):
             if place[0] == stage and serves(place[1], held[0]):
                 self._used[place] = held
@@ -117,7 +126,7 @@ class Job:
         return None
 
     def keep(self) -> None:
-        """Hand over to the store everything that the job used; call it when the job is done."""
+        """Add everything that the job used to the cache; call it when the job is done."""
         if self.cache.keeps:
             for place, (result, size) in self._used.items():
                 self.cache._add(place, result, size)

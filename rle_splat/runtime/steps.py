@@ -38,6 +38,15 @@ class Clock:
         finally:
             self.stages[name] += 1e3 * (time.perf_counter() - begun)
 
+    def timing(self, name: str, function):
+        """The function with its time counted for a stage."""
+
+        def timed_function(*arguments):
+            with self.stage(name):
+                return function(*arguments)
+
+        return timed_function
+
     def report(self) -> dict:
         return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
 
@@ -87,6 +96,13 @@ def part(steps, start: float, end: float, message: str = ""):
     return mapped(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
 
 
-def timed(steps, clock: Clock, stage: str):
-    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result."""
-    return within(steps, lambda: clock.stage(stage))
+def timed(steps, clock: Clock, stage: str, without: str | None = None):
+    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result.
+
+    ``without``: a stage that is timed within these steps by itself, and not counted twice.
+    """
+    before = clock.stages[without] if without else 0.0
+    result = yield from within(steps, lambda: clock.stage(stage))
+    if without:
+        clock.stages[stage] -= clock.stages[without] - before
+    return result

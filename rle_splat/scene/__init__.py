@@ -1,7 +1,7 @@
-"""Plain data that walks the whole road: what is seen, from where, how well, and what came out.
+"""Plain data that describes a scene and its picture: scene, camera, lights, quality, rendering.
 
-Nothing here computes a picture and nothing here knows Blender.  Every class is frozen; arrays inside are
-treated as read-only.  Matrices are 4x4 float64, column vectors, applied as ``matrix @ (x, y, z, 1)``.
+Nothing here renders and nothing here imports Blender. Every class is frozen, and arrays are treated as read-only.
+Matrices are (4, 4) float64 for column vectors: ``matrix @ (x, y, z, 1)``.
 """
 
 from .camera import SENSOR_FITS, Camera
@@ -36,6 +36,7 @@ from .quality import (
     not_in_post,
     preintegrated_of,
     preset_knobs,
+    truth_of,
 )
 from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, checked_crop
 
@@ -89,4 +90,5 @@ __all__ = [
     "preintegrated_of",
     "preset_knobs",
     "read_json",
+    "truth_of",
 ]

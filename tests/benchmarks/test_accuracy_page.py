@@ -1,5 +1,5 @@
-"""Proves that docs/accuracy.md is filled from measurements: every place in it has its table, the tables say what was
-measured, knobs are turned one at a time, and the smoke is the same on every machine."""
+"""Proves that docs/explanation/accuracy.md is filled from measurements: every place in it has its table, the tables say
+what was measured, knobs are turned one at a time, and the smoke is the same on every machine."""
 
 from types import SimpleNamespace
 

@@ -8,7 +8,7 @@ import pytest
 from benchmarks import paper
 from benchmarks.data_sets import PAPER, stand_in
 from benchmarks.paper_words import explain, table_1, table_2
-from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.jit import compiled
 from rle_splat.runtime.steps import Clock
 from rle_splat.splat.pixel_block import BLOCK

@@ -1,7 +1,7 @@
 """Family B of the catalogue of hard cases: situations in Blender, each an id that a test of this folder names.
 
 A test of B12 is called ``test_B12_...``; ``tests/unit/test_situations.py`` sees that every id has one.
-``dev.py test --catalogue`` writes the table into docs/stability.md.
+``dev.py test --catalogue`` writes the table into docs/explanation/stability.md.
 """
 
 # id -> (the situation, what holds)

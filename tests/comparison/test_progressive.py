@@ -12,6 +12,7 @@ from rle_splat.encode import nodes
 from rle_splat.pipeline import previews as progressive
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
+from rle_splat.pipeline.scan_source import ScanSource
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import numba
 from rle_splat.runtime.steps import drain
@@ -228,7 +229,7 @@ def test_a_preview_is_left_out_where_only_the_picture_fits(stand, monkeypatch):
         raise RleSplatError("This would not fit.")
         yield
 
-    monkeypatch.setattr(progressive, "look_steps", refuse)
+    monkeypatch.setattr(ScanSource, "lit_steps", refuse)
     levels = [preview.level for preview in progressive.previews(scene, Quality())]
     assert levels == [0]
     with pytest.raises(RleSplatError, match="not fit"):

@@ -1,19 +1,18 @@
 """Proves that what is seen past silhouettes is the same, to the bit, whether all of it is splatted a second time or
 only the blocks of pixels whose rays end elsewhere than before them."""
 
-import importlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.effects import mesh_occlusion
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Clip, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-road = importlib.import_module("rle_splat.pipeline.render")  # the package's own name is that of the function
 LOOK = TransferFunction(opacity=((0.2, 0.0), (0.6, 0.3)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
 # Two sheets of triangles across the volume, one before the other, with corners inside the picture.
 MESH = np.array([
@@ -44,8 +43,8 @@ def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, p
     scene = scene_of(perspective, **more)
     quality = Quality(classification=classification, backend=backend)
     left_out = []
-    asked = road.leave_out_like
-    monkeypatch.setattr(road, "leave_out_like", lambda *a: left_out.append(asked(*a)) or left_out[-1])
+    asked = mesh_occlusion.leave_out_like
+    monkeypatch.setattr(mesh_occlusion, "leave_out_like", lambda *a: left_out.append(asked(*a)) or left_out[-1])
     found = render(scene, quality)
     assert left_out and all(0.1 < like.mean() < 1.0 for like in left_out)
 
@@ -53,8 +52,8 @@ def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, p
         numbered = list(enumerate(planes))
         return [(layers.near, region, numbered), (layers.far, region, numbered)]
 
-    monkeypatch.setattr(road, "layers_to_splat", whole)
-    monkeypatch.setattr(road, "leave_out_like", lambda plane, *_: np.zeros((plane.height, plane.width), bool))
+    monkeypatch.setattr(mesh_occlusion, "layers_to_splat", whole)
+    monkeypatch.setattr(mesh_occlusion, "leave_out_like", lambda plane, *_: np.zeros((plane.height, plane.width), bool))
     expected = render(scene, quality)
     np.testing.assert_array_equal(found.rgba, expected.rgba)
     np.testing.assert_array_equal(found.depth, expected.depth)

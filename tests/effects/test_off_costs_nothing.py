@@ -122,7 +122,7 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
 @pytest.mark.parametrize("classification", KERNELS)
 def test_shading_that_is_off_by_hand_computes_no_gradient(classification, backend, monkeypatch):
     calls, asked = [], normals
-    for module in ("rle_splat.pipeline.medium", "rle_splat.pipeline.scalar_medium"):
+    for module in ("rle_splat.pipeline.scan_source", "rle_splat.pipeline.scalar_source"):
         monkeypatch.setattr(f"{module}.normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
     lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))
     assert worked(replace(lit, effects={"shading": False}), classification, backend)[0] == STAGES[classification]

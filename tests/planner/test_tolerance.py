@@ -13,9 +13,9 @@ from rle_splat.accuracy.planner.error_estimate import RayCost
 from rle_splat.accuracy.planner.model import CALIBRATION, Model
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.pipeline.render import render, truth_of
+from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, Scene
+from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, Scene, truth_of
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

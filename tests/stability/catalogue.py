@@ -1,7 +1,7 @@
 """The catalogue of hard cases: what each id stands for, and what the tests measured of it.
 
 ``record`` is how a test says what it found: it holds the figure against the bound and keeps both for the table in
-docs/stability.md, which ``dev.py test --catalogue`` writes.
+docs/explanation/stability.md, which ``dev.py test --catalogue`` writes.
 """
 
 from __future__ import annotations

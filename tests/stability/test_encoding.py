@@ -21,8 +21,8 @@ from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from
 from rle_splat.encode.validate import validate
 from rle_splat.pipeline import memory_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
-from rle_splat.pipeline.medium import classify_and_shade
 from rle_splat.pipeline.render import render
+from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.jit import compiled
 from rle_splat.runtime.steps import Clock

@@ -11,7 +11,7 @@ from rle_splat.accuracy.measure import measure
 from rle_splat.accuracy.phantoms import blobs
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.comparison.medium import scene_medium
-from rle_splat.pipeline.medium import classify_and_shade
+from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.steps import Clock
 from rle_splat.scene import Light, Quality
 

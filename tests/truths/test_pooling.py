@@ -12,8 +12,9 @@ from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.pooling import pooled_steps
 from rle_splat.encode.store import StoredVolume
 from rle_splat.pipeline.encode_scene import encode_scene
-from rle_splat.pipeline.medium import look_steps
 from rle_splat.pipeline.render import render
+from rle_splat.pipeline.scan_source import scan_source
+from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import numba
 from rle_splat.runtime.steps import Clock, drain
@@ -51,10 +52,10 @@ def test_a_node_is_the_average_of_its_cube(stage, level, backend):
     field = (0.9 * np.random.default_rng(4).random((13, 50, 29)) ** 3).astype(np.float32)
     field[field < 0.3] = 0.0
     scene = stage.on_turntable(field)
-    quality = Quality(classification="pre", backend=backend)
-    look = drain(look_steps(scene, quality, StageCache(0).job(), Clock()))
-    voxels, write = look.classified.voxels, look.write_records("extinction", backend, 2)
-    nodes, colors = drain(pooled_steps(voxels, write, level, look.classified, backend=backend, threads=2))
+    quality = Quality(classification="pre", backend=backend, threads=2)
+    lit = drain(scan_source(scene, quality).lit_steps(Work(StageCache(0).job(), Clock())))
+    voxels, write = lit.classified.voxels, lit.write_records("extinction")
+    nodes, colors = drain(pooled_steps(voxels, write, level, lit.classified, backend=backend, threads=2))
     side, extinction = 2**level, -np.log1p(-field.astype(np.float64))
     emission = np.concatenate((extinction[..., None] * stage.color(field), extinction[..., None]), axis=3)
     padded = np.pad(emission, [(0, -n % side) for n in field.shape] + [(0, 0)])

@@ -10,8 +10,8 @@ from rle_splat.accuracy.lighting import VoxelLight, shading_of
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyse import analyse
 from rle_splat.effects.shadows import NEAR_SKY
-from rle_splat.pipeline.medium import classify_and_shade
 from rle_splat.pipeline.render import render
+from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain

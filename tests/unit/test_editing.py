@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.pipeline import medium
+from rle_splat.pipeline import scan_source
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
@@ -195,7 +195,7 @@ def test_three_axes_are_shaded_once(record, monkeypatch):
         shaded.append(arguments)
         return light_records(*arguments, **machine)
 
-    monkeypatch.setattr(medium, "light_records", light)
+    monkeypatch.setattr(scan_source, "light_records", light)
     lit, quality = scene(lights=(SUN,), headlight=True), replace(QUALITY, record=record)
     together = encode_scene(lit, quality).axes
     assert list(together) == [0, 1, 2] and len(shaded) == 1

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.effects.ray_values import VALUE_MODES
+from rle_splat.effects.ray_mode import OF_VALUES
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Mist, Quality
 from rle_splat.splat.pixel_block import BLOCK
@@ -66,7 +66,7 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
         return found
 
     monkeypatch.setattr(ROAD, "warp", everywhere)
-    of_values = more.get("mode") in VALUE_MODES
+    of_values = more.get("mode") in OF_VALUES
     scene = replace(scene_of(kind, **more), volume=VOLUME if of_values else DOTS)
     picture = render(scene, replace(quality, backend=backend))
     assert picture.rgba[..., 3].max() > 0.2

@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.classify.gaps import SHORT, close_gaps
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline import scalar_medium
+from rle_splat.pipeline import scalar_source
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Quality, Scene
@@ -90,7 +90,7 @@ def test_pictures_of_sheets_by_themselves_are_the_same_to_the_bit(monkeypatch, p
         wanted = scene(noisy(dtype), perspective)
         closed = render(wanted, quality)
         with monkeypatch.context() as patch:
-            patch.setattr(scalar_medium, "close_gaps", lambda *_, **__: None)
+            patch.setattr(scalar_source, "close_gaps", lambda *_, **__: None)
             plain = render(wanted, quality)
         assert closed.report["volume"]["visible_voxels"] > plain.report["volume"]["visible_voxels"]
         assert closed.rgba.tobytes() == plain.rgba.tobytes() and closed.depth.tobytes() == plain.depth.tobytes()

@@ -1,5 +1,6 @@
 """Memory: what there is, what work will take, and refusals before it is taken, with what would fit."""
 
+import importlib
 import subprocess
 import sys
 import tracemalloc
@@ -14,7 +15,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import Visibility, count_steps
 from rle_splat.effects.mesh_depth import SAMPLES
 from rle_splat.encode.decode import decode, to_volume_order
-from rle_splat.encode.encode import VOXELS_AT_ONCE, encode
+from rle_splat.encode.encode import encode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render, render_steps
@@ -103,7 +104,6 @@ def test_the_quick_estimate_is_near_the_counted_one(dtype):
         assert quick.visible_voxels == exact.visible_voxels == (volume.voxels > 80).sum()
     assert quick.needed == pytest.approx(exact.needed, rel=0.02)
     assert exact.volume == volume.voxels.nbytes and 0.3 < exact.visible_fraction < 0.5
-    assert estimate.VOXELS_AT_ONCE == VOXELS_AT_ONCE
 
 
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
@@ -197,14 +197,13 @@ def test_the_scratch_of_a_picture_is_as_large_as_is_said(classification, monkeyp
         pytest.skip("there are no kernels without numba")
     made, counted = [], []
     monkeypatch.setattr(scratch, "_memory", lambda size: made.append(size) or np.zeros(size, np.uint8))
-    road = sys.modules[render.__module__]
+    road = importlib.import_module("rle_splat.pipeline.source")
     monkeypatch.setattr(road, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
     render(scene_of(noise(32), 200), replace(QUALITY, classification=classification, warp_filter="bilinear"))
     assert scratch.SPREAD * max(counted) == pytest.approx(max(made), rel=0.5)
 
 
 def test_the_estimate_counts_the_samples_of_meshes_and_the_filters_copy():
-    assert estimate.MESH_SAMPLES == SAMPLES
     sheet = (SimpleNamespace(width=3000, height=3000),)
     plain, meshes, cubic = (
         estimate.picture_bytes(sheet, 100, 100, Quality(warp_filter=name), meshes=on)
@@ -258,7 +257,7 @@ def test_the_voxels_are_hashed_once():
 
 def short_of_memory(monkeypatch, free):
     """As if there were ``free`` bytes; and work on few voxels at a time, as large volumes have it."""
-    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
+    monkeypatch.setattr("rle_splat.encode.sizes.VOXELS_AT_ONCE", 1000)
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
@@ -289,7 +288,7 @@ def test_it_is_said_before_the_lists_are_made_and_while_they_are():
     "share, axes, words",
     (
         (0.95, 1, "voxel records of 8 bytes would fit"), (0.66, 1, "voxel records of 4 bytes would fit"),
-        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or thin the volume"),
+        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or downsample the volume"),
         (0.67, 3, "voxel records of 8 bytes would fit"),
         (0.45, 3, "two principal axes at a time with voxel records of 4 bytes would fit"),
         (0.38, 3, "one principal axis at a time with voxel records of 8 bytes would fit"),
@@ -350,7 +349,7 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
         one_by_one = "one principal axis at a time" in sentence
         if "at most" not in sentence:
             fits = one_by_one and wanted(n, 1, 4).needed <= free
-            assert fits or (n == 16 and "crop or thin" in sentence)
+            assert fits or (n == 16 and "crop or downsample" in sentence)
             continue
         share = float(sentence.split("at most ")[1].split(" %")[0]) / 100.0
         needed = wanted(share * n, 1 if one_by_one else axes, 4).needed

@@ -1,17 +1,15 @@
 """Proves the finer grid of the classification refined: that its voxels, made a few planes at a time, are those of the
 whole grid; which of them are shown and where; the light between the scan's voxels; what is kept; and what it costs."""
 
-import sys
 import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rle_splat.classify import refined
 from rle_splat.classify.classification import ClassifiedVolume
-from rle_splat.classify.placing import Places
-from rle_splat.classify.refined import FineVoxels, RefinedVolume, value_block_steps
+from rle_splat.classify.placing import RecordPositions
+from rle_splat.classify.refined import FineVoxels, RefinedVolume, fine_block_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
 from rle_splat.pipeline import memory_estimate as estimate
@@ -24,7 +22,7 @@ from rle_splat.shade.lighting import lighting
 from rle_splat.shade.refined_light import RefinedLight, lit_voxels
 from rle_splat.shade.shading import normals, shaded_colors
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps
+from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z
 from rle_splat.volume.volume import Volume
 
 FUNCTION = TransferFunction(
@@ -103,7 +101,7 @@ def test_codes_are_as_fine_as_the_varying_values_allow():
 
 
 def _visibility(volume, backend="auto"):
-    return Visibility(volume, volume.tf), drain(value_block_steps(volume, backend=backend))
+    return Visibility(volume, volume.tf), drain(fine_block_steps(volume, backend=backend))
 
 
 def test_a_region_at_the_very_value_of_a_step_is_not_lost():
@@ -132,7 +130,7 @@ def test_values_that_are_no_numbers(backend):
     expected[1:4, 1:4, 1:4] = True
     np.testing.assert_array_equal(np.isnan(made), expected)
     assert made[0, 0, 8] == 250.0 and made[4, 4, 8] == 80.0 and made[0, 0, 7] == 175.0
-    blocks = drain(value_block_steps(volume, backend=backend))
+    blocks = drain(fine_block_steps(volume, backend=backend))
     assert blocks.nan_voxels == 1 and blocks.low.min() == 80.0 and blocks.high.max() == 250.0
     picture = render(scene_of(volume.source), refined_quality(backend=backend))
     assert np.isfinite(picture.rgba).all() and "1 voxels are not numbers" in " ".join(picture.report["remarks"])
@@ -143,11 +141,11 @@ def test_values_that_are_no_numbers(backend):
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
 def test_blocks_bound_every_fine_voxel(dtype, refinement, backend):
     volume = RefinedVolume(waves(dtype), FUNCTION, refinement)
-    blocks, made = drain(value_block_steps(volume, backend=backend)), all_planes(volume.voxels)
+    blocks, made = drain(fine_block_steps(volume, backend=backend)), all_planes(volume.voxels)
     for k, j, b in np.ndindex(blocks.low.shape):
         part = made[k * BLOCK_Z :, j * BLOCK_Y :, b * BLOCK_X :][:BLOCK_Z, :BLOCK_Y, :BLOCK_X]
         assert blocks.low[k, j, b] <= part.min() and part.max() <= blocks.high[k, j, b]
-    assert (blocks.low == drain(value_block_steps(volume)).low).all()
+    assert (blocks.low == drain(fine_block_steps(volume)).low).all()
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -225,7 +223,7 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
     looks = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
     classified = ClassifiedVolume(voxels, looks, False, 1.0, 1.0)
     records = np.empty((len(voxels), 4), np.float32)
-    most = light.records(classified, "extinction", Places.in_order(voxels, 0, voxels.shape_xyz[2]), records)
+    most = light.records(classified, "extinction", RecordPositions.in_order(voxels, 0, voxels.shape_xyz[2]), records)
     expected = looks[0, 2:] * between[0] + between[1]
     np.testing.assert_allclose(records[:, :3] / 2.0, expected, atol=2e-6)
     assert (records[:, 3] == 2.0).all() and most == pytest.approx(expected.max(), abs=2e-6)
@@ -275,7 +273,7 @@ def noise(n=48, dtype=np.uint8):
 @pytest.mark.parametrize("headlight", (False, True))
 @pytest.mark.parametrize(("refinement", "dtype"), ((2, np.uint8), (3, np.uint8), (2, np.float32)))
 def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, monkeypatch):
-    for name in ("classify.visible", "pipeline.memory_estimate"):  # as large volumes have it: some planes at a time
+    for name in ("classify.visible", "classify.sizes"):  # as large volumes have it: some planes at a time
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 16)
     scene, quality = scene_of(noise(dtype=dtype), headlight=headlight), refined_quality(refinement)
     render(scene, quality)  # whatever is made once
@@ -288,21 +286,20 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
     assert report["memory_estimate_bytes"]["volume"] == scene.volume.voxels.nbytes
     quick = estimate.estimate(scene.volume, FUNCTION, quality, shaded=headlight)
     assert quick.needed == pytest.approx(needed, rel=0.4) and quick.refinement == refinement
-    assert estimate.FINE_VOXELS_AT_ONCE == 1 << 16 and refined.VOXELS_AT_ONCE == 1 << 23
 
 
 @pytest.mark.parametrize(
     ("share", "record", "words"),
     ((0.9, 16, "records of 8 bytes would fit"), (0.6, 4, "a refinement of 3 would fit"),
      (0.3, 16, "a refinement of 2 would fit"), (0.09, 16, "on the grid of the scan would fit"),
-     (0.001, 16, "crop or thin the volume")),
+     (0.001, 16, "crop or downsample the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
-    for name in ("classify.visible", "pipeline.memory_estimate"):
+    for name in ("classify.visible", "classify.sizes"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
-    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.VOXELS_AT_ONCE", 1000)
+    monkeypatch.setattr("rle_splat.encode.sizes.VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
-    monkeypatch.setattr(sys.modules[render.__module__], "scratch_bytes", lambda *_: 0)
+    monkeypatch.setattr("rle_splat.pipeline.source.scratch_bytes", lambda *_: 0)
     scene, quality = scene_of(noise(32), size=8), refined_quality(4, record=record)
     needed = render(scene, quality).report["memory_estimate_bytes"]["needed"]
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache"):
@@ -339,9 +336,3 @@ def test_a_volume_one_voxel_thick_fills_no_box():
     """Nothing lies between the centres of one plane of voxels: an empty picture, not a mistake."""
     volume = waves(shape=(12, 12, 1))
     assert (render(scene_of(volume), refined_quality()).rgba == 0.0).all()
-
-
-def test_blocks_of_a_plain_volume_are_its_own():
-    volume = waves()
-    ours, theirs = drain(value_block_steps(volume)), drain(block_steps(volume))
-    assert (ours.low == theirs.low).all() and (ours.high == theirs.high).all()

@@ -9,7 +9,8 @@ import pytest
 from rle_splat.accuracy.lighting import VoxelLight
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.scalars import NOT_A_NUMBER, scalars_of
-from rle_splat.pipeline.scalar_medium import scalar_medium_steps
+from rle_splat.pipeline.scalar_source import ScalarSource
+from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Camera, Light, Quality, Scene
@@ -44,8 +45,7 @@ def scene_of(volume, begin=0.0, shade=None, **more):
 def encoded(scene, axes=(0, 1, 2), **machine):
     """The ScalarVolume of each axis, and the number of voxels."""
     quality = Quality(classification="post", **machine)
-    steps = scalar_medium_steps(scene, quality, StageCache(0).job(), Clock(), len(axes))
-    medium = drain(steps)
+    medium = drain(ScalarSource(scene, quality).medium_steps(Work(StageCache(0).job(), Clock(), len(axes))))
     return {axis: drain(medium.encode_steps(axis)) for axis in axes}
 
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...pipeline.memory_estimate import SHEET_PIXEL, SPARE, WARPED
+from ...pipeline.memory_estimate import SPARE
 from ...runtime.memory import available_bytes
 from ...scene import Quality
+from ...splat.sizes import SHEET_PIXEL
+from ...warp.sizes import COEFFICIENTS
 from .candidates import DEPTH_RULES, candidates
 from .error_estimate import Doubt, RayCost
 from .features import LEVELS, Features
@@ -147,5 +149,5 @@ def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> 
 
 def _densest_that_fits(features: Features) -> float:
     """The largest sheet density that there is memory for; never below one."""
-    a_unit = max(features.sheet_pixels * (SHEET_PIXEL + WARPED), 1.0)
+    a_unit = max(features.sheet_pixels * (SHEET_PIXEL + COEFFICIENTS), 1.0)
     return max(float(np.sqrt(SPARE * available_bytes() / a_unit)), 1.0)

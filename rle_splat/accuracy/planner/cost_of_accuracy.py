@@ -15,14 +15,14 @@ from statistics import median
 import numpy as np
 
 from ...effects.analyse import analyse, called_for
-from ...effects.ray_values import mode_quality
+from ...effects.ray_mode import mode_quality
 from ...encode.store import StoredVolume
-from ...pipeline.render import render_steps, truth_of
+from ...pipeline.render import render_steps
 from ...pipeline.shadows import shadow_count
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import FRAME, Progress, portion
-from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene
+from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError, Scene, truth_of
 from ..lighting import shading_of
 from ..measure import TOLERANCE
 from ..metrics import ERRORS, LEVEL, SSIM_WINDOW, difference, ssim
@@ -412,7 +412,7 @@ def _measurable(scene: Scene, quality: Quality) -> Scene:
     if isinstance(scene.volume, StoredVolume):
         raise RleSplatError("A .rle file has no voxels to take the truth from; give the volume it was made from.")
     scene = called_for(scene, analyse(scene, quality))
-    check_shown(scene, truth_of(mode_quality(scene, quality)))
+    check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
     if shadow_count(scene):

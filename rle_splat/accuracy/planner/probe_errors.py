@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects.mesh_depth import mesh_depth
-from ...pipeline.render import truth_of
 from ...runtime.steps import Progress
-from ...scene import Quality, Scene
+from ...scene import Quality, Scene, truth_of
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
 from ...view.ray_limits import box_depths

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...pipeline.scalar_medium import scalar_medium_steps
+from ...pipeline.scalar_source import ScalarSource
 from ...pipeline.single_rays import trace_steps
+from ...pipeline.source import Work
 from ...pipeline.stage_cache import StageCache
 from ...runtime.jit import compiled
 from ...runtime.steps import Clock
@@ -32,7 +33,7 @@ def retrace_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, cac
     """
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     view, job = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job()
-    medium = yield from _quietly(scalar_medium_steps(scene, quality, job, Clock()))
+    medium = yield from _quietly(ScalarSource(scene, quality).medium_steps(Work(job, Clock())))
     steps, spent = trace_steps(scene, view, medium, columns, rows, slabs), 0.0
     while True:
         began = time.perf_counter()

@@ -18,12 +18,12 @@ from ...effects.analyse import analyse, called_for
 from ...effects.exposure import exposures
 from ...effects.mixing import is_mixed
 from ...encode.store import StoredVolume
-from ...pipeline.render import render_steps, truth_of
+from ...pipeline.render import render_steps
 from ...pipeline.shadows import SHADOW_EFFECTS, shadow_count, without_shadows
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, portion
-from ...scene import MODES, Quality, Rendering, RleSplatError, Scene
+from ...scene import MODES, Quality, Rendering, RleSplatError, Scene, truth_of
 from ..probes import PROBES
 from .candidates import check_plannable, check_tolerance, name_of
 from .choose import CAUTION, NEARLY_BEST, Choice, Speed, choose, choose_with_rays, corrected

@@ -1,0 +1,57 @@
+"""dev.py docs: the pages of docs/ and the reference that is generated from the code, as a site in build/docs.
+
+Sphinx makes the site, with MyST for Markdown and numpydoc for docstrings: numpy, scipy and Blender's own manual use
+them, so they are kept.  Nothing is fetched while it runs.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from .environments import Environment, ensure
+from .places import BUILD, ENVIRONMENTS, PYTHONS, ROOT, Failure, run, say
+
+DOCS = Environment("the documentation", ENVIRONMENTS / "docs", PYTHONS, ("docs.txt",))
+PAGES = ROOT / "docs"
+SITE = BUILD / "docs"
+
+FENCE = re.compile(r"^(```|~~~).*?^\1", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"`[^`\n]*`")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+ELSEWHERE = ("http:", "https:", "mailto:", "#")
+
+
+def pages() -> list[Path]:
+    """The README and every page of docs/."""
+    return [ROOT / "README.md", *sorted(PAGES.rglob("*.md"))]
+
+
+def broken_links(page: Path, text: str) -> list[str]:
+    """Sentences on relative links in Markdown that lead to no file of this repository.
+
+    Sphinx checks the links of docs/ too, and the headings that they name; this also reads the README.
+    """
+    found = []
+    for target in LINK.findall(CODE.sub("", FENCE.sub("", text))):
+        if target.startswith(ELSEWHERE):
+            continue
+        file = (page.parent / target.partition("#")[0]).resolve()
+        if not (file.exists() and file.is_relative_to(ROOT)):
+            found.append(f"{page.relative_to(ROOT)} links to {target}, which is no file of this repository.")
+    return found
+
+
+def docs() -> int:
+    """Build the site; a Failure when a link leads nowhere or Sphinx warns of anything."""
+    broken = [line for page in pages() for line in broken_links(page, page.read_text(encoding="utf-8"))]
+    if broken:
+        raise Failure("\n".join(broken))
+    # All pages are read anew (-E): a warning on a page that is not read would be lost, and so would the code's changes.
+    command = [ensure(DOCS), "-m", "sphinx", "--quiet", "-E", "-a", "--nitpicky", "--fail-on-warning"]
+    run(
+        [*command, "--doctree-dir", BUILD / "docs-doctrees", PAGES, SITE],
+        "Sphinx could not build the documentation without warnings.", cwd=ROOT,
+    )  # fmt: skip
+    say(f"{(SITE / 'index.html').relative_to(ROOT)}")
+    return 0

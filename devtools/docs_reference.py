@@ -1,0 +1,282 @@
+"""The generated parts of the reference, as Markdown: command line, operators, panels, settings, Python names.
+
+The command line comes from the parsers themselves.  Operators, panels and settings are read from their source, for
+without Blender they cannot be imported.  docs/conf.py puts each part where a page of docs/reference has its mark.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+
+import rle_splat
+from rle_splat.classify.presets import PRESETS
+from rle_splat.cli.main import COMMANDS
+from rle_splat.read.formats import FORMATS
+from rle_splat.scene import KNOB_TEXTS
+
+from .places import ROOT
+
+HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options of Blender's properties that no user meets
+PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a panel
+    ("VIEW_3D", "RLE Splat"): "3D View > Sidebar > RLE Splat",
+    ("PROPERTIES", "render"): "Properties > Render",
+}
+GROUPS = {  # a property group -> how a script reaches it
+    "SceneSettings": "scene.rle_splat",
+    "VolumeProperties": "object.rle_splat",
+    "LabelProperties": "object.rle_splat.labels[...]",
+    "ChannelProperties": "object.rle_splat.channels[...]",
+    "RLE_SPLAT_AP_preferences": "preferences.addons[...].preferences",
+}
+
+
+def _table(header, rows) -> str:
+    """A Markdown table; "" without rows."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines) if rows else ""
+
+
+def _cell(text: str) -> str:
+    return " ".join(str(text).split()).replace("|", "\\|")
+
+
+def _sentence(text: str) -> str:
+    """A help text or a tooltip as a sentence; a list of values begins as it is typed."""
+    text = " ".join(text.split())
+    if "|" not in text.partition(" ")[0]:
+        text = text[:1].upper() + text[1:]
+    return text if not text or text.endswith((".", "!", "?")) else text + "."
+
+
+# --- the command line -------------------------------------------------------------------------------------------------
+
+
+def command_parser(name: str) -> argparse.ArgumentParser:
+    """The parser of one command, with all its options."""
+    parser = argparse.ArgumentParser(prog=f"rle-splat {name}", add_help=False)
+    import_module(f"rle_splat.cli.{name}").add_arguments(parser)
+    return parser
+
+
+def _invocation(action: argparse.Action) -> str:
+    """An option as it is typed, with the names of its values."""
+    metavar = action.metavar or action.dest.upper()
+    if not action.option_strings:
+        return f"`{metavar}`"
+    values = "" if action.nargs == 0 else " " + (metavar if isinstance(metavar, str) else " ".join(metavar))
+    return ", ".join(f"`{option}{values}`" for option in action.option_strings)
+
+
+def command_line() -> str:
+    """Every command, and its options by group."""
+    parts = []
+    for name, purpose in COMMANDS.items():
+        parser = command_parser(name)
+        parts += [f"## rle-splat {name}", _sentence(purpose)]
+        for group in parser._action_groups:
+            shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
+            rows = [(_invocation(action), _sentence((action.help or "") % vars(action))) for action in shown]
+            if rows:
+                parts.append(f"**{_sentence(group.title)}** {_sentence(group.description or '')}".strip())
+                parts.append(_table(("option", "what it does"), rows))
+    return "\n\n".join(parts)
+
+
+def presets() -> str:
+    """The built-in transfer functions."""
+    rows = [(f"`{row.name}`", row.label, row.modality or "any", row.description) for row in PRESETS.values()]
+    return _table(("name", "in Blender", "for", "what it shows"), rows)
+
+
+def formats() -> str:
+    """The volume formats that are read and written."""
+    rows = [
+        (f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.description, "yes" if f.writer else "no",
+         ", ".join(f"`{o}`" for o in f.options))
+        for f in FORMATS
+    ]  # fmt: skip
+    return _table(("format", "suffixes", "what is read", "written too", "options of `read_volume`"), rows)
+
+
+# --- Python -----------------------------------------------------------------------------------------------------------
+
+
+def python() -> str:
+    """Every name of the package, by its docstring."""
+    parts = []
+    for name in rle_splat.__all__:
+        value = getattr(rle_splat, name)
+        exception = isinstance(value, type) and issubclass(value, Exception)
+        kind = "autoexception" if exception else "autoclass" if isinstance(value, type) else "autofunction"
+        lines = ["```{eval-rst}", f".. {kind}:: rle_splat.{name}"]
+        lines += ["   :members:"] if kind == "autoclass" else []
+        parts.append("\n".join([*lines, "```"]))
+    return "\n\n".join(parts)
+
+
+# --- Blender ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Declared:
+    """A class of the extension as its source declares it."""
+
+    name: str
+    module: ast.Module
+    file: str
+    bases: list[str]
+    doc: str
+    texts: dict[str, str] = field(default_factory=dict)  # its bl_... attributes
+    properties: dict[str, dict] = field(default_factory=dict)  # Python name -> kind, name, description, choices
+
+
+def _value(node, constants: dict):
+    """What an expression of literals and names of literals is worth; None for any other."""
+    if isinstance(node, ast.Name):
+        node = constants.get(node.id, node)
+    if isinstance(node, ast.Call) and len(node.args) == 1 and isinstance(node.args[0], ast.Constant):
+        return KNOB_TEXTS.get(node.args[0].value)  # _knob("...") of bridge/properties.py
+    try:
+        return ast.literal_eval(node)
+    except ValueError:
+        return None
+
+
+def _property(call: ast.Call, constants: dict) -> dict | None:
+    """One property from the call that declares it; None for a hidden one."""
+    given = {word.arg: _value(word.value, constants) for word in call.keywords}
+    if HIDDEN & set(given.get("options") or ()):
+        return None
+    kind = ast.unparse(call.func).rpartition(".")[2].removesuffix("Property")
+    kind = kind.removeprefix("Live").removeprefix("Knob").lower()
+    return {
+        "kind": kind, "name": given.get("name") or "", "description": given.get("description") or "",
+        "choices": [(item[1], item[2]) for item in given.get("items") or ()],
+    }  # fmt: skip
+
+
+def _declared(node: ast.ClassDef, module: ast.Module, file: str, constants: dict) -> Declared:
+    bases = [ast.unparse(base).rpartition(".")[2] for base in node.bases]
+    made = Declared(node.name, module, file, bases, ast.get_docstring(node) or "")
+    for item in node.body:
+        if isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name):
+            made.texts[item.targets[0].id] = _value(item.value, constants)
+        elif isinstance(item, ast.AnnAssign) and isinstance(item.annotation, ast.Call):
+            found = _property(item.annotation, constants)
+            if found is not None:
+                made.properties[item.target.id] = found
+    return made
+
+
+@cache
+def blender_classes() -> dict[str, Declared]:
+    """Every class of bridge/, operators/ and panels/, by name."""
+    found = {}
+    for folder in ("bridge", "operators", "panels"):
+        for path in sorted((ROOT / folder).glob("*.py")):
+            module = ast.parse(path.read_text(encoding="utf-8"))
+            constants = {
+                node.targets[0].id: node.value
+                for node in module.body if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
+            }  # fmt: skip
+            for node in module.body:
+                if isinstance(node, ast.ClassDef):
+                    found[node.name] = _declared(node, module, f"{folder}/{path.name}", constants)
+    return found
+
+
+def _with_bases(one: Declared) -> list[Declared]:
+    """A class and those of ours that it inherits from, nearest first."""
+    classes = blender_classes()
+    return [one, *(further for base in one.bases if base in classes for further in _with_bases(classes[base]))]
+
+
+def _text(one: Declared, name: str) -> str:
+    return next((part.texts[name] for part in _with_bases(one) if part.texts.get(name)), "")
+
+
+def _properties(one: Declared) -> dict[str, dict]:
+    return {name: entry for part in reversed(_with_bases(one)) for name, entry in part.properties.items()}
+
+
+def _of_kind(prefix: str) -> list[Declared]:
+    """The classes that Blender registers under names that begin so, in their own order."""
+    return [one for name, one in blender_classes().items() if name.startswith(prefix)]
+
+
+def _meaning(entry: dict) -> str:
+    """A property's tooltip, and its choices."""
+    choices = "; ".join(f"*{label}*" + (f": {text}" if text else "") for label, text in entry["choices"])
+    return f"{_sentence(entry['description'])} {choices}".strip()
+
+
+def operators() -> str:
+    """Every operator with its tooltip and its properties."""
+    parts = []
+    for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_idname")):
+        tooltip = _text(one, "bl_description") or one.doc
+        parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {_sentence(tooltip)}"]
+        rows = [(f"`{name}`", entry["name"], _meaning(entry)) for name, entry in _properties(one).items()]
+        parts += [_table(("property", "label", "what it does"), rows)] if rows else []
+    return "\n\n".join(parts)
+
+
+def panels() -> str:
+    """Every panel: where it is, its buttons and its settings."""
+    labels = {_text(one, "bl_idname"): _text(one, "bl_label") for one in _of_kind("RLE_SPLAT_")}
+    files: dict[str, list[Declared]] = {}
+    for one in _of_kind("RLE_SPLAT_PT_"):
+        files.setdefault(one.file, []).append(one)
+    parts = []
+    for file, ours in files.items():
+        known = _settings_of(file)
+        strings = dict.fromkeys(
+            node.value for node in ast.walk(ours[0].module)
+            if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        )  # fmt: skip
+        buttons = [f"*{labels[text]}*" for text in strings if text.startswith("rle_splat.") and text in labels]
+        rows = [(known[text]["name"], _meaning(known[text])) for text in strings if text in known]
+        parts.append(f"## {_text(ours[0], 'bl_label')}")
+        parts.append(_sentence(ast.get_docstring(ours[0].module)))
+        parts.append(f"Where: {'; '.join(_where(one, labels) for one in ours)}.")
+        parts += [f"Buttons: {', '.join(buttons)}."] if buttons else []
+        parts += [_table(("setting", "what it does"), rows)] if rows else []
+    return "\n\n".join(parts)
+
+
+def _settings_of(file: str) -> dict[str, dict]:
+    """Python name -> property, of all that a panel may draw: those of its own rows, as of a label, before others."""
+    row = file.rpartition("/")[2].removesuffix("s.py").capitalize()
+    groups = sorted((group for group in GROUPS if "_" not in group), key=lambda group: group.startswith(row))
+    return {
+        name: entry for group in groups for name, entry in _properties(blender_classes()[group]).items()
+        if entry["name"]
+    }  # fmt: skip
+
+
+def _where(one: Declared, labels: dict) -> str:
+    place = PLACES[_text(one, "bl_space_type"), _text(one, "bl_category") or _text(one, "bl_context")]
+    parent = _text(one, "bl_parent_id")
+    return f"{place} > {labels[parent] + ' > ' if parent else ''}{_text(one, 'bl_label')}"
+
+
+def settings() -> str:
+    """What a .blend and the preferences hold, by the names that scripts use."""
+    parts = []
+    for group, path in GROUPS.items():
+        rows = [
+            (f"`{name}`", entry["name"], entry["kind"], _meaning(entry))
+            for name, entry in _properties(blender_classes()[group]).items()
+        ]
+        parts += [f"## `{path}`", _table(("property", "label", "type", "what it is"), rows)]
+    return "\n\n".join(parts)
+
+
+PARTS = {
+    "command line": command_line, "presets": presets, "formats": formats, "python": python, "operators": operators,
+    "panels": panels, "settings": settings,
+}  # fmt: skip

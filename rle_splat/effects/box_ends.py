@@ -1,0 +1,23 @@
+"""The ends of rays at the box of the voxel centers, of media that do not end there by themselves."""
+
+from __future__ import annotations
+
+from ..view.base_plane import BasePlane
+from ..view.ray_limits import within_box
+from .ray_pass import RayEffect, RayPass
+
+
+class BoxEnds(RayEffect):
+    """Ends rays where they enter and leave the box of the voxel centers."""
+
+    moves_depth = False
+
+    def __init__(self, shape_xyz):
+        self._shape_xyz = shape_xyz
+
+    @classmethod
+    def of(cls, scene, view, quality, ends_at_box: bool) -> BoxEnds | None:
+        return cls(scene.volume.shape_xyz) if ends_at_box else None
+
+    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        return plane, within_box(plane, self._shape_xyz, intervals)

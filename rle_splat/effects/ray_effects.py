@@ -1,0 +1,123 @@
+"""How effects shorten rays: the one interface by which clipping, meshes and clip objects attach to the pipeline.
+
+An effect on rays is a RayEffect: it says where the rays of a base plane begin and end, whether the planes are drawn
+more than once, and how the pictures of these passes are mixed.  ``RAY_EFFECTS`` lists them in the order in which they
+shorten rays; a new one is a module with a subclass and a row there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..runtime.steps import Clock
+from ..scene import NO_DEPTH, Quality, Scene
+from ..splat.intermediate_image import IntermediateImage
+from ..view.base_plane import BasePlane
+from ..view.eye import IndexView
+from ..warp.warp import warp_reach
+from .analyse import EffectSet
+from .box_ends import BoxEnds
+from .camera_clip import CameraClip
+from .clips import ClipBodies
+from .mesh_occlusion import MeshSurfaces
+from .ray_pass import RayEffect, RayPass
+
+RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, BoxEnds.of, MeshSurfaces.of, ClipBodies.of)
+
+
+class RayEffects:
+    """The effects on rays that a picture has.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without the effects that are off, its volume on the grid that is splatted.
+    view : IndexView
+    quality : Quality
+    ends_at_box : bool
+        Whether rays end where they leave the box of voxel centers.
+    effects : EffectSet
+    clock : Clock
+    """
+
+    def __init__(
+        self, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool, effects: EffectSet, clock: Clock
+    ):  # fmt: skip
+        self.effects, self._scene, self._clock = effects, scene, clock
+        self._reach = warp_reach(quality)
+        made = (make(scene, view, quality, ends_at_box) for make in RAY_EFFECTS)
+        self._chain: list[RayEffect] = [effect for effect in made if effect is not None]
+
+    @property
+    def shorten_rays(self) -> bool:
+        """Whether any rays may be shortened; known before anything is looked at."""
+        return bool(self._chain)
+
+    def look(self, planes: list[BasePlane]) -> None:
+        """Find out what the effects do to the rays of some base planes; drop those that do nothing."""
+        left = []
+        for effect in self._chain:
+            with self._clock.stage(effect.stage):
+                idle = effect.look(planes)
+            if idle is None:
+                left.append(effect)
+            elif effect.name is not None:
+                self.effects = self.effects.found_off(effect.name, idle)
+        self._chain = left
+
+    def passes(self, planes: list[BasePlane]) -> list[RayPass]:
+        """How often, and which parts of, the base planes are drawn."""
+        passes = [RayPass(self._scene.region, list(enumerate(planes)))]
+        for effect in self._chain:
+            passes = effect.passes(passes, self._reach)
+        return passes
+
+    def intervals(self, ray_pass: RayPass, number: int, plane: BasePlane):
+        """Where the rays of a base plane begin and end.
+
+        Returns
+        -------
+        (BasePlane, ndarray or None) or None
+            The part of the plane that has rays, and their intervals, (2 + 2 holes, H, W) float32 voxels along the
+            viewing direction, None for whole rays; None where no ray is left.
+        """
+        found = plane, None
+        for effect in self._chain:
+            with self._clock.stage(effect.stage_of(ray_pass)):
+                found = effect.shortened(ray_pass, number, *found)
+            if found is None:
+                return None
+        return found
+
+    def drawn(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> IntermediateImage:
+        """The intermediate image of a plane, completed by the effects."""
+        for effect in self._chain:
+            with self._clock.stage(effect.stage):
+                effect.completed(ray_pass, number, image)
+        return image
+
+    def mixed(self, ray_pass: RayPass, picture, found):
+        """The picture, (rgba, depth) or None before the first pass, with what a pass has ``found``."""
+        if picture is None:
+            return found
+        for effect in self._chain:
+            picture = effect.mixed(ray_pass, picture, found)
+        return picture
+
+    def within_clip(self, depth: np.ndarray) -> np.ndarray:
+        """(H, W) float32: depths held to the camera's clip distances where rays were shortened.
+
+        A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere.
+        """
+        if not any(effect.moves_depth for effect in self._chain):
+            return depth
+        camera, largest = self._scene.camera, float(np.finfo(np.float32).max)
+        held = np.clip(depth, min(camera.clip_start, largest), min(camera.clip_end, largest))
+        return np.where(depth == np.float32(NO_DEPTH), depth, held)
+
+    def remarks(self, picture, some_visible: bool) -> list[str]:
+        """Sentences on what the effects have done to a finished picture, (rgba, depth)."""
+        sentences = [effect.nothing_left for effect in self._chain if effect.nothing_left]
+        return sentences if sentences and some_visible and not picture[0][..., 3].any() else []

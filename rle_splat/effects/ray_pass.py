@@ -1,0 +1,90 @@
+"""The interface of an effect on rays, and one pass over the base planes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..splat.intermediate_image import IntermediateImage
+from ..view.base_plane import BasePlane
+
+
+@dataclass(eq=False)
+class RayPass:
+    """One drawing of a picture's base planes.
+
+    Attributes
+    ----------
+    region : (left, top, right, bottom)
+        The pixels that it is drawn for.
+    planes : list of (int, BasePlane)
+        Number and base plane of each that shows any of them.
+    surface : (rows, columns) float32 ndarray or None
+        Planar depth at which each pixel's ray meets a mesh, inf for none, of the pixels from ``first_pixel`` on.
+    first_pixel : (column, row)
+    before : RayPass or None
+        A pass whose blocks of pixels this one takes over where rays end alike.
+    ends : dict
+        Number of a plane -> the plane and its intervals, before clip objects.
+    images : dict
+        Number of a plane -> its intermediate image; none where no ray is left.
+    alike : dict
+        Number of a plane -> (H, W) bool: pixels that are taken over.
+    """
+
+    region: tuple[int, int, int, int]
+    planes: list[tuple[int, BasePlane]]
+    surface: np.ndarray | None = None
+    first_pixel: tuple[int, int] = (0, 0)
+    before: RayPass | None = None
+    ends: dict = field(default_factory=dict)
+    images: dict = field(default_factory=dict)
+    alike: dict = field(default_factory=dict)
+
+
+class RayEffect:
+    """What an effect does to the rays of base planes; by itself, nothing.
+
+    Attributes
+    ----------
+    name : str or None
+        In the table of effects, where ``look`` may find that it does nothing.
+    stage : str
+        Of the clock, its work.
+    moves_depth : bool
+        Whether depths must be held to the camera's clip distances afterwards.
+    nothing_left : str
+        A sentence on a picture that is empty because of it; "" for none.
+    """
+
+    name: str | None = None
+    stage = "clipping"
+    moves_depth = True
+    nothing_left = ""
+
+    def stage_of(self, ray_pass: RayPass) -> str:
+        """Of the clock, the work of shortening the rays of a pass."""
+        return self.stage
+
+    def look(self, planes: list[BasePlane]) -> str | None:
+        """Look at the scene; why the effect does nothing, None where it does something."""
+        return None
+
+    def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:
+        """The passes over the base planes, given those without this effect.
+
+        ``reach``: sheet pixels on either side of a ray that its pixel depends on.
+        """
+        return passes
+
+    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """(plane, intervals) after this effect; None where no ray is left.  See ``RayEffects.intervals``."""
+        return plane, intervals
+
+    def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
+        """Fill in what of a plane's image was left out for this effect."""
+
+    def mixed(self, ray_pass: RayPass, picture, found):
+        """The picture, (rgba, depth), with what a further pass has ``found``."""
+        return picture

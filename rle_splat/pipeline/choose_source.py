@@ -1,0 +1,75 @@
+"""The door of the pipeline: decide once what the volume is, how it is classified and which effects there are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..effects.analyse import EffectSet, analyse, called_for
+from ..encode.store import StoredVolume
+from ..runtime.jit import compiled
+from ..scene import Quality, Scene
+from ..view.base_plane import BasePlane
+from .file_source import FileSource
+from .pooled_source import pooled
+from .scalar_source import ScalarSource
+from .scan_source import RefinedSource, scan_source
+from .source import Source
+
+SOURCES = {"pre": scan_source, "refined": RefinedSource.of, "post": ScalarSource}
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A scene and a quality that go together.
+
+    Attributes
+    ----------
+    scene : Scene
+        Without the effects that are off.
+    quality : Quality
+        With a backend that is settled, and with the classification that the volume and the effects need.
+    effects : EffectSet
+    remarks : tuple of str
+        Sentences on what was asked for and could not be had, for the report.
+    """
+
+    scene: Scene
+    quality: Quality
+    effects: EffectSet
+    remarks: tuple[str, ...]
+
+
+def settled(scene: Scene, quality: Quality) -> Settled:
+    """Settle which effects a scene has, and the quality that its volume and its effects can be rendered by.
+
+    Raises
+    ------
+    RleSplatError
+        Where there is no such quality.
+    """
+    quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
+    if quality.classification == "post" and holds_classified_voxels(scene):
+        quality = quality.classified("pre")
+    effects = analyse(scene, quality)
+    left = called_for(scene, effects)
+    fitted, remarks = effects.fitted(left, quality)
+    if fitted != quality:
+        quality, effects = fitted, analyse(scene, fitted)
+        left = called_for(scene, effects)
+    return Settled(left, quality, effects, remarks)
+
+
+def holds_classified_voxels(scene: Scene) -> bool:
+    """Whether the scene's volume is a ``.rle`` file, whose voxels have no values any longer."""
+    return isinstance(scene.volume, StoredVolume)
+
+
+def choose_source(scene: Scene, quality: Quality) -> Source:
+    """The source of a scene's voxels; both arguments as ``settled`` returns them."""
+    make = FileSource.of if holds_classified_voxels(scene) else SOURCES[quality.classification]
+    return make(scene, quality)
+
+
+def minified(source: Source, planes: list[BasePlane]) -> Source:
+    """The source with voxels pooled for some base planes where the quality wants it."""
+    return pooled(source, planes) if source.quality.minification == "pool" else source

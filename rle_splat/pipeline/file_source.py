@@ -1,0 +1,71 @@
+"""Source of a ``.rle`` file: voxels that are classified, lit and encoded already."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..classify.classification import opacity_distance, unit_length
+from ..classify.transfer_function import TransferFunction
+from ..scene import Quality, RleSplatError, Scene
+from ..volume.axes import AXIS_NAMES
+from .scan_source import classified_sheets
+from .source import Source, Work
+
+CLASSIFIED_ALREADY = "A .rle file holds voxels that are classified already, so they are splatted as they are: pre."
+
+
+@dataclass(frozen=True, eq=False)
+class FileSource(Source):
+    """The tables of a ``.rle`` file, whose classification, colors and model are what they are."""
+
+    @classmethod
+    def of(cls, scene: Scene, quality: Quality) -> FileSource:
+        """The source of a scene whose volume is a StoredVolume; RleSplatError where the quality asks for another."""
+        if quality.classification == "refined":
+            raise RleSplatError(
+                "A .rle file holds voxels that are classified already; render the volume itself with the "
+                "classification refined, or the file with the classification pre."
+            )
+        if quality.minification == "pool":
+            raise RleSplatError(
+                "A .rle file holds voxels that are encoded already, of which no averages are made; choose the "
+                "minification widen or off."
+            )
+        return cls(scene, quality)
+
+    @property
+    def axes(self):
+        return self.scene.volume.axes
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        return (*super().remarks, CLASSIFIED_ALREADY)
+
+    def tables_held(self, encodings: dict) -> dict:
+        return dict(self.scene.volume.axes)
+
+    def medium_steps(self, work: Work):
+        stored = self.scene.volume
+        if self.quality.model != stored.model:
+            raise RleSplatError(
+                f"This .rle file holds the {stored.model} model; render it with --model {stored.model}, or encode it "
+                "again."
+            )
+        yield from ()
+
+        def encode_steps(axis: int):
+            if axis not in stored.axes:
+                raise RleSplatError(
+                    f"This view needs principal axis {AXIS_NAMES[axis]}, which the .rle file does not hold; "
+                    "encode the volume again with all three axes."
+                )
+            yield 1.0
+            return stored.axes[axis]
+
+        length = unit_length(stored, self.scene.index_to_world)
+        if stored.model == "opacity":
+            length = opacity_distance(stored, TransferFunction.from_json(stored.transfer_function), length)
+        else:
+            length /= stored.unit_length
+        visible = next(iter(stored.axes.values())).visible_voxels
+        return classified_sheets(stored.shape_xyz, encode_steps, length, self.quality, self.scene.mist, visible)

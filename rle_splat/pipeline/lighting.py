@@ -1,0 +1,52 @@
+"""Light on the voxels of a source: what falls on them, what shadows leave of it, and the keys that name both."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from ..effects.shadows import Occluders
+from ..runtime.steps import portion
+from ..scene import Scene
+from ..shade.lighting import Lighting, lighting
+from ..view.projection import world_to_camera
+from .shadows import shadow_count, shadow_steps
+from .source import Work, array_key
+
+
+def scene_lighting(scene: Scene, matrix) -> Lighting | None:
+    """What falls on the voxels of a scene; None where nothing shades or nothing shines.
+
+    Parameters
+    ----------
+    scene : Scene
+    matrix : (4, 4) float64
+        Voxel index to world.
+    """
+    to_camera = world_to_camera(scene.camera)
+    eye = np.append(to_camera[2, :3], 0.0)
+    if scene.camera.type == "PERSP":
+        eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
+    headlight = -to_camera[2, :3] if scene.headlight else None
+    shade = scene.transfer_function.shade
+    return lighting(matrix, shade, scene.lights, headlight_direction=headlight, eye=eye, world=scene.world)
+
+
+def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:
+    """All that the light on a voxel depends on beside its normal; the eye only where there are highlights."""
+    seen_from = array_key(falling.eye) if falling.material[2] > 0.0 else None
+    shade = tuple(asdict(scene.transfer_function.shade).values())
+    return (array_key(matrix), shade, array_key(falling.rows, falling.material), seen_from)
+
+
+def shadowed_steps(scene: Scene, falling: Lighting | None, work: Work, occluders: Occluders):
+    """Generator of Progress: the lighting with what shadows leave of each light, and a key of that.
+
+    The lighting itself and an empty key where the scene has no shadows.
+    """
+    if falling is None or not shadow_count(scene):
+        return falling, ()
+    steps = shadow_steps(scene, occluders, work.job, work.clock)
+    shadows, key = yield from portion(steps, 0.1, 0.1, "Casting shadows")
+    return replace(falling, shadows=shadows), key

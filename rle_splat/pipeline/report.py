@@ -1,0 +1,118 @@
+"""The report of a picture: what was made, by which plan, in which time and memory, and what is worth a remark."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from ..effects.analyse import EffectSet
+from ..effects.clips import NOTHING_LEFT
+from ..encode.tables import TABLES
+from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count
+from ..runtime.steps import Clock
+from ..scene import NO_DEPTH, Scene, truth_of
+from ..view.ray_limits import box_depths
+from ..volume.axes import AXIS_NAMES
+from .scalar_source import ONE_VOXEL_THICK
+from .source import ALL_TRANSPARENT, Medium, Source
+from .views import View
+
+EMPTY_REMARKS = (ONE_VOXEL_THICK, ALL_TRANSPARENT, NOTHING_LEFT)  # those that say why a picture is empty
+
+
+def report_of(
+    wanted: Scene, source: Source, view: View, medium: Medium, encodings: dict, effects: EffectSet, rays: dict,
+    clock: Clock, remarks,
+) -> dict:  # fmt: skip
+    """The JSON-ready report of a Rendering.
+
+    Parameters
+    ----------
+    wanted : Scene
+        With the volume itself and the crop that was asked for.
+    encodings : dict
+        Principal axis -> the tables that the picture was splatted from.
+    rays : dict
+        What ``single_rays`` says of its rays.
+    remarks : iterable of str
+        Sentences beside those on the source, the medium and the view.
+    """
+    quality = source.quality
+    return {
+        "image": _image_report(wanted),
+        "volume": _volume_report(wanted.volume.shape_xyz, medium),
+        "stages_ms": clock.report(),
+        "memory_bytes": _memory_report(source.tables_held(encodings)),
+        "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
+        "plan": _plan_report(source, view),
+        "rays": dict(rays),
+        "effects": effects.report(clock),
+        "error": {
+            "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
+        },
+        "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
+        "remarks": [*source.remarks, *remarks, *_remarks(source, view, medium)],
+    }
+
+
+def _image_report(scene: Scene) -> dict:
+    left, top, right, bottom = scene.region
+    size = {"width": right - left, "height": bottom - top}
+    if scene.crop is None:
+        return size
+    return {**size, "full_width": scene.width, "full_height": scene.height, "crop": list(scene.crop)}
+
+
+def _volume_report(shape_xyz, medium: Medium) -> dict:
+    """``shape_xyz``: of the volume itself; the voxels that are visible are those of the classified grid."""
+    total = int(np.prod([int(n) for n in medium.shape_xyz]))
+    return {
+        "shape_xyz": [int(n) for n in shape_xyz],
+        "visible_voxels": medium.visible_voxels,
+        "visible_fraction": medium.visible_voxels / total,
+        "nan_voxels": medium.nan_voxels,
+    }
+
+
+def _memory_report(held: dict) -> dict:
+    tables = (*TABLES, "scanline_data_pointers")
+    return {
+        **{name: sum(encoded.table_bytes[name] for encoded in held.values()) for name in tables},
+        "total": sum(encoded.nbytes for encoded in held.values()),
+        "axes_held": [AXIS_NAMES[axis] for axis in sorted(held)],
+    }
+
+
+def _plan_report(source: Source, view: View) -> dict:
+    knobs = asdict(source.quality)
+    knobs["quality"] = knobs.pop("name")
+    knobs["pooled"] = source.node_size
+    knobs["base_planes"] = [
+        {
+            "principal_axis": ("+" if plane.sign > 0 else "-") + AXIS_NAMES[plane.axis],
+            "sheets": len(plane.sheets), "width": plane.width, "height": plane.height, "share": fade.share,
+        }
+        for fade in view.fades for plane in fade.planes
+    ]
+    return knobs
+
+
+def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
+    remarks = list(source.remarks_on(medium))
+    furthest = box_depths(view.index_view, source.scene.volume.shape_xyz)[1]
+    if furthest >= NO_DEPTH:
+        remarks.append(
+            f"The volume reaches {furthest:.3g} world units from the camera, and depths of {NO_DEPTH:g} or more stand "
+            "for none; give the scene a smaller scale where depths are wanted."
+        )
+    if medium.nan_voxels:
+        remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
+    if source.quality.backend == "numpy":
+        reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
+        remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
+    elif PLAIN_NUMBA:
+        remarks.append(
+            f"{PLAIN_NUMBA}: kernels run on one thread and are not kept on disk, so each session compiles them again."
+        )
+    return remarks

@@ -1,0 +1,350 @@
+"""Source of scalar sheets: values are interpolated first, and classified in every pixel of a sheet.
+
+What each stage result depends on, so that a change redoes no more than it must:
+
+    blocks    the voxels
+    relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
+              a wider one that is kept; there short gaps are closed, too
+    normals   relevant, and how the volume lies in the world
+    gradients relevant, where opacity depends on them; thinned, from gradients and light
+    shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them
+    light     normals, lights and shadows; the view too if a highlight or a headlight follows it
+    runs      relevant, and the principal axis
+    scalars   relevant, and the principal axis
+    table     the transfer function: nothing else depends on it
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..classify.classification import opacity_distance, unit_length
+from ..classify.gaps import close_gaps
+from ..classify.points import LARGEST
+from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from ..classify.value_table import ValueTable, extinction_of, value_table
+from ..classify.visible import VisibleVoxels
+from ..effects.ray_mode import OF_VALUES
+from ..effects.ray_values import ValueLook, shown_values, value_look
+from ..effects.shadows import Occluders
+from ..encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
+from ..raycast.scalar_rays import RowVoxels, bricks_of
+from ..raycast.trace import trace as trace_rays
+from ..runtime.jit import read_only
+from ..runtime.memory import bytes_text
+from ..runtime.steps import Progress, portion, timed
+from ..scene import MODES, preintegrated_of
+from ..shade.lighting import Lighting
+from ..shade.shading import normals, refuse_too_bright
+from ..shade.voxel_light import VoxelLight, voxel_light, with_factor
+from ..splat.scalar_splat import scalar_splat_steps, value_splat_steps
+from ..view.depth_rules import value_rule
+from ..volume.blocks import Blocks, block_steps
+from ..volume.gradient_size import gradient_sizes
+from .lighting import lighting_key, scene_lighting, shadowed_steps
+from .memory_estimate import MemoryEstimate, scalar_estimate
+from .shadows import shadow_count
+from .source import Medium, Source, Work, array_key
+
+ONE_VOXEL_THICK = (
+    "The volume is one voxel thick, and a post-classified medium fills the space between voxel centers: nothing is "
+    "shown; choose the classification pre."
+)
+# A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
+WORTH_KEEPING = 2.0
+IN_ROWS = "rows"  # the voxels' own order
+
+
+@dataclass(frozen=True, eq=False)
+class RelevantVoxels:
+    """The ``voxels`` that matter to a range of values, ``reach``; ``closed``: and those in short gaps between them."""
+
+    reach: Reach
+    voxels: VisibleVoxels
+    closed: bool
+
+    @property
+    def key(self) -> tuple:
+        return (*self.reach.key, self.closed)
+
+    @property
+    def nbytes(self) -> int:
+        return self.voxels.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class LitScalars:
+    """The relevant voxels of a scene and their light, before a principal axis is chosen.
+
+    Attributes
+    ----------
+    voxels : VisibleVoxels
+    key : tuple
+        All that the voxels depend on.
+    ends : tuple of float
+        Smallest and largest stored value that is splatted.
+    infinite : tuple of float
+        Stored values that stand for minus and plus infinity; empty where nothing is infinite.
+    centre : float
+        What is taken from stored values before they are splatted.
+    look : ValueTable or ValueLook
+        The lookup table of the transfer function; in a mode that shows values, how these are counted.
+    light : VoxelLight or None
+        None where nothing shines and nothing thins.
+    light_key : tuple
+    thinned : bool
+        Whether the light's last channel is a factor of extinction.
+    estimate : MemoryEstimate
+        What all of it and its tables take.
+    """
+
+    voxels: VisibleVoxels
+    key: tuple
+    ends: tuple
+    infinite: tuple
+    centre: float
+    look: ValueTable | ValueLook
+    light: VoxelLight | None
+    light_key: tuple
+    thinned: bool
+    estimate: MemoryEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarSource(Source):
+    """A scan whose values are interpolated inside each sheet and then classified."""
+
+    scalar_sheets = True
+    traces_rays = True
+
+    @property
+    def preview_stages(self) -> tuple[str, ...]:
+        """Tables of scalars are the same whatever the transfer function makes of the values; nodes tell no values."""
+        return ("visible", "normals") if self.scene.mode == MODES[0] else ()
+
+    @property
+    def depth_rule(self) -> str:
+        rule = self.quality.depth_rule
+        return value_rule(rule) if self.shows_values else rule
+
+    @property
+    def shows_values(self) -> bool:
+        """Whether a pixel shows a value of its ray in place of emission and absorption."""
+        return self.scene.mode in OF_VALUES
+
+    def remarks_on(self, medium: Medium) -> tuple[str, ...]:
+        if min(self.scene.volume.shape_xyz) == 1:
+            return (ONE_VOXEL_THICK,)
+        return super().remarks_on(medium)
+
+    # --- the stages -----------------------------------------------------------------------------------------------
+
+    def medium_steps(self, work: Work):
+        lit = yield from self.lit_steps(work)
+        voxels, quality, scene = lit.voxels, self.quality, self.scene
+        counts = (len(voxels), voxels.nan_voxels, lit.estimate)
+
+        def encode_steps(axis: int):
+            return self.axis_steps(lit, axis, work)
+
+        if self.shows_values:
+
+            def splat_values(tables, plane, intervals):
+                return value_splat_steps(tables, lit.look, plane, quality, intervals)
+
+            picture = lit.look.picture
+            return Medium(
+                voxels.shape_xyz, encode_steps, splat_values, lambda tables: lit.look.most, *counts, picture=picture
+            )  # fmt: skip
+
+        def splat(tables, plane, intervals):
+            absorbs = scene.mode == "xray"
+            return scalar_splat_steps(tables, lit.look, plane, quality, intervals, absorbs, scene.mist)
+
+        def trace(rays, slabs):
+            return self._traced(lit, work, rays, slabs)
+
+        most_color = self._most_color(lit)
+        return Medium(voxels.shape_xyz, encode_steps, splat, lambda tables: most_color, *counts, trace=trace)
+
+    def lit_steps(self, work: Work):
+        """Generator of Progress: the LitScalars of the scene."""
+        scene, job, clock = self.scene, work.job, work.clock
+        volume, tf = scene.volume, scene.transfer_function
+        length = unit_length(volume, scene.index_to_world)
+        voxels_key = (volume.key if job.cache.keeps else "", self.quality.backend)
+        steps = timed(job.steps("blocks", voxels_key, lambda: block_steps(volume, **self.machine)), clock, "classify")
+        blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
+        falling = scene_lighting(scene, scene.index_to_world)
+        relevant, needed = yield from self._relevant_steps(work, blocks, voxels_key, falling is not None)
+        voxels, key = relevant.voxels, (voxels_key, relevant.key)
+        with clock.stage("classify"):
+            ends, infinite = _value_ends(volume, tf, blocks)
+            look = self._look(work, voxels_key, ends, length)
+        factor = None
+        if tf.gradient_opacity is not None and not self.shows_values:
+            with clock.stage("gradients"):
+                factor = self._factor(work, voxels, key)
+
+        def tables_of(axis):
+            return job.get("runs", (key, axis), lambda: scalar_tables(voxels, axis, **self.machine))
+
+        def extinction():
+            found = extinction_of(look, voxels.stored, volume.voxels.dtype, infinite)
+            return found if factor is None else found * factor
+
+        around = scene.index_to_world, scene.triangles, scene.clips
+        occluders = Occluders(
+            voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True, **self.machine
+        )  # fmt: skip
+        falling, shadows_key = yield from shadowed_steps(scene, falling, work, occluders)
+        if falling is not None:
+            yield Progress(0.1, "Shading")
+        with clock.stage("shade"):
+            light, light_key = self._light(work, voxels, key, falling, shadows_key)
+        if factor is not None:
+            light_key = (light_key, key, tf.gradient_opacity)
+            light = job.get("thinned", light_key, lambda: with_factor(light, factor))
+        centre = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
+        return LitScalars(voxels, key, ends, infinite, centre, look, light, light_key, factor is not None, needed)
+
+    def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool):
+        """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
+        volume, job, clock = self.scene.volume, work.job, work.clock
+        reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
+        near = int(np.count_nonzero(reach.of_blocks(blocks)))
+
+        def needed_by(counted) -> MemoryEstimate:
+            found = scalar_estimate(volume, counted, axes=work.axes, lit=lit, picture=work.picture)
+            return found.with_shadows(shadow_count(self.scene) if lit else 0)
+
+        # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
+        # where the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
+        between = preintegrated_of(self.quality.depth_rule) is not None or self.shows_values
+        closed = not between and blocks.nan_voxels == 0  # what is no number is never kept
+
+        def serves(key, held: RelevantVoxels) -> bool:
+            if between or key[0] != voxels_key or not held.reach.covers(reach):
+                return False
+            return np.count_nonzero(held.reach.of_blocks(blocks)) <= WORTH_KEEPING * near
+
+        key = (voxels_key, (*reach.key, closed))
+        found = None if job.has("relevant", key) else job.latest("relevant", serves)
+        if found is not None:
+            key = found
+        if job.has("relevant", key):
+            relevant = job.get("relevant", key, None)
+            return relevant, needed_by((np.diff(relevant.voxels.row_start), relevant.voxels.row_pieces))
+        steps = timed(relevant_steps(volume, reach, blocks, **self.machine), clock, "classify")
+        bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
+        with clock.stage("classify"):
+            if closed:
+                close_gaps(bits, volume.shape_xyz, **self.machine)
+            counted = kept_counts(bits, **self.machine)
+        needed = needed_by(counted)
+        work.claim(needed)
+        yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
+        with clock.stage("classify"):
+            voxels = kept_voxels(volume, bits, counted, blocks, **self.machine)
+            relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed))
+        return relevant, needed
+
+    def _look(self, work: Work, voxels_key, ends, length: float) -> ValueTable | ValueLook:
+        volume, tf = self.scene.volume, self.scene.transfer_function
+        if self.shows_values:
+            return value_look(volume, tf, self.scene.mode, ends)
+        key = (voxels_key, tf.classification_key, length)
+        distance = opacity_distance(volume, tf, length)
+        return work.job.get("table", key, lambda: value_table(volume, tf, ends, distance))
+
+    def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
+        """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""
+        volume = self.scene.volume
+        place = (key, array_key(volume.affine[:3, :3]))
+        rows = voxels.row_start, voxels.column
+        sizes = work.job.get("gradients", place, lambda: gradient_sizes(volume, *rows, **self.machine))
+        return self.scene.transfer_function.gradient_opacity.factor(sizes)
+
+    def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key):
+        """The VoxelLight of the voxels and its key; None where nothing shines."""
+        if falling is None:
+            return None, ()
+        matrix, job = self.scene.index_to_world, work.job
+        normals_key = (key, array_key(matrix[:3, :3]))
+
+        def make_normals():
+            return normals(voxels, self.scene.volume, matrix, **self.machine)
+
+        directions = job.get("normals", normals_key, make_normals)
+        light_key = (key, *lighting_key(self.scene, matrix, falling), shadows_key)
+        return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **self.machine)), light_key
+
+    def _most_color(self, lit: LitScalars) -> float:
+        scene, light = self.scene, lit.light
+        if scene.mode != "composite":
+            return 1.0
+        # A volume of a single value has no normal anywhere, and shows the colors as they are.
+        is_lit = light is not None and lit.ends[0] < lit.ends[1]
+        shine = (light.most_light, light.most_highlight) if is_lit else (1.0, 0.0)
+        brightest = refuse_too_bright(lit.look.most_color * shine[0] + shine[1])
+        return max(brightest, *(scene.mist.color if scene.mist else (0.0,)))
+
+    def axis_steps(self, lit: LitScalars, axis: int, work: Work):
+        """Generator of fractions done: the ScalarVolume of one principal axis."""
+        job, clock, voxels = work.job, work.clock, lit.voxels
+        kind = self.scene.volume.voxels.dtype
+        with clock.stage("encode"):
+            tables = job.get("runs", (lit.key, axis), lambda: scalar_tables(voxels, axis, **self.machine))
+        order = IN_ROWS if is_shared(axis) else axis
+
+        def placed_steps(words):
+            return in_scanlines(tables, voxels, words, **self.machine)
+
+        def scalars():
+            work.claim(lit.estimate.one_axis())
+            return placed_steps(scalars_of(voxels, kind, lit.infinite, lit.centre))
+
+        steps = job.steps("scalars", (lit.key, lit.infinite, lit.centre, order), scalars)
+        placed = yield from timed(steps, clock, "encode")
+        if lit.light is None:
+            return ScalarVolume(tables, placed, lit.centre)
+        steps = job.steps("lights", (lit.light_key, order), lambda: placed_steps(lit.light.codes))
+        codes = yield from timed(steps, clock, "shade")  # as with classified sheets, whose records are lit already
+        return ScalarVolume(tables, placed, lit.centre, codes, lit.light.unit, lit.thinned)
+
+    def _traced(self, lit: LitScalars, work: Work, rays, slabs: int):
+        """Color and half depths of single rays through the voxels; see ``raycast.trace``."""
+        volume, voxels, light = self.scene.volume, lit.voxels, lit.light
+        shape, ends = volume.shape_xyz, (lit.infinite, lit.centre)
+        bricks = work.job.get("bricks", lit.key, lambda: bricks_of(voxels.bits, shape))
+        key = (lit.key, *ends, IN_ROWS)
+        scalars = work.job.get("scalars", key, lambda: scalars_of(voxels, volume.voxels.dtype, *ends))
+        lights = (None, np.float32(1.0)) if light is None else (read_only(light.codes), np.float32(light.unit))
+        # Of the function as it is: what is kept may be more.
+        reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
+        with np.errstate(over="ignore"):
+            shown = np.clip(reach.ends.astype(np.float64) - lit.centre, -LARGEST, LARGEST)
+        records = read_only(scalars), *lights
+        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
+        return trace_rays(rows, lit.centre, lit.look, rays, slabs, self.quality)
+
+
+def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
+    """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity.
+
+    These are the transfer function's ends, beyond which nothing changes; empty where nothing is infinite.
+    """
+    seen = blocks.low <= blocks.high  # others hold no number
+    low, high = blocks.low[seen], blocks.high[seen]
+    finite = [ends[np.isfinite(ends)].astype(np.float64) for ends in (low, high)]
+    least, most = float(finite[0].min(initial=np.inf)), float(finite[1].max(initial=-np.inf))
+    infinite = ()
+    if volume.voxels.dtype.kind == "f" and (np.isinf(low).any() or np.isinf(high).any()):
+        points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
+        infinite = min(points), max(points)
+        # Blocks that hold infinite values do not tell their finite ones.
+        finite = sorted((value - volume.intercept) / volume.slope for value in volume.value_range)
+        least, most = min(finite[0], infinite[0]), max(finite[1], infinite[1])
+    return (least, most) if least <= most else (0.0, 0.0), infinite

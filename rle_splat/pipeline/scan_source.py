@@ -1,0 +1,344 @@
+"""Sources of classified sheets: a scan's voxels are classified and lit first, as in the paper.
+
+What each stage result depends on, so that a change redoes no more than it must:
+
+    blocks    the voxels
+    visible   blocks, and which values the transfer function shows
+    looks     visible, the transfer function, how long a unit of the volume is in the world
+    normals   visible, and how the volume lies in the world
+    shadows   looks, where a light is, meshes: one for each light that casts them
+    runs      visible, and the principal axis
+    records   looks, normals, lights and shadows, the model, and the principal axis
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..classify.classification import ClassifiedVolume, classified, unit_length
+from ..classify.mixture import Mixture
+from ..classify.refined import RefinedVolume, fine_block_steps
+from ..classify.visible import Visibility, count_steps, fill_steps
+from ..effects.shadows import Occluders
+from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
+from ..encode.records import decoding_of
+from ..runtime.memory import bytes_text
+from ..runtime.steps import Clock, Progress, drain, mapped, portion, timed
+from ..scene import Quality, RleSplatError, Scene
+from ..shade.lighting import Lighting
+from ..shade.refined_light import LitVoxels, RefinedLight, lit_voxels
+from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
+from ..splat.splat import splat_steps
+from ..volume.axes import AXES
+from ..volume.blocks import block_steps
+from .lighting import lighting_key, scene_lighting, shadowed_steps
+from .memory_estimate import MemoryEstimate, estimate_of
+from .shadows import shadow_count
+from .source import Medium, Source, Work, array_key
+from .stage_cache import StageCache
+
+IN_ORDER = 2  # the principal axis whose records are in the voxels' own order
+
+
+@dataclass(frozen=True, eq=False)
+class LitVolume:
+    """A volume classified, and the light that falls on its voxels.
+
+    Attributes
+    ----------
+    classified : ClassifiedVolume
+    normals : (m, 3) float32 ndarray, LitVoxels or None
+        Of the visible voxels, world space; LitVoxels for a refined grid; None without ``falling``.
+    falling : Lighting or None
+    visible_key, key : tuple
+        All that the visible voxels, and all that their records, depend on.
+    estimate : MemoryEstimate
+        What all of it and its tables take.
+    source : ScanSource
+    """
+
+    classified: ClassifiedVolume
+    normals: np.ndarray | LitVoxels | None
+    falling: Lighting | None
+    visible_key: tuple
+    key: tuple
+    estimate: MemoryEstimate
+    source: ScanSource
+
+    def write_records(self, model: str):
+        """For ``encode.record_steps``: a function that writes the records of some planes' voxels."""
+        return self.source.record_writer(self, model)
+
+    @property
+    def color_bound(self) -> float | None:
+        """A bound of every channel of the lit colors; None where there is none but by looking at all of them."""
+        return color_bound(self.classified, self.falling)
+
+
+@dataclass(frozen=True, eq=False)
+class ScanSource(Source):
+    """A scan whose voxels are classified by one transfer function."""
+
+    stage = "classify"  # of the clock, the work of classifying
+    preview_stages, bounds_previews = ("visible", "looks", "normals"), True
+
+    # --- what differs between kinds of scans ----------------------------------------------------------------------
+
+    def block_steps(self):
+        """Generator of fractions done: the smallest and largest value of each block of voxels."""
+        return block_steps(self.scene.volume, **self.machine)
+
+    @property
+    def shown(self) -> Visibility:
+        """Which voxels are visible."""
+        return Visibility(self.scene.volume, self.scene.transfer_function)
+
+    def count_steps(self, shown, blocks):
+        return count_steps(shown, blocks, **self.machine)
+
+    def fill_steps(self, shown, blocks, counted):
+        return fill_steps(shown, blocks, counted, **self.machine)
+
+    def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
+        return classified(shown, voxels, length, **self.machine)
+
+    @property
+    def record_type(self):
+        """Type of the voxels for the estimate of memory: float32 where every voxel has a look of its own."""
+        return np.float32 if self.scene.transfer_function.gradient_opacity is not None else None
+
+    @property
+    def lit_matrix(self) -> np.ndarray:
+        """(4, 4) float64: index of the voxels that light falls on, to world."""
+        return self.scene.index_to_world
+
+    def normals(self, voxels):
+        return normals(voxels, self.scene.volume, self.lit_matrix, **self.machine)
+
+    def record_writer(self, lit: LitVolume, model: str):
+        def write(places, records):
+            return light_records(lit.classified, lit.normals, lit.falling, model, places, records, **self.machine)
+
+        return write
+
+    # --- the stages -----------------------------------------------------------------------------------------------
+
+    def medium_steps(self, work: Work):
+        lit = yield from self.lit_steps(work)
+        found = lit.classified
+
+        def encode_steps(axis: int):
+            # Where all three are wanted, the one that the others take their records from comes first.
+            return self.axes_steps(lit, (IN_ORDER, axis) if work.axes == len(AXES) else (axis,), work)
+
+        length = found.opacity_distance if self.quality.model == "opacity" else 1.0
+        counts = found.visible_voxels, found.nan_voxels, lit.estimate
+        return classified_sheets(found.shape_xyz, encode_steps, length, self.quality, self.scene.mist, *counts)
+
+    def lit_steps(self, work: Work):
+        """Generator of Progress: the LitVolume of the scene."""
+        scene, job, clock = self.scene, work.job, work.clock
+        length = unit_length(scene.volume, scene.index_to_world)
+        # A store without room needs no content key, and large volumes no second reading for it.
+        voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
+        shown = self.shown
+        visible_key = (voxels_key, shown.key)
+        falling = scene_lighting(scene, self.lit_matrix)
+        voxels, needed = yield from self._visible_steps(work, shown, voxels_key, visible_key, falling is not None)
+        with clock.stage(self.stage):
+            key = (visible_key, scene.transfer_function.classification_key, length)
+            found = job.get("looks", key, lambda: self.classified(shown, voxels, length), lambda c: c.looks.nbytes)
+        if falling is None:
+            return LitVolume(found, None, None, visible_key, (key, "unshaded"), needed, self)
+        with clock.stage("shade"):
+            normals_key = (visible_key, array_key(self.lit_matrix[:3, :3]))
+            directions = job.get("normals", normals_key, lambda: self.normals(voxels))
+
+        def tables_of(axis):
+            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
+
+        around = scene.index_to_world, scene.triangles, scene.clips
+        occluders = Occluders(
+            voxels, lambda: found.extinction, tables_of, *around, key, boxed=False, **self.machine
+        )  # fmt: skip
+        shadowed, shadows_key = yield from shadowed_steps(scene, falling, work, occluders)
+        key = (key, *lighting_key(scene, self.lit_matrix, falling), shadows_key)
+        return LitVolume(found, directions, shadowed, visible_key, key, needed, self)
+
+    def _visible_steps(self, work: Work, shown, voxels_key, visible_key, shaded: bool):
+        """Generator of Progress: the visible voxels, and the MemoryEstimate of all that is to come."""
+        job, clock = work.job, work.clock
+
+        def needed_by(counted) -> MemoryEstimate:
+            found = estimate_of(
+                self.scene.volume, counted, self.quality, axes=work.axes, shaded=shaded, picture=work.picture,
+                dtype=self.record_type,
+            )  # fmt: skip
+            return found.with_shadows(shadow_count(self.scene) if shaded else 0)
+
+        if job.has("visible", visible_key):
+            voxels = job.get("visible", visible_key, None)
+            return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
+        steps = timed(job.steps("blocks", voxels_key, self.block_steps), clock, "classify")
+        blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
+        steps = timed(self.count_steps(shown, blocks), clock, self.stage)
+        counted = yield from portion(steps, 0.02, 0.06, "Counting")
+        needed = needed_by(counted)
+        work.claim(needed)
+        message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
+        yield Progress(0.06, message)
+        steps = job.steps("visible", visible_key, lambda: self.fill_steps(shown, blocks, counted))
+        return (yield from portion(timed(steps, clock, self.stage), 0.06, 0.1, message)), needed
+
+    def axes_steps(self, lit: LitVolume, axes, work: Work):
+        """Generator of fractions done: ``axis_steps`` of some principal axes, one after the other; returns the last."""
+        for n, axis in enumerate(axes):
+            steps = self.axis_steps(lit, axis, work)
+            tables = yield from mapped(steps, lambda done, n=n: (n + done) / len(axes))
+        return tables
+
+    def axis_steps(self, lit: LitVolume, axis: int, work: Work):
+        """Generator of fractions done: the RunLengthVolume of one principal axis.
+
+        Where the records of principal z, which are in the voxels' own order, are at hand, nothing is shaded again.
+        """
+        job, clock, quality, voxels = work.job, work.clock, self.quality, lit.classified.voxels
+        with clock.stage("encode"):
+            tables = job.get("runs", (lit.visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
+        write = clock.timing("shade", lit.write_records(quality.model))
+
+        def key_of(axis):
+            return (lit.key, quality.model, quality.record, axis)
+
+        def records():
+            work.claim(lit.estimate.one_axis())
+            if job.has("records", key_of(IN_ORDER)):
+                in_order = job.get("records", key_of(IN_ORDER), None)
+                return (yield from reorder_steps(tables, voxels, in_order, **self.machine))
+            decoding = None
+            if quality.record != 16:
+                brightest = lit.color_bound
+                if brightest is None:
+                    brightest = yield from brightest_steps(voxels, write)
+                density = lit.classified.looks[:, DENSITY[quality.model]].max(initial=0.0)
+                decoding = decoding_of(quality.record, float(density), brightest)
+            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, **self.machine)
+            return (yield from steps)
+
+        steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
+        return (yield from timed(steps, clock, "encode", without="shade"))
+
+
+@dataclass(frozen=True, eq=False)
+class MixedSource(ScanSource):
+    """A scan with labels or channels, which several transfer functions classify."""
+
+    stage = "mixing"
+    preview_stages, bounds_previews = (), False
+
+    @property
+    def shown(self) -> Mixture:
+        scene = self.scene
+        return Mixture(scene.volume, scene.transfer_function, scene.labels, scene.channels)
+
+    def count_steps(self, shown, blocks):
+        return shown.count_steps(**self.machine)
+
+    def fill_steps(self, shown, blocks, counted):
+        return shown.fill_steps(blocks, counted, **self.machine)
+
+    def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
+        return shown.classified(voxels, length, **self.machine)
+
+    @property
+    def record_type(self):
+        return np.float32
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedSource(ScanSource):
+    """A scan that is interpolated on a finer grid and classified there; light falls on the scan's own voxels."""
+
+    ends_at_box = True
+    bounds_previews = False
+
+    @classmethod
+    def of(cls, scene: Scene, quality: Quality) -> RefinedSource:
+        """The source of a scene whose volume is the scan; RleSplatError where it cannot be refined."""
+        if scene.transfer_function.gradient_opacity is not None:
+            raise RleSplatError(
+                "The classification refined knows no gradients between voxels, which the transfer function's "
+                "gradient_opacity asks for; choose post or pre."
+            )
+        if shadow_count(scene) and scene_lighting(scene, scene.index_to_world) is not None:
+            raise RleSplatError(
+                "The classification refined has no shadows and no ambient occlusion; choose post or pre, or leave them "
+                "out."
+            )
+        fine = RefinedVolume(scene.volume, scene.transfer_function, quality.refinement)
+        return cls(replace(scene, volume=fine), quality)
+
+    def block_steps(self):
+        return fine_block_steps(self.scene.volume, **self.machine)
+
+    @property
+    def lit_matrix(self) -> np.ndarray:
+        s = self.scene.volume.refinement
+        return self.scene.index_to_world @ np.diag((s, s, s, 1.0))
+
+    def normals(self, voxels) -> LitVoxels:
+        return lit_voxels(voxels, self.scene.volume, self.lit_matrix, **self.machine)
+
+    def record_writer(self, lit: LitVolume, model: str):
+        if lit.normals is None:
+            return super().record_writer(lit, model)
+        light = RefinedLight(lit.normals, lit.falling, self.scene.volume.refinement, **self.machine)
+        return partial(light.records, lit.classified, model)
+
+
+def classified_sheets(shape_xyz, encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
+    """The Medium of voxels that are classified before they are splatted.
+
+    Parameters
+    ----------
+    shape_xyz, encode_steps, *counts
+        As Medium has them.
+    length_unit : float
+        World length in which the lengths of rays are counted.
+    mist : Mist or None
+        What the colors fade to.
+    """
+    mist_color = mist.color if mist else (0.0,)
+
+    def splat(tables, plane, intervals):
+        return splat_steps(tables, plane, quality, length_unit, intervals, mist)
+
+    def most_color(tables):
+        return max((*(each.most_color for each in tables), *mist_color))
+
+    return Medium(shape_xyz, encode_steps, splat, most_color, *counts)
+
+
+def scan_source(scene: Scene, quality: Quality) -> ScanSource:
+    """The source of a scene's own voxels, classified on the grid of the scan."""
+    kind = MixedSource if scene.labels is not None or scene.channels else ScanSource
+    return kind(scene, quality)
+
+
+def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
+    """Classify and shade a scene's voxels, nothing kept.
+
+    Returns
+    -------
+    ClassifiedVolume
+    (m, 3) float32
+        The lit colors of its visible voxels, scene-linear.
+    """
+    source = scan_source(scene, quality)
+    lit = drain(source.lit_steps(Work(StageCache(0).job(), clock)))
+    with clock.stage("shade"):
+        colors = shaded_colors(lit.classified, lit.normals, lit.falling, **source.machine)
+    return lit.classified, colors

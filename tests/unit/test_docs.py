@@ -1,0 +1,192 @@
+"""The documentation: links and citations lead somewhere, the reference is complete, no path leads outside."""
+
+import ast
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import rle_splat
+from devtools import docs, docs_reference
+from rle_splat.cli.main import COMMANDS
+
+ROOT = Path(__file__).resolve().parents[2]
+ALGORITHM = (ROOT / "docs/explanation/algorithm.md").read_text(encoding="utf-8")
+SECTIONS = set(re.findall(r"^#{2,3} (\d+(?:\.\d+)?)\.? ", ALGORITHM, re.MULTILINE))
+IDS = set(re.findall(r"\b([VSCAG]\d{1,2})\b", ALGORITHM))
+CODE = ("rle_splat", "bridge", "operators", "panels", "devtools", "benchmarks", "tests")
+# "algorithm.md 1.4, 4.2", "algorithm.md 1.5 and 1.8", "algorithm.md 2.3, G1 to G12", also over the end of a line.
+CITATION = re.compile(
+    r"algorithm\.md(?:,)?[\s#]+(?P<first>\d(?:\.\d+)?|appendix)"
+    r"(?P<rest>(?:(?:,| and| to)[\s#]+(?:\d\.\d+|[VSCAG]\d+))*)"
+)
+
+
+def sources():
+    """Every Python file of the repository but this one, with its text."""
+    files = [path for folder in CODE for path in sorted((ROOT / folder).rglob("*.py"))]
+    files += [ROOT / "__init__.py", ROOT / "dev.py", ROOT / "docs/conf.py"]
+    return [(path, path.read_text(encoding="utf-8")) for path in files if path != Path(__file__)]
+
+
+def cited(text):
+    """The sections and ids of algorithm.md that a text cites."""
+    found = []
+    for citation in CITATION.finditer(text):
+        found += [citation["first"], *re.findall(r"\d\.\d+|[VSCAG]\d+", citation["rest"])]
+    return found
+
+
+def test_citations_are_read_as_they_are_written():
+    text = "(algorithm.md 1.4, 4.2) algorithm.md 1.5 and 1.8; algorithm.md\n# 1.7 algorithm.md 2.3, G1 to G12)"
+    assert cited(text) == ["1.4", "4.2", "1.5", "1.8", "1.7", "2.3", "G1", "G12"]
+    assert cited("algorithm.md 1.10 (ii) algorithm.md, appendix algorithm.md 1.4, 5)") == ["1.10", "appendix", "1.4"]
+
+
+def test_every_cited_section_exists():
+    assert "\n## Appendix" in ALGORITHM
+    known = {*SECTIONS, *IDS, "appendix"}
+    found = [(path, name) for path, text in sources() for name in cited(text)]
+    assert len(found) > 40
+    missing = [f"{path.relative_to(ROOT)}: {name}" for path, name in found if name not in known]
+    assert not missing, "\n".join(missing)
+
+
+def test_every_mention_of_the_algorithm_names_a_section():
+    """Except where the page itself is meant."""
+    for path, text in sources():
+        mentions = len(re.findall(r"(?<!/)\balgorithm\.md\b", text))
+        assert mentions == len(CITATION.findall(text)), path
+
+
+@pytest.mark.parametrize("page", docs.pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_to_files_of_the_repository(page):
+    text = page.read_text(encoding="utf-8")
+    assert docs.broken_links(page, text) == []
+    named = re.findall(r"`((?:[\w-]+/)+[\w.-]+\.(?:py|md|json|txt))`", text)
+    # Files of the renderer are named with and without its folder.
+    lost = [name for name in named if not any((root / name).exists() for root in (ROOT, ROOT / "rle_splat"))]
+    assert [name for name in lost if not name.startswith(("out/", "build/", "nilearn/"))] == []
+
+
+def test_a_broken_link_is_noticed():
+    page = ROOT / "docs/index.md"
+    assert docs.broken_links(page, "[a](glossary.md) [b](#here) ![c](images/demo.jpg) `[d](no.md)`") == []
+    assert len(docs.broken_links(page, "[a](glossaries.md#x) [b](../../outside.md)")) == 2
+
+
+def test_the_walk_through_the_code_has_at_most_fifteen_stops():
+    text = (ROOT / "docs/explanation/follow-one-picture.md").read_text(encoding="utf-8")
+    stops = [int(number) for number in re.findall(r"^\*\*(\d+)\. \[", text, re.MULTILINE)]
+    assert stops == list(range(1, len(stops) + 1)) and 10 <= len(stops) <= 15
+
+
+def test_documented_commands_are_understood():
+    """Every command line in the pages is one that its parser takes."""
+    seen = set()
+    for page in docs.pages():
+        for block in re.findall(r"^```\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
+            for line in re.findall(r"^(?:rle-splat|python3 -m rle_splat) (.*)$", block, re.MULTILINE):
+                command, *words = shlex.split(line, comments=True)
+                docs_reference.command_parser(command).parse_args(words)
+                seen.add(command)
+    assert {"render", "info", "encode", "accuracy"} <= seen
+
+
+def test_pages_are_linked_from_an_index():
+    """Sphinx asks for a place in a tree of contents; a reader of the files asks for a link."""
+    for folder in ("tutorial", "how-to", "reference", "explanation"):
+        index = (ROOT / "docs" / folder / "index.md").read_text(encoding="utf-8")
+        for page in (ROOT / "docs" / folder).glob("*.md"):
+            assert page.name == "index.md" or f"({page.name})" in index, page
+
+
+def test_nothing_refers_to_a_path_outside_the_repository():
+    """Tests and benchmarks may look for the data folder beside the clone; nothing else may."""
+    outside = re.compile(r"\.\./shared|(?<![\w.~/-])/(?:home|work|root|Users)/|design notes")
+    for page in docs.pages():
+        assert not outside.search(page.read_text(encoding="utf-8")), page
+    for path, text in sources():
+        left = text.replace("../shared/data", "")
+        assert not outside.search(left), path
+
+
+# --- the generated reference ------------------------------------------------------------------------------------------
+
+
+def test_the_reference_has_a_place_for_every_part():
+    marks = [
+        name for page in docs.pages()
+        for name in re.findall(r"^<!-- generated: ([a-z -]+) -->$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    ]  # fmt: skip
+    assert sorted(marks) == sorted(docs_reference.PARTS)
+
+
+def test_the_reference_lists_every_command_and_option():
+    text = docs_reference.command_line()
+    for name in COMMANDS:
+        section = text.partition(f"## rle-splat {name}\n")[2].partition("\n## ")[0]
+        usage = docs_reference.command_parser(name).format_usage()
+        options = set(re.findall(r"--[a-z-]+", usage))
+        assert options and all(f"`{option}" in section for option in options), name
+
+
+def registered(folder, prefix):
+    """The classes of a folder that Blender registers, by name, and the idname and label that each declares itself."""
+    found = {}
+    for path in (ROOT / folder).glob("*.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and node.name.startswith(prefix):
+                texts = {
+                    item.targets[0].id: item.value.value for item in node.body
+                    if isinstance(item, ast.Assign) and isinstance(item.value, ast.Constant)
+                }  # fmt: skip
+                found[node.name] = texts
+    return found
+
+
+def test_the_reference_lists_every_operator_with_its_tooltip():
+    text = docs_reference.operators()
+    operators = registered("operators", "RLE_SPLAT_OT_")
+    assert len(operators) > 20
+    for texts in operators.values():
+        section = text.partition(f"`bpy.ops.{texts['bl_idname']}()`. ")
+        assert f"## {texts['bl_label']}\n" in section[0] and len(section[2].partition("\n")[0]) > 10, texts
+
+
+def test_the_reference_lists_every_panel_with_its_settings():
+    text = docs_reference.panels()
+    panels = registered("panels", "RLE_SPLAT_PT_")
+    assert len(panels) > 10
+    for texts in panels.values():
+        assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
+    for setting in ("Maximum Error", "Ambient Occlusion", "Follow Scene", "Level", "Own Color"):
+        assert f"| {setting} | " in text
+    assert "*Render Image*, *Camera Backdrop*" in text
+
+
+def test_the_reference_explains_every_setting():
+    rows = re.findall(r"^\| (`\w+`) \|(.*)\| (\w+) \| (.*) \|$", docs_reference.settings(), re.MULTILINE)
+    assert len(rows) > 60
+    unexplained = [name for name, _, kind, meaning in rows if not meaning and kind not in ("pointer", "collection")]
+    assert unexplained == []
+
+
+def test_the_reference_lists_every_name_of_the_package():
+    text = docs_reference.python()
+    assert all(f":: rle_splat.{name}\n" in text for name in rle_splat.__all__)
+
+
+def test_the_glossary_has_the_words_of_the_project():
+    glossary = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
+    terms = re.findall(r"^(\S.*)\n: [A-Z0-9]", glossary, re.MULTILINE)
+    assert len(terms) == len(set(terms)) == len(re.findall(r"^: ", glossary, re.MULTILINE))
+    wanted = """
+        voxel, transfer function, lookup table, extinction, optical depth, transmittance, opacity, pre-classified,
+        post-classified, refined grid, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
+        intermediate image, warp, ray interval, stage cache, buffer pool, reference implementation, error estimate,
+        probe error, error map, tolerance, level, band, row, block, stage, pipeline, plan, footprint, principal
+        axis, T1, T2
+    """
+    assert {" ".join(word.split()) for word in wanted.split(",")} <= set(terms)
