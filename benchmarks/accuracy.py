@@ -16,15 +16,8 @@ from pathlib import Path
 from statistics import geometric_mean
 
 from rle_splat.accuracy.metrics import ERRORS
-from rle_splat.accuracy.planner.cost_of_accuracy import (
-    CROP_SIDE,
-    TOLERANCES,
-    front,
-    possible,
-    same_plan,
-    sensible_plans,
-    sweep_steps,
-)
+from rle_splat.accuracy.planner.measure_plans import CROP_SIDE, TOLERANCES, front, sweep_steps
+from rle_splat.accuracy.planner.plans import possible, same_plan, sensible_plans
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, save, sweep_plot

@@ -19,7 +19,8 @@ import numpy as np
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner import model as plan_model
 from rle_splat.accuracy.planner.candidates import WARP_FILTERS
-from rle_splat.accuracy.planner.features import Features, doubtful_pixels, features_of, pilots
+from rle_splat.accuracy.planner.error_estimate import largest_of
+from rle_splat.accuracy.planner.features import Features, difference_of, features_of, pilots
 from rle_splat.accuracy.planner.model import Model, splat_terms, warp_terms
 from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
@@ -53,7 +54,7 @@ JUDGED = (
 )  # fmt: skip
 # Plans whose times alone count: what a sheet costs where it is large and nearly empty.
 LARGE = (("slice", 8.0, "keys"), ("midpoint-4", 8.0, "keys"), ("midpoint-8", 10.0, "keys"))
-PROBES, DOUBTFUL = 1000, 500
+PROBES, SUSPECTS = 1000, 500
 REPEATS = 2  # frames of each plan, of which the quicker one counts
 
 
@@ -80,8 +81,8 @@ def observe(scene: Scene, base: Quality) -> dict:
     features = features_of(scene, base, drawn)
     fine = draw("midpoint-4", 2.0, "cubic").rgba
     probes, which = choose_probes(fine, PROBES), truth_of(base)
-    doubtful = [doubtful_pixels(drawn["coarse"], drawn[other], DOUBTFUL // 2) for other in ("deep", "dense")]
-    columns, rows = (np.concatenate(parts) for parts in zip((probes.columns, probes.rows), *doubtful))
+    suspects = [largest_of(difference_of(drawn["coarse"], drawn[other]), SUSPECTS // 2) for other in ("deep", "dense")]
+    columns, rows = (np.concatenate(parts) for parts in zip((probes.columns, probes.rows), *suspects))
     true, _ = truth(scene, which, pixels=(columns + 0.5, rows + 0.5), tolerance=1e-7, **shading_of(scene, which))
     wanted = [(rule, DENSE, "cubic") for rule in rules_of(base.classification)]
     wanted += [
@@ -171,8 +172,8 @@ def _against_truth(constants, scenes, base: Quality) -> list[float]:
                 base, depth_rule=rule, sheet_density=density, warp_filter=warp_filter, termination=NO_TERMINATION
             )
             budget = model.errors(f, plan)
-            if budget.modelled > 0.1:
-                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modelled)
+            if budget.modeled > 0.1:
+                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modeled)
     return ratios
 
 

@@ -19,8 +19,8 @@ import numpy as np
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
-from rle_splat.comparison.judge import TOLERANCE, probe_truth
 from rle_splat.comparison.medium import scene_medium
+from rle_splat.comparison.probe_truth import TOLERANCE, probe_truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import FRAME

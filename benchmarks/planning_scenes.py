@@ -11,8 +11,6 @@ from itertools import zip_longest
 import numpy as np
 
 from devtools.phantom import SPACING_MM, head_phantom
-from rle_splat.accuracy.closed_forms import marschner_lobb
-from rle_splat.accuracy.phantoms import binary_shell, blobs, smooth_shell, thin_shell
 from rle_splat.classify.presets import fit_preset, preset
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.read.formats import read_volume
@@ -20,6 +18,7 @@ from rle_splat.scene import Camera, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
+from .phantoms import binary_shell, blobs, marschner_lobb, smooth_shell, thin_shell
 from .scenes import DATA, shells
 
 RAINBOW = ((0.0, 0.9, 0.3, 0.1), (0.2, 0.2, 0.8, 0.3), (0.5, 0.1, 0.3, 1.0), (1.0, 0.9, 0.9, 0.8))

@@ -16,10 +16,9 @@ from statistics import median
 import numpy as np
 
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.comparison.judge import probe_truth
 from rle_splat.comparison.medium import scene_medium
+from rle_splat.comparison.probe_truth import probe_truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
@@ -27,6 +26,7 @@ from rle_splat.volume.volume import Volume
 
 from .data_sets import PAPER
 from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
+from .phantoms import FIELDS
 
 REPEATS = 3
 PROBES = 64  # per view

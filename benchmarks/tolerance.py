@@ -17,9 +17,15 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.measure import TOLERANCE
 from rle_splat.accuracy.planner.tolerance import render_within
-from rle_splat.accuracy.probes import PROBES, STEEP_SHARE, probe_errors, steep_pixels, stratified_pixels
+from rle_splat.accuracy.probes import (
+    PROBES,
+    STEEP_SHARE,
+    TRUTH_TOLERANCE,
+    probe_errors,
+    steep_pixels,
+    stratified_pixels,
+)
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
@@ -45,7 +51,7 @@ def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> f
     places = [np.concatenate((one, more[some])) for one, more in
               zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]
     centres = tuple(place + 0.5 for place in places)
-    true, _ = truth(scene, which, pixels=centres, tolerance=TOLERANCE, **shading)
+    true, _ = truth(scene, which, pixels=centres, tolerance=TRUTH_TOLERANCE, **shading)
     return float(probe_errors(rgba[places[1], places[0]], true).max())
 
 

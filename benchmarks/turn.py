@@ -16,7 +16,6 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.accuracy.metrics import LEVEL, difference
-from rle_splat.accuracy.phantoms import smooth_shell
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
@@ -29,6 +28,7 @@ from rle_splat.view.principal_axis import axis_shares, dominant_axis
 from rle_splat.volume.volume import Volume
 
 from .frames import view_scene
+from .phantoms import smooth_shell
 from .plots import IMAGES, turn_plot
 from .scenes import REAL, scenes
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import bpy
 from bpy.props import BoolProperty, FloatProperty, StringProperty
 
-from ..rle_splat.accuracy.planner.cost_of_accuracy import TRUTH_TEXTS, same_plan
+from ..rle_splat.accuracy.planner.plans import same_plan
+from ..rle_splat.accuracy.planner.table import TRUTH_TEXTS
 from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
 from . import linked, pictures
 from .decimals import typed

@@ -14,7 +14,7 @@ import uuid
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from ..rle_splat.accuracy.planner.cost_of_accuracy import TRUTH_TEXTS
+from ..rle_splat.accuracy.planner.table import TRUTH_TEXTS
 from ..rle_splat.pipeline.single_rays import rays_lines
 from . import compositor, effects, images, versions
 from .images import OWNER, owned_by

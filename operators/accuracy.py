@@ -7,7 +7,9 @@ from ..bridge import accuracy, render_scene, volumes
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import quality_of
-from ..rle_splat.accuracy.planner.cost_of_accuracy import error_map_steps, sensible_plans, sweep_steps
+from ..rle_splat.accuracy.planner.error_map import error_map_steps
+from ..rle_splat.accuracy.planner.measure_plans import sweep_steps
+from ..rle_splat.accuracy.planner.plans import sensible_plans
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
 from .through_camera import evaluated, has_volume_and_camera

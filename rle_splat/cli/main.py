@@ -13,19 +13,21 @@ import re
 import sys
 from decimal import Decimal
 from importlib import import_module
+from importlib.util import find_spec
 
 DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 # One table of commands: name -> what it does, as the help shows it.  Each is a module of this folder with
-# ``add_arguments(parser)`` and ``run(args)``.
+# ``add_arguments(parser)`` and ``run(args)``.  A command without its module is left out: the extension has no compare.
 COMMANDS = {
     "render": "splat a volume into a picture (.png, .exr, .npy)",
     "info": "say what a volume is: shape, type, spacing, range, histogram, what is odd about it",
     "encode": "classify, shade and run-length encode a volume into a .rle file",
     "convert": "copy a volume from one format to another",
     "accuracy": "measure error against time over the sensible plans on a volume and view: table, JSON, plot",
-    "compare": "hold the systems that the paper names side by side: time, memory, error",
+    "compare": "compare this renderer with the other methods that the paper names: time, memory, error",
 }
+COMMANDS = {name: purpose for name, purpose in COMMANDS.items() if find_spec(f"{__package__}.{name}")}
 
 NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
 

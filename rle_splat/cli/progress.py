@@ -7,6 +7,8 @@ import sys
 import time
 from contextlib import contextmanager
 
+from ..runtime.steps import drain
+
 # A line is redrawn at most this often, in seconds, so that a terminal costs nothing; a new message shows at once.
 REDRAW_INTERVAL = 0.1
 
@@ -40,12 +42,7 @@ class ProgressLine:
     def follow(self, steps, start: float = 0.0):
         """Run a generator of Progress to its end and return its value; its fractions fill [start, 1]."""
         try:
-            while True:
-                try:
-                    progress = next(steps)
-                except StopIteration as end:
-                    return end.value
-                self.show(start + (1.0 - start) * progress.fraction, progress.message)
+            return drain(steps, lambda step: self.show(start + (1.0 - start) * step.fraction, step.message))
         finally:
             steps.close()
 

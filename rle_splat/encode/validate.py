@@ -10,30 +10,10 @@ import numpy as np
 from ..scene import MODELS, RleSplatError
 from ..volume.axes import AXES, AXIS_NAMES
 from .records import TYPES, WORDS, decoding_size
-from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
+from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 
 MOST = 1e37  # bound of any number in the voxel data: above the densest and brightest, and within float32
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
-
-
-def validate(encoded: RunLengthVolume) -> None:
-    """Check the tables, including the derived one, against the canonical form (algorithm.md, section 1.1).
-
-    Parameters
-    ----------
-    encoded : RunLengthVolume
-
-    Raises
-    ------
-    RleSplatError
-        If a table is damaged.
-    """
-    derived = scanline_data_pointers(
-        encoded.axis, encoded.shape_xyz, encoded.model, encoded.scanline_pointers, encoded.data_pointers,
-        encoded.runs, encoded.voxel_data, encoded.decoding,
-    )
-    if not np.array_equal(derived, encoded.scanline_data_pointers):
-        raise _broken(encoded.axis, "the pointers to each scanline's voxels do not follow from its runs")
 
 
 def _broken(axis, what: str) -> RleSplatError:

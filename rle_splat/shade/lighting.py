@@ -92,13 +92,6 @@ def is_shaded(shading, lights, headlight_direction=None, world=None) -> bool:
     return bool(shading) and (len(lights) > 0 or headlight_direction is not None or world is not None)
 
 
-def follows_view(shading, lights, headlight_direction=None) -> bool:
-    """Whether shaded colors change when the camera moves: there is a highlight or a headlight."""
-    if not is_shaded(shading, lights, headlight_direction):
-        return False
-    return shading.specular > 0.0 or headlight_direction is not None
-
-
 def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, world=None) -> Lighting | None:
     """Make the Lighting of a scene.
 

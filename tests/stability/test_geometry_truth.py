@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS, blobs
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render, render_steps

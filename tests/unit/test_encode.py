@@ -9,10 +9,10 @@ import pytest
 from rle_splat.classify.classification import ClassifiedVolume
 from rle_splat.classify.visible import row_offsets
 from rle_splat.encode.encode import encode, fetch_slabs, place_slabs, run_tables
-from rle_splat.encode.validate import validate
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.axes import AXES
+from tests.encoded import validate
 
 BACKENDS = ("numba", "numpy")
 ALL_TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data", "scanline_data_pointers")

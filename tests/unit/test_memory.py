@@ -13,8 +13,8 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import Visibility, count_steps
+from rle_splat.comparison.decode import decode
 from rle_splat.effects.mesh_depth import SAMPLES
-from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline.encode_scene import encode_scene
@@ -29,6 +29,7 @@ from rle_splat.splat import scratch
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.blocks import block_steps
 from rle_splat.volume.volume import Volume
+from tests.encoded import to_volume_order
 
 ROOT = Path(__file__).resolve().parents[2]
 QUALITY = Quality.preset("draft", classification="pre")

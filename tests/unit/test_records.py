@@ -8,11 +8,10 @@ import pytest
 
 from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.encode.decode import decode, to_volume_order
+from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.records import decoding_of, empty_records, pack, record_bytes, unpack
 from rle_splat.encode.store import StoredVolume, load, save
-from rle_splat.encode.validate import validate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
@@ -22,6 +21,7 @@ from rle_splat.shade.lighting import lighting
 from rle_splat.shade.shading import color_bound, light_records
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.encoded import to_volume_order, validate
 
 SHORT = (8, 6, 4)
 MOST_DENSITY, MOST_COLOR = 16.6, 1.3

@@ -1,13 +1,12 @@
-"""Decode run-length tables to a dense grid; decode(encode(v)) equals v."""
+"""Decode run-length tables to a dense grid; decode(encode(v)) is v."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..encode.tables import RunLengthVolume
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from ..volume.axes import AXES
-from .tables import RunLengthVolume
 
 
 def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
@@ -37,16 +36,9 @@ def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0)
     return dense
 
 
-def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:
-    """View a (n_slices, n_scanlines, width, ...) grid of principal ``axis`` as (nz, ny, nx, ...)."""
-    along, across, principal = AXES[axis]
-    array_axis = {principal: 0, across: 1, along: 2}  # volume axis (0 x, 1 y, 2 z) -> array axis
-    return dense.transpose(array_axis[2], array_axis[1], array_axis[0], *range(3, dense.ndim))
-
-
 @kernel
 def _decode_scanlines(scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
-    """Kernel of ``decode``: ``dense`` (n_slices, n_scanlines, width, 4), zero on entry; valid tables."""
+    """Write ``dense`` (n_slices, n_scanlines, width, 4) float32, zero on entry, from valid tables."""
     share_out(_decode_slices, dense.shape[0], (scanline_pointers, scanline_data_pointers, runs, voxel_data, dense))
 
 
@@ -73,7 +65,7 @@ def _decode_slices(begin, end, scanline_pointers, scanline_data_pointers, runs, 
 
 
 def _visible_numpy(encoded: RunLengthVolume) -> np.ndarray:
-    """Reference implementation: (n_slices, n_scanlines, width) bool, whether a voxel is stored, from the runs alone."""
+    """(n_slices, n_scanlines, width) bool: where a voxel is stored; part of the reference implementation."""
     starts = encoded.scanline_pointers[encoded.scanline_pointers >= 0].astype(np.int64)
     bounds = np.append(starts, len(encoded.runs))
     in_line = np.arange(len(encoded.runs)) - np.repeat(starts, np.diff(bounds))
