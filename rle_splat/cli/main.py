@@ -148,6 +148,8 @@ def run_process() -> int:
     Python would look through all that is in memory for what refers to itself, to take it apart piece by piece, before
     the system takes the memory back as a whole (measured: 0.15 to 0.2 s, which a user waits for).
     """
+    # Modules and kernels stay in memory, so looking through them often is of no use (measured: 0.08 s of 1.0).
+    gc.set_threshold(50_000, 20, 20)
     code = main()
     gc.freeze()
     return code
