@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import intrinsic, ir, numba, types
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     @intrinsic
     def lowest_bit(typing, word):
         """The number of a word's lowest bit that is set; the word is not zero."""

@@ -6,15 +6,11 @@ one float at a time (measured: 2.9 ns a pixel against 1.5).  The vectors are LLV
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import intrinsic, ir, numba, types
 
 GROUP = 4  # voxels that are one vector of four channels each
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from .vectors import INTEGER, load, place, spread, store
 
     _LANES = ir.VectorType(ir.FloatType(), 4)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import cgutils, intrinsic, ir, numba, types
 
 LINE = 64  # bytes that come together
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import cgutils, types
-    from numba.extending import intrinsic
-
     from .vectors import place
 
     @intrinsic

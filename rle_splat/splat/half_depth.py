@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
 LEAST = 1e-37  # a normal number, below which nothing shines
@@ -14,10 +14,6 @@ _NODES = 0.5 - 0.5 * np.cos((np.arange(_TERMS) + 0.5) * np.pi / _TERMS)
 LOG2_OVER_T = np.linalg.solve(_NODES[:, None] ** np.arange(_TERMS), np.log2(1.0 + _NODES) / _NODES).tolist()
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import DOUBLE, INTEGER, Vector, place
     from .pixel_block import kind_of
 

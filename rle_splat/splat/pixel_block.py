@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 
 BLOCK = 16  # pixels handled together; a multiple of every SIMD width in use
 RED, GREEN, BLUE, CLEAR = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block; CLEAR is transmittance
@@ -35,10 +35,6 @@ def accumulator(sheets: int):
 
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 
     def kind_of(array_type):

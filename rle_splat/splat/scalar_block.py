@@ -7,7 +7,7 @@ shades itself).
 
 from __future__ import annotations
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
 # Entries of the value table between two sheets up to which the middle one stands for their mean.  Differences of its
@@ -16,10 +16,6 @@ SPAN = 32.0
 ROW_BITS = 4  # a row of a value table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
     from .pixel_block import composited, slab
 

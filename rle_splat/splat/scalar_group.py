@@ -7,16 +7,12 @@ is read and written once for all of them.
 
 from __future__ import annotations
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
 GROUP = 4  # sheets handled together: as many as the dearest preset has a voxel
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import Vector, count_lanes, place
     from .pixel_block import TINY, counted, kind_of, laid_over, row_planes, slab, store_row
     from .scalar_block import entry_of, lit, put_block, put_entries, rows_of

@@ -18,8 +18,8 @@ from .footprints import FOOTPRINTS, Footprint, footprint_weights
 _INSET = 0.5 / np.sqrt(3.0)
 
 
-# Quadrature nodes (position in a cell, weight) of each rule, for a cell of depth one; weights sum to one (algorithm.md,
-# section 1.7).
+# Quadrature nodes (position in a cell, weight) of each rule, for a cell of depth one; weights sum to one
+# (algorithm.md 1.7).
 NAMED_NODES = {
     "slice": ((0.0, 0.5), (1.0, 0.5)),
     "slice-2": ((0.0, 0.5), (1.0, 0.5)),

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from rle_splat.runtime.jit import CONSTANTS
-
 ROOT = Path(__file__).resolve().parents[2]
 
 # A room (a folder or a module) -> its floor.  A room imports itself and lower floors, nothing else.
@@ -51,14 +49,8 @@ BLENDER_ROOMS = ("", "bridge", "operators", "panels")
 BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
-    "rle_splat.splat.pixel_block": {"numba", "llvmlite", "numpy"},
-    "rle_splat.splat.scalar_block": {"numba", "llvmlite"},
-    "rle_splat.splat.scalar_group": {"numba", "llvmlite"},
-    "rle_splat.splat.voxel_groups": {"numba", "llvmlite", "numpy"},
-    "rle_splat.splat.half_depth": {"numba", "llvmlite", "numpy"},
-    "rle_splat.warp.taps": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
-    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "numba", "matplotlib", "flip_evaluator"},
+    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.
@@ -250,14 +242,32 @@ def test_blender_versions_are_told_apart_in_one_file_only(sources):
     assert askers <= {"bridge/versions.py"}
 
 
-def test_kernels_take_constants_from_rooms_that_their_folder_is_named_after_alone(sources):
-    """Else a kernel on disk would have a constant as it was."""
-    rooms = {path.parent for path, source in sources.items() if "@kernel" in source or path.parent.name == CONSTANTS}
-    looked = 0
-    for path, source in sources.items():
-        if any(mark in source for mark in ("@kernel", "@inner_loop", "@intrinsic")):
-            for module in imports_of(path, source)[0]:
-                place = Path(*module.split("."))
-                assert (place if (ROOT / place).is_dir() else place.parent) in rooms, f"{path} imports {module}"
-                looked += 1
-    assert looked > 100
+# Parts of numba that replace or patch its compiler, and settings of the whole process.
+COMPILERS = ("numba.core.lowering", "numba.core.typed_passes", "numba.core.compiler_machinery", "numba.core.compiler")
+
+
+def process_wide(path: Path, source: str) -> list[str]:
+    """Lines that set numba's configuration or replace parts of its compiler."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, (ast.Assign, ast.AugAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found += [f"{path}:{node.lineno}" for target in targets if "numba.config." in ast.unparse(target)]
+        elif isinstance(node, ast.ImportFrom) and node.module in COMPILERS:
+            found.append(f"{path}:{node.lineno}")
+        elif isinstance(node, ast.Import) and any(alias.name in COMPILERS for alias in node.names):
+            found.append(f"{path}:{node.lineno}")
+    return found
+
+
+def test_numba_is_used_as_it_is(sources):
+    found = [line for path, source in sources.items() for line in process_wide(path, source)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("source", (
+    "numba.config.OPT = 1", "numba.config.OPT, x = 1, 2", "from numba.core.lowering import Lower",
+    "import numba.core.typed_passes",
+))  # fmt: skip
+def test_changes_to_numba_are_seen(source):
+    assert process_wide(Path("rle_splat/runtime/jit.py"), source)
