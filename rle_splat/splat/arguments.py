@@ -132,6 +132,60 @@ class ScalarTables(NamedTuple):
     width: int
 
 
+class Lookup(NamedTuple):
+    """The transfer function as sheets of the scalar look it up (``classify.value_table``).
+
+    Stored values are those of the volume less ``ScalarVolume.centre``.
+
+    Attributes
+    ----------
+    table : (4 * (last + 1),) float32
+        Extinction times linear RGB, and extinction, per world length, of each entry; of one column where only optical
+        depths are wanted.  The last entry is transparent.
+    sums : (4 * (last + 1),) float32
+        Sums of all entries before each entry.
+    origin, rate : float32
+        Stored value where the first entry begins; entries per stored value.
+    least : float32
+        Stored value below which a voxel is no sample.
+    low, high : float32
+        Stored values outside of which nothing is visible.
+    nearest, furthest : float32
+        Stored values that stand for what lies beyond them.
+    last : int32
+        Number of the last entry.
+    """
+
+    table: np.ndarray
+    sums: np.ndarray
+    origin: np.float32
+    rate: np.float32
+    least: np.float32
+    low: np.float32
+    high: np.float32
+    nearest: np.float32
+    furthest: np.float32
+    last: np.int32
+
+
+class Light(NamedTuple):
+    """The planes of a sheet of the scalar behind the scalar itself, by number; kernels are compiled for each count.
+
+    Attributes
+    ----------
+    matt : tuple of int
+        Planes of light that color is multiplied by: none, one or three.
+    gloss : tuple of int
+        Planes of highlight that are added to the color in proportion to the extinction: none, one or three.
+    thinning : tuple of int
+        The plane of a factor of extinction, the last one, or none.
+    """
+
+    matt: tuple
+    gloss: tuple
+    thinning: tuple
+
+
 class Box(NamedTuple):
     """Where rays are inside the box of the voxel centres, in voxels along the viewing direction.
 

@@ -9,9 +9,8 @@ import numpy as np
 from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK, CLEAR, interleaved
 from .scratch import BAND
-from .voxel_scanline import BLOCK_BITS, ONE_BIT, WORD, mark_blocks
+from .voxel_scanline import BLOCK_BITS, NO_BITS, ONE_BIT, WORD, mark_blocks
 
-NO_BITS = np.uint64(0)
 
 
 @inner_loop

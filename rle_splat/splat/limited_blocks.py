@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK
+from .pixel_block import BLOCK, CLEAR
 from .scratch import BAND
-from .voxel_scanline import ONE_BIT, WORD
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
-NO_BITS = np.uint64(0)
 MOST = np.float32(np.finfo(np.float32).max)
 # What is known of the rays of a block: where the first begins and the last ends, of those of which anything is left;
 # where the last of all begins and the first ends; and from where to where they have holes, or, of a whole band's block,
@@ -98,3 +97,20 @@ def is_shortened(bounds, r, b, begin, end):
     """Whether any ray of a block of a row is outside its limits somewhere in a slab."""
     inside = begin >= bounds[r, ALL_BEGUN, b] and end <= bounds[r, NONE_ENDED, b]
     return not inside or (bounds[r, HOLE, b] < end and bounds[r, HOLE_END, b] > begin)
+
+
+@inner_loop(forceinline=True)
+def count_live(limits, live, bounds, r, b, end, state, at, least, v, first_pixel, count):
+    """How many pixels of a block go on behind a slab: those that are not opaque and whose ray has not ended.
+
+    ``live``: how many are not opaque.  ``state[at:]``: the block; ``least``: transmittance at which a pixel is opaque.
+    ``end``: of the slab.  ``limits``, ``bounds``: see ``bound_blocks``.
+    """
+    if limits is None:
+        return live
+    if bounds[r, NONE_ENDED, b] > end:
+        return live
+    live = 0
+    for i in range(count):
+        live += state[at + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
+    return live

@@ -12,9 +12,8 @@ from ..runtime.lanes import add4
 from ..view.footprints import first_tap, tap_weight, voxel_at
 from .half_depth import half_way
 from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED, planar
-from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
+from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
 
-NO_BITS = np.uint64(0)
 _ONE, _HALF, _ZERO = np.float32(1.0), np.float32(0.5), np.float32(0.0)
 _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the cap of the classification too
 

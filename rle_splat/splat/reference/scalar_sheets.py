@@ -136,11 +136,12 @@ def _add_depths_numpy(depth, slab, state, half):
 
 
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, pixels, half, filled
+    tables, sheets, rays, box, look, sign, absorbs, light, mist, least, pixels, half, filled
 ):
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
     does."""
     height, width = half.shape
+    matt, gloss, thinning = light
     half[...] = np.inf
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
@@ -183,7 +184,7 @@ def splat_scalar_sheets_numpy(
             _gather_numpy(here[..., 0], in_slab, sign, look[2], look[4], place, (enter, leave), state, half)
             continue
         if sheets.kind[sheet] == OWN:
-            looks, counted, light = _own_looks(here, look)
+            looks, counted, shine = _own_looks(here, look)
         else:
             first_value, last_value = there[..., 0], here[..., 0]
             if rays.limits is not None:
@@ -191,17 +192,17 @@ def splat_scalar_sheets_numpy(
                 first_value, last_value = cut_ends_numpy(
                     rays.limits, *slab_ends, last_value, first_value, look[4]
                 )
-            looks, counted, light = _looks_between(here, there, look, first_value, last_value)
+            looks, counted, shine = _looks_between(here, there, look, first_value, last_value)
         if thinning:
-            in_slab = in_slab * light[..., -1]
+            in_slab = in_slab * shine[..., -1]
         if absorbs is not None:
             _add_depths_numpy(looks[..., 0] * (in_slab * counted), slab, state, half)
             continue
         color, sigma = looks[..., :3], looks[..., 3]
         if matt:
-            color = color * light[..., [plane - 1 for plane in matt]]
+            color = color * shine[..., [plane - 1 for plane in matt]]
         if gloss:
-            color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
+            color = color + sigma[..., None] * shine[..., [plane - 1 for plane in gloss]]
         depth = in_slab * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
         kept = None if mist is None else state.copy()
