@@ -218,7 +218,7 @@ def row_walker(slab_of, row_of, marked, composite_block, composite_queue):
     return composite_sheets
 
 
-def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets):
+def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps_sheet_before):
     """Make the loop of a worker: bands, one after another, as long as there are any.
 
     Parameters
@@ -231,6 +231,8 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets):
         Made by ``scanline_walker``.
     composite_sheets : callable
         Made by ``row_walker``.
+    keeps_sheet_before : bool
+        Whether the slab between two sheets is composited from both.
 
     Returns
     -------
@@ -273,8 +275,9 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets):
             together = group_at(medium, sheets, sheet)
             first, sheet = sheet, sheet + together
             kind = sheets.kind[first]
-            if kind != OWN:  # what was here is the sheet before
-                here, there = there, here
+            if keeps_sheet_before:
+                if kind != OWN:  # what was here is the sheet before
+                    here, there = there, here
             some = SOME
             if limited:
                 some = reached_blocks(bounds, sheets.begin[first], sheets.far[first], band_alive, reached)
@@ -287,9 +290,11 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets):
                 here.row_slot[:] = NO_ROW
             if opaque:
                 break  # early ray termination
-            counts = found or (kind == BETWEEN and found_before)
-            found_before = found
-            if kind == BEGINS or not counts:
+            counts = found
+            if keeps_sheet_before:
+                counts = (found or (kind == BETWEEN and found_before)) and kind != BEGINS
+                found_before = found
+            if not counts:
                 continue
             if composite_sheets(medium, sheets, first, together, window, rays, here, there, own, image):
                 band_alive[:] = NO_BITS

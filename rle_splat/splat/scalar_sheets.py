@@ -541,6 +541,7 @@ _splat_bands = band_walker(
     _clear_scratch, _group_at,
     scanline_walker(_footprint_of, _place_row, _is_filled, _put_voxels, _fetch_next, _resample_block, _clear_line),
     row_walker(_slab_of, _row_of, _marked, _composite_block, _composite_queue),
+    keeps_sheet_before=True,
 )  # fmt: skip
 
 
