@@ -188,15 +188,117 @@ def _absorbed(thick):
     return 1.0 - math.exp(-thick)
 
 
+@inner_loop(forceinline=True)
+def _composite_stretch(
+    lights, scalars, light_unit, look, matt, gloss, corners, place, step, a, deep, length, slabs, least, shine, ray,
+):
+    """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
+
+    ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``look`` to ``gloss``, ``slabs``, ``least``: see
+    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``place``: where the stretch
+    begins in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins,
+    and its length, in voxels of depth; ``length``: world length per voxel of depth.  ``shine``: scratch, (POWERS *
+    channels of light,) float64.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
+    """
+    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
+    i, j, k, m = corners
+    px, py, pz = place
+    dx, dy, dz = step
+    red, green, blue, clear, at_half = ray
+    shining = len(matt) + len(gloss)
+    c0, c1, c2, c3 = _cubic(
+        np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
+        np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
+        np.float64(scalars[m]), np.float64(scalars[m + 1]), px, py, pz, dx * deep, dy * deep, dz * deep,
+    )  # fmt: skip
+    count = max(math.ceil(deep * slabs - SLIVER), 1)
+    part = 1.0 / count
+    length = length * deep * part
+    here = min(max(c0, nearest), furthest)
+    lit = False
+    for slab in range(1, count + 1):
+        t = slab * part
+        before = here
+        here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
+        smallest, largest = min(before, here), max(before, here)
+        if largest < low or smallest > high:
+            continue
+        spread = (largest - smallest) * rate
+        if spread >= SPAN:
+            first = min(max((smallest - origin) * rate, 0.0), float(last))
+            second = min(max((largest - origin) * rate, 0.0), float(last))
+            sigma = _mean(table, sums, 3, first, second, last, spread)
+            if sigma <= 0.0:
+                continue
+            r = _mean(table, sums, 0, first, second, last, spread)
+            g = _mean(table, sums, 1, first, second, last, spread)
+            bl = _mean(table, sums, 2, first, second, last, spread)
+        else:
+            value = 0.5 * (smallest + largest)
+            if value < low or value > high:
+                continue
+            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
+            entry = int(place)
+            share, after = place - entry, 4 * min(entry + 1, last - 1)
+            entry *= 4
+            sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
+            if sigma <= 0.0:
+                continue
+            r = table[entry] * (1.0 - share) + table[after] * share
+            g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
+            bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
+        if lights is not None and shining:
+            if not lit:
+                lit = True
+                for channel in range(shining):
+                    l0, l1, l2, l3 = _cubic(
+                        _light_at(lights, light_unit, i, channel),
+                        _light_at(lights, light_unit, i + 1, channel),
+                        _light_at(lights, light_unit, j, channel),
+                        _light_at(lights, light_unit, j + 1, channel),
+                        _light_at(lights, light_unit, k, channel),
+                        _light_at(lights, light_unit, k + 1, channel),
+                        _light_at(lights, light_unit, m, channel),
+                        _light_at(lights, light_unit, m + 1, channel),
+                        px, py, pz, dx * deep, dy * deep, dz * deep,
+                    )  # fmt: skip
+                    to = POWERS * channel
+                    shine[to], shine[to + 1], shine[to + 2], shine[to + 3] = l0, l1, l2, l3
+            t -= 0.5 * part
+            if len(matt) == 1:
+                light = _power_sum(shine, 0, t)
+                r, g, bl = r * light, g * light, bl * light
+            elif len(matt) == 3:
+                r *= _power_sum(shine, 0, t)
+                g *= _power_sum(shine, 1, t)
+                bl *= _power_sum(shine, 2, t)
+            if len(gloss) == 1:
+                light = sigma * _power_sum(shine, 1, t)
+                r, g, bl = r + light, g + light, bl + light
+            elif len(gloss) == 3:
+                r += sigma * _power_sum(shine, 3, t)
+                g += sigma * _power_sum(shine, 4, t)
+                bl += sigma * _power_sum(shine, 5, t)
+        thick = sigma * length
+        absorbed = _absorbed(thick)
+        gain = clear * absorbed / sigma
+        red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
+        left = clear * (1.0 - absorbed)
+        if left <= HALF < clear:
+            at_half = a + deep * part * (slab - 1.0 + math.log(clear / HALF) / thick)
+        clear = left
+        if clear < least:
+            break
+    return red, green, blue, clear, at_half
+
+
 @inner_loop
 def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
     """Rays [begin, end); see ``trace_rays``."""
-    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
     bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
     if begin >= end:
         return
     shine = cubics[begin]
-    shining = len(matt) + len(gloss)
     for ray in range(begin, end):
         clear, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
         ox, oy, oz = rays.first[ray, 0], rays.first[ray, 1], rays.first[ray, 2]
@@ -249,91 +351,11 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
                 k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
                 m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
                 if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
-                    deep = b - a
-                    px, py, pz = ox + dx * a - x, oy + dy * a - y, oz + dz * a - z
-                    c0, c1, c2, c3 = _cubic(
-                        np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
-                        np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
-                        np.float64(scalars[m]), np.float64(scalars[m + 1]), px, py, pz, dx * deep, dy * deep, dz * deep,
-                    )  # fmt: skip
-                    count = max(math.ceil(deep * slabs - SLIVER), 1)
-                    part = 1.0 / count
-                    length = rays.length[ray] * deep * part
-                    here = min(max(c0, nearest), furthest)
-                    lit = False
-                    for slab in range(1, count + 1):
-                        t = slab * part
-                        before = here
-                        here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
-                        smallest, largest = min(before, here), max(before, here)
-                        if largest < low or smallest > high:
-                            continue
-                        spread = (largest - smallest) * rate
-                        if spread >= SPAN:
-                            first = min(max((smallest - origin) * rate, 0.0), float(last))
-                            second = min(max((largest - origin) * rate, 0.0), float(last))
-                            sigma = _mean(table, sums, 3, first, second, last, spread)
-                            if sigma <= 0.0:
-                                continue
-                            r = _mean(table, sums, 0, first, second, last, spread)
-                            g = _mean(table, sums, 1, first, second, last, spread)
-                            bl = _mean(table, sums, 2, first, second, last, spread)
-                        else:
-                            value = 0.5 * (smallest + largest)
-                            if value < low or value > high:
-                                continue
-                            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
-                            entry = int(place)
-                            share, after = place - entry, 4 * min(entry + 1, last - 1)
-                            entry *= 4
-                            sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
-                            if sigma <= 0.0:
-                                continue
-                            r = table[entry] * (1.0 - share) + table[after] * share
-                            g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
-                            bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
-                        if lights is not None and shining:
-                            if not lit:
-                                lit = True
-                                for channel in range(shining):
-                                    l0, l1, l2, l3 = _cubic(
-                                        _light_at(lights, light_unit, i, channel),
-                                        _light_at(lights, light_unit, i + 1, channel),
-                                        _light_at(lights, light_unit, j, channel),
-                                        _light_at(lights, light_unit, j + 1, channel),
-                                        _light_at(lights, light_unit, k, channel),
-                                        _light_at(lights, light_unit, k + 1, channel),
-                                        _light_at(lights, light_unit, m, channel),
-                                        _light_at(lights, light_unit, m + 1, channel),
-                                        px, py, pz, dx * deep, dy * deep, dz * deep,
-                                    )  # fmt: skip
-                                    to = POWERS * channel
-                                    shine[to], shine[to + 1], shine[to + 2], shine[to + 3] = l0, l1, l2, l3
-                            t -= 0.5 * part
-                            if len(matt) == 1:
-                                light = _power_sum(shine, 0, t)
-                                r, g, bl = r * light, g * light, bl * light
-                            elif len(matt) == 3:
-                                r *= _power_sum(shine, 0, t)
-                                g *= _power_sum(shine, 1, t)
-                                bl *= _power_sum(shine, 2, t)
-                            if len(gloss) == 1:
-                                light = sigma * _power_sum(shine, 1, t)
-                                r, g, bl = r + light, g + light, bl + light
-                            elif len(gloss) == 3:
-                                r += sigma * _power_sum(shine, 3, t)
-                                g += sigma * _power_sum(shine, 4, t)
-                                bl += sigma * _power_sum(shine, 5, t)
-                        thick = sigma * length
-                        absorbed = _absorbed(thick)
-                        gain = clear * absorbed / sigma
-                        red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
-                        left = clear * (1.0 - absorbed)
-                        if left <= HALF < clear:
-                            at_half = a + deep * part * (slab - 1.0 + math.log(clear / HALF) / thick)
-                        clear = left
-                        if clear < least:
-                            break
+                    red, green, blue, clear, at_half = _composite_stretch(
+                        lights, scalars, light_unit, look, matt, gloss, (i, j, k, m),
+                        (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
+                        slabs, least, shine, (red, green, blue, clear, at_half),
+                    )
                 a = b
             if tx <= reached:
                 x, tx = x + sx, tx + ax

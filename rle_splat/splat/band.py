@@ -12,7 +12,6 @@ from .scratch import BAND
 from .voxel_scanline import BLOCK_BITS, NO_BITS, ONE_BIT, WORD, mark_blocks
 
 
-
 @inner_loop
 def begin_band(
     state, lengths, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen

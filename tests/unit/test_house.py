@@ -234,3 +234,56 @@ def test_kernels_take_constants_from_rooms_that_their_folder_is_named_after_alon
                 assert (place if (ROOT / place).is_dir() else place.parent) in rooms, f"{path} imports {module}"
                 looked += 1
     assert looked > 100
+
+
+# --- how large a function may be --------------------------------------------------------------------------------
+
+MOST_ARGUMENTS = 30
+MOST_NESTING = 5  # blocks within one another: loops, conditions, with and try
+BLOCKS = (ast.For, ast.While, ast.If, ast.With, ast.Try, ast.Match)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+def argument_count(function) -> int:
+    given = function.args
+    return len([*given.posonlyargs, *given.args, *given.kwonlyargs])
+
+
+def nesting(statements) -> int:
+    """How deep blocks lie within one another; ``elif`` adds no level, and a function inside is counted by itself."""
+    deepest = 0
+    for statement in statements:
+        if not isinstance(statement, BLOCKS):
+            continue
+        bodies = [statement.body, getattr(statement, "finalbody", [])] if hasattr(statement, "body") else []
+        bodies += [part.body for part in (*getattr(statement, "handlers", ()), *getattr(statement, "cases", ()))]
+        orelse = getattr(statement, "orelse", [])
+        chained = isinstance(statement, ast.If) and len(orelse) == 1 and isinstance(orelse[0], ast.If)
+        bodies += [] if chained else [orelse]
+        deepest = max(deepest, 1 + max(map(nesting, bodies)), nesting(orelse) if chained else 0)
+    return deepest
+
+
+def test_functions_have_few_arguments_and_little_nesting(sources):
+    looked, found = 0, []
+    for path, source in sources.items():
+        for function in ast.walk(ast.parse(source)):
+            if isinstance(function, FUNCTIONS):
+                looked += 1
+                counts = argument_count(function), nesting(function.body)
+                if counts[0] > MOST_ARGUMENTS or counts[1] > MOST_NESTING:
+                    found.append(f"{path}: {function.name} has {counts[0]} arguments and {counts[1]} levels")
+    assert looked > 1000
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("source, arguments, levels", [
+    ("def f(a, b=1, /, *c, d): pass", 3, 0),
+    ("def f():\n for a in b:\n  if a:\n   pass\n  elif b:\n   pass\n  else:\n   while a: pass", 0, 3),
+    ("def f():\n try:\n  pass\n except E:\n  with a:\n   pass", 0, 2),
+    ("def f():\n match a:\n  case 1:\n   if b: pass", 0, 2),
+    ("def f():\n if a:\n  def g():\n   for b in c: pass", 0, 1),
+])  # fmt: skip
+def test_arguments_and_nesting_are_counted(source, arguments, levels):
+    function = ast.parse(source).body[0]
+    assert (argument_count(function), nesting(function.body)) == (arguments, levels)
