@@ -79,7 +79,7 @@ def bricks_of(bits: np.ndarray, shape_xyz) -> np.ndarray:
 
 
 def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, clip) -> RayList:
-    """The rays through pixel positions (n,), from the left and the top, within the box of the voxel centres.
+    """The rays through pixel positions (n,), from the left and the top, within the box of the voxel centers.
 
     All of them must belong to the plane's principal axis and direction.  ``clip``: the least and the largest planar
     depth that is seen.  Element by element: the bits of a matrix product depend on its size.
@@ -190,21 +190,21 @@ def _absorbed(thick):
 
 @inner_loop(forceinline=True)
 def _composite_stretch(
-    lights, scalars, light_unit, look, matt, gloss, corners, place, step, a, deep, length, slabs, least, shine, ray,
+    lights, scalars, light_unit, lookup, matt, gloss, corners, place, step, a, deep, length, slabs, least, shine, ray,
 ):
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
-    ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``look`` to ``gloss``, ``slabs``, ``least``: see
+    ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``lookup`` to ``gloss``, ``slabs``, ``least``: see
     ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``place``: where the stretch
     begins in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins,
     and its length, in voxels of depth; ``length``: world length per voxel of depth.  ``shine``: scratch, (POWERS *
     channels of light,) float64.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
-    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
+    table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     i, j, k, m = corners
     px, py, pz = place
     dx, dy, dz = step
-    red, green, blue, clear, at_half = ray
+    red, green, blue, transmittance, at_half = ray
     shining = len(matt) + len(gloss)
     c0, c1, c2, c3 = _cubic(
         np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
@@ -281,26 +281,26 @@ def _composite_stretch(
                 bl += sigma * _power_sum(shine, 5, t)
         thick = sigma * length
         absorbed = _absorbed(thick)
-        gain = clear * absorbed / sigma
+        gain = transmittance * absorbed / sigma
         red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
-        left = clear * (1.0 - absorbed)
-        if left <= HALF < clear:
-            at_half = a + deep * part * (slab - 1.0 + math.log(clear / HALF) / thick)
-        clear = left
-        if clear < least:
+        left = transmittance * (1.0 - absorbed)
+        if left <= HALF < transmittance:
+            at_half = a + deep * part * (slab - 1.0 + math.log(transmittance / HALF) / thick)
+        transmittance = left
+        if transmittance < least:
             break
-    return red, green, blue, clear, at_half
+    return red, green, blue, transmittance, at_half
 
 
 @inner_loop
-def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
+def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half):
     """Rays [begin, end); see ``trace_rays``."""
     bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
     if begin >= end:
         return
     shine = cubics[begin]
     for ray in range(begin, end):
-        clear, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
+        transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
         ox, oy, oz = rays.first[ray, 0], rays.first[ray, 1], rays.first[ray, 2]
         dx, dy, dz = rays.step[ray, 0], rays.step[ray, 1], rays.step[ray, 2]
         ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
@@ -316,7 +316,7 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
             tx = _crossing(x, 1, ox, dx, ix)
             ty = _crossing(y, 1, oy, dy, iy)
             tz = _crossing(z, 1, oz, dz, iz)
-        while a < stop and clear >= least:
+        while a < stop and transmittance >= least:
             if x < 0 or y < 0 or z < 0 or x > n_x - 2 or y > n_y - 2 or z > n_z - 2:
                 break
             if bricks[z >> BRICK_BITS, y >> BRICK_BITS, x >> BRICK_BITS] == 0:
@@ -351,10 +351,10 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
                 k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
                 m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
                 if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
-                    red, green, blue, clear, at_half = _composite_stretch(
-                        lights, scalars, light_unit, look, matt, gloss, (i, j, k, m),
+                    red, green, blue, transmittance, at_half = _composite_stretch(
+                        lights, scalars, light_unit, lookup, matt, gloss, (i, j, k, m),
                         (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
-                        slabs, least, shine, (red, green, blue, clear, at_half),
+                        slabs, least, shine, (red, green, blue, transmittance, at_half),
                     )
                 a = b
             if tx <= reached:
@@ -363,17 +363,17 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
                 y, ty = y + sy, ty + ay
             else:
                 z, tz = z + sz, tz + az
-        out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - clear
+        out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - transmittance
         half[ray] = at_half
 
 
 @kernel
-def trace_rays(voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
+def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half):
     """Premultiplied rgba (n, 4) float32 of single rays, and where along them half is absorbed, (n,) float64, inf where
     less is.
 
-    ``voxels``: RowVoxels; ``rays``: RayList.  ``look``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
+    ``voxels``: RowVoxels; ``rays``: RayList.  ``lookup``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
     them.  ``slabs``: that a voxel's depth is cut into, at least.  ``cubics``: scratch, (n, POWERS * channels of light)
     float64.
     """
-    share_out(_trace, out.shape[0], (voxels, rays, look, matt, gloss, slabs, least, cubics, out, half))
+    share_out(_trace, out.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half))

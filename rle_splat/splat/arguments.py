@@ -1,4 +1,4 @@
-"""What the sheet-buffer loop is given, in named groups that kernels and their numpy twin read alike."""
+"""What the sheet-buffer loop is given, in named groups that kernels and their reference implementations share."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ class Light(NamedTuple):
 
 
 class Box(NamedTuple):
-    """Where rays are inside the box of the voxel centres, in voxels along the viewing direction.
+    """Where rays are inside the box of the voxel centers, in voxels along the viewing direction.
 
     ``columns`` (2, W) and ``rows`` (2, H) float32: entry and exit sideways, along and across scanlines
     (``view.ray_limits.box_limits``).  ``blocks`` (4, blocks) float32: of each block of columns the first and the last

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK, CLEAR, interleaved
+from .pixel_block import BLOCK, TRANSMITTANCE, interleaved
 from .scratch import BAND
 from .voxel_scanline import BLOCK_BITS, NO_BITS, ONE_BIT, WORD, mark_blocks
 
@@ -16,7 +16,7 @@ from .voxel_scanline import BLOCK_BITS, NO_BITS, ONE_BIT, WORD, mark_blocks
 def begin_band(
     state, lengths, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
 ):
-    """Clear the rows of a band: no colour, all light.  Blocks of which nothing is ``seen`` are done from the start, as
+    """Clear the rows of a band: no color, all light.  Blocks of which nothing is ``seen`` are done from the start, as
     if they were opaque, and pixels beyond the image are opaque."""
     image_width = along.size
     blocks = placed.size
@@ -36,7 +36,7 @@ def begin_band(
             count = min(BLOCK, image_width - first)
             bright[r, b] = count
             at = BLOCK * (r * blocks + b)
-            state[4 * at + CLEAR : 4 * at + CLEAR + count] = np.float32(1.0)
+            state[4 * at + TRANSMITTANCE : 4 * at + TRANSMITTANCE + count] = np.float32(1.0)
             for i in range(count):
                 squared = along[first + i] + across[v] + along_slope[first + i] * across_slope[v]
                 lengths[at + i] = math.sqrt(max(squared, 0.0))

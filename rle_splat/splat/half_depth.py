@@ -69,6 +69,6 @@ if numba is not None:
     def _whole(number):
         return ir.Constant(ir.VectorType(INTEGER, BLOCK), [number] * BLOCK)
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def half_way(before, after, at, parts): ...

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK, CLEAR
+from .pixel_block import BLOCK, TRANSMITTANCE
 from .scratch import BAND
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
@@ -112,5 +112,5 @@ def count_live(limits, live, bounds, r, b, end, state, at, least, v, first_pixel
         return live
     live = 0
     for i in range(count):
-        live += state[at + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
+        live += state[at + TRANSMITTANCE + i] >= least and limits[1, v, first_pixel + i] > end
     return live

@@ -22,8 +22,8 @@ from .band_walker import band_walker, row_walker, scanline_walker
 from .cut_slab import cut_ends
 from .half_depth import half_way
 from .limited_blocks import count_live, is_outside, is_shortened
-from .mist_block import MistRays, fade_added, keep_colors
-from .pixel_block import BLOCK, CLEAR
+from .mist_block import MistRays, copy_colors, fade_added
+from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .scalar_block import (
@@ -330,11 +330,12 @@ def _note_half_depth(cut, box, limits, begin, end, state, to, pixels, block, hal
     """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by limits."""
     if not cut:
         note_half_depth(
-            block.before, state, to + CLEAR, begin, end, half, pixels.v, pixels.first, pixels.count, block.samples
+            block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
+            block.samples,
         )
         return
     parts = block.samples
-    halved = half_way(block.before, state, to + CLEAR, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
+    halved = half_way(block.before, state, to + TRANSMITTANCE, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
     while halved != NO_BITS:
         i = lowest_bit(halved)
         halved &= halved - ONE_BIT
@@ -353,7 +354,7 @@ def _composite_classified(
     sheet, upper, lower, down = here
     before, upper_before, lower_before, down_before = there
     if mist is not None:
-        keep_colors(state, to, block.colors)
+        copy_colors(state, to, block.colors)
     found = composite_classified(
         block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
         medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,

@@ -46,7 +46,7 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     """As ``splat.splat_steps``, for the largest, smallest or mean values of rays: ``values``, a ``ValueLook``.
 
     The image's first channel is the count of the value, times how much of the pixel lies inside the box of the volume,
-    and the last one is one less that: they can be warped as colour and transmittance are.
+    and the last one is one less that: they can be warped as color and transmittance are.
     """
     sign = values.sign or 1.0
     origin, least = values.origin - sign * encoded.centre, values.least - encoded.centre

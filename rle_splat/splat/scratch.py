@@ -31,7 +31,7 @@ SPREAD = 4
 CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as long
 MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
 _KEPT: list[np.ndarray] = []
-WHITE = 2  # channels of a voxel's light and highlight, all colours alike
+WHITE = 2  # channels of a voxel's light and highlight, all colors alike
 REACH = (CACHE_LINE // 8,)  # numbers of it
 WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
@@ -219,7 +219,7 @@ def scratch_for(
 
 def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) -> int:
     """About the bytes of ``scratch_for`` that are touched, known before there are tables: of white light, which mostly
-    it is.  ``limited``: whether rays have limits.  The numpy twin has no scratch."""
+    it is.  ``limited``: whether rays have limits.  The reference implementation has no scratch."""
     if not compiled(quality.backend):
         return 0
     scalars = quality.classification == "post"

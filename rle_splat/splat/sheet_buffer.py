@@ -18,10 +18,10 @@ from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .arguments import Tables, Wide
 from .band_walker import band_walker, row_walker, scanline_walker
 from .limited_blocks import count_live, is_outside, is_shortened
-from .mist_block import MistRays, fade_added, keep_colors
+from .mist_block import MistRays, copy_colors, fade_added
 from .pixel_block import (
     BLOCK,
-    CLEAR,
+    TRANSMITTANCE,
     composite_added,
     composite_extinction,
     is_voxel_by_voxel,
@@ -342,7 +342,7 @@ def _composite_slab(
             _inside_limits(limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
             length, deep = block.length_inside, 0
     if mist is not None:
-        keep_colors(state, to, block.colors)
+        copy_colors(state, to, block.colors)
     pixels = _lay_over(
         wide, additive_opacity, here.samples, upper, lower, np.float32(row.place - row.line), length, deep, thickness,
         least, state, to, block.before,
@@ -354,11 +354,11 @@ def _composite_slab(
         rows.bright[r, b] = bright
         if limits is None:
             note_half_depth(
-                block.before, state, to + CLEAR, begin, end, half, v, first_pixel, count, block.samples
+                block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
             )  # fmt: skip
         else:
             note_half_depth_inside(
-                limits, block.before, state, to + CLEAR, begin, end, half, v, first_pixel, count, block.samples
+                limits, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
             )
     return count_live(limits, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 

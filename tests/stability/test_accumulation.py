@@ -19,7 +19,7 @@ from rle_splat.runtime.jit import compiled, kernel
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import MODELS, WARP_FILTERS, Light, Quality
 from rle_splat.splat import pixel_block, scalar_splat, splat
-from rle_splat.splat.pixel_block import BLOCK, CLEAR, accumulator, composite_added, composite_extinction
+from rle_splat.splat.pixel_block import BLOCK, TRANSMITTANCE, accumulator, composite_added, composite_extinction
 from rle_splat.splat.splat import OPAQUE, splat_steps
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
@@ -79,10 +79,10 @@ def behind_sheets(loop, value, count, width):
     kind = np.dtype(width).type
     sheet, length = np.full(4 * BLOCK, value, np.float32), np.ones(BLOCK, np.float32)
     state, before = np.zeros(4 * BLOCK, kind), np.zeros(BLOCK, kind)
-    state[CLEAR:] = 1.0
+    state[TRANSMITTANCE:] = 1.0
     loop(sheet, length, state, before, count)
-    assert (state[CLEAR:] == state[CLEAR]).all() and (state[:BLOCK] == state[0]).all()
-    return float(state[0]), float(state[CLEAR])
+    assert (state[TRANSMITTANCE:] == state[TRANSMITTANCE]).all() and (state[:BLOCK] == state[0]).all()
+    return float(state[0]), float(state[TRANSMITTANCE])
 
 
 @WITH_KERNELS
