@@ -11,6 +11,15 @@ that concerns is known from the runs, as bits: nothing else is touched.
 
 What a sheet holds differs: classified voxels (``sheet_buffer``) or scalars (``scalar_sheets``).  The functions that
 differ are given to the three factories below, each of which returns a compiled loop with its functions inlined.
+The loops are parts of the kernels ``splat_rows`` and ``splat_scalar_rows``, which alone are stored on disk.
+
+Measured against a loop written out for each kind of sheet (58 rows: CT engine and MRI head, draft to strict, pre and
+post, orthographic and perspective, shaded or not; one thread, frames in turns, on a machine with other work): a splat
+takes 2 % longer in the median (draft and standard 2.5 %, fine and strict under 1 %; single rows from -5 % to +7 %), and
+the kernel of classified sheets 1.4 times as long to compile.
+
+A plugged-in function that decides by what is None is called with that very argument: numba leaves a branch out only
+where an argument is None, not a member of a tuple.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Slabs between two sheets that a ray's limits cut: the values of the scalar at its ends inside them.
+"""Slabs between two sheets that a ray's limits cut: the values of the scalar at the ray's ends inside them.
 
-The scalar is linear from sheet to sheet, so what a cut slab shows is what lies between its value where the ray begins
-in it and its value where the ray ends.  Else each slab would show all of itself where it is cut, and an oblique cut
-through dense matter the steps of its sheets.
+The scalar is linear from sheet to sheet, so a cut slab is classified by the values where the ray begins and ends in it.
+Otherwise an oblique cut through dense material would show the steps of the sheets.
 """
 
 from __future__ import annotations

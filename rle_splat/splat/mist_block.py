@@ -1,8 +1,7 @@
-"""Mist in a sheet: what a slab has just added to the row is faded by its distance, in associated form.
+"""Mist in a sheet: what a slab has just added to the row is faded by its distance, in premultiplied form.
 
-A slab adds weight * color to a pixel, weight being the light that it takes away, the difference of transmittances.  In
-mist of strength m it adds weight * ((1 - m) * color + m * fog) instead: so that nothing of what made the color needs
-to know, and the transmittance is what it was.
+A slab adds weight * color to a pixel, where weight is the difference of transmittances ahead of it and behind it.  In
+mist of strength m it adds weight * ((1 - m) * color + m * fog) instead.  The transmittance does not change.
 """
 
 from __future__ import annotations
@@ -36,6 +35,7 @@ class MistRays(NamedTuple):
 
 
 def mist_rays(plane: BasePlane, mist: Mist) -> MistRays:
+    """The mist of a scene for the sheet pixels of a base plane."""
     x, y = plane.points()
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     per_voxel = plane.sign * per_voxel

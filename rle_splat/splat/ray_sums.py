@@ -1,7 +1,7 @@
-"""What a ray is worth without compositing: its largest, smallest or mean value, or its optical depth (4.2).
+"""Rays without compositing: the largest, smallest or mean value, or the optical depth (algorithm.md 4.2).
 
-None of it depends on the order of the sheets, and none needs an exponential in any of them.  Everything is kept in a
-block of the row behind the sheets, where composited pixels have color and transmittance:
+None of these depends on the order of the sheets or needs an exponential per sheet.  They are stored in a block of the
+row behind the sheets, where composited pixels have color and transmittance:
 
     values   RED the largest, or smallest, value so far, counted from an origin, or the sum of value * length; GREEN the
              sum of lengths; TRANSMITTANCE 0 as soon as there is a sample

@@ -407,7 +407,7 @@ def splat_rows(
     tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, workers, next_band, scratch, out,
     half, filled,
 ):
-    """Splat rows [first_row, last_row) of the intermediate image.
+    """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
     What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination
     of footprint, model, mist and limits.
