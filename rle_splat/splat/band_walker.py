@@ -15,8 +15,9 @@ The loops are parts of the kernels ``splat_rows`` and ``splat_scalar_rows``, whi
 
 Measured against a loop written out for each kind of sheet (58 rows: CT engine and MRI head, draft to strict, pre and
 post, orthographic and perspective, shaded or not; one thread, frames in turns, on a machine with other work): a splat
-takes 2 % longer in the median (draft and standard 2.5 %, fine and strict under 1 %; single rows from -5 % to +7 %), and
-the kernel of classified sheets 1.4 times as long to compile.
+takes 2 % longer in the median (draft and standard 2.5 %, fine and strict under 1 %; single rows from -5 % to +7 %).
+The first compilation takes longer: 9.7 s of processor time against 6.8 s for classified sheets, 11.2 s against 8.9 s
+for sheets of the scalar.
 
 A plugged-in function that decides by what is None is called with that very argument: numba leaves a branch out only
 where an argument is None, not a member of a tuple.

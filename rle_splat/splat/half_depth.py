@@ -1,4 +1,4 @@
-"""Where in a slab the transmittance falls below one half, for a picture's depth channel: a block of pixels at a time."""
+"""Where in a slab the transmittance falls below one half, for the depth channel: a block of pixels at a time."""
 
 from __future__ import annotations
 

@@ -551,8 +551,8 @@ def splat_scalar_rows(
     tables, sheets, rays, box, lookup, sign, absorbs, light, mist, grouped, least, first_row, last_row, workers,
     next_band, scratch, out, half, filled,
 ):
-    """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values or
-    depths (4.2).
+    """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values
+    or depths (4.2).
 
     What is None is left out of the compiled kernel.
 
