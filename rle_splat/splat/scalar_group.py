@@ -1,8 +1,8 @@
 """A block of BLOCK pixels through several sheets of the scalar at once, each with a slab of its own.
 
-To the bit what one sheet after the other gives (``scalar_block``).  But all that a sheet waits for of the one before it
-is how much light is left: what else there is to do with it, a processor does meanwhile.  And the row behind the sheets
-is read and written once for all of them.
+The result is the same bits as one sheet after the other (``scalar_block``).  A sheet depends on the one before only
+through the transmittance, so the processor works on all sheets of the group at once; and the row behind them is read
+and written once for all of them.
 """
 
 from __future__ import annotations

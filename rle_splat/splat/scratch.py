@@ -1,8 +1,7 @@
-"""The scratch memory of the sheet-buffer loop, kept between pictures: nothing is allocated inside the loops.
+"""The scratch memory of the sheet kernels, reused from picture to picture: the loops allocate nothing.
 
-It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all
-pictures share it; a kernel clears what it relies on.  Nobody else writes to it: another thread's kernel may be using
-it.
+Only one kernel runs at a time (``jit.parallel_call``) and none relies on what the scratch held before, so all pictures
+share it; a kernel clears what must be empty.  Only kernels write to it, for another thread's kernel may be using it.
 """
 
 from __future__ import annotations
@@ -191,9 +190,11 @@ _GROUPS = (VoxelLine, Scanlines, Scanlines, Rows, BlockScratch, WaitingBlocks)  
 
 
 def worth_grouping(sheets) -> bool:
-    """Whether sheets of the scalar, ``kind`` and ``thickness`` of each as ``view.depth_rules`` has them, are worth
-    handling in groups: several a voxel, each with a slab of its own.  What few there are in a quick picture is not
-    worth another kernel."""
+    """Whether sheets of the scalar (``view.depth_rules.Sheets``) are handled in groups.
+
+    They are where there are several per voxel and each has a slab of its own.  The few sheets of a quick picture do
+    not pay for compiling another kernel.
+    """
     return len(sheets.kind) > 0 and sheets.thickness.mean() < WORTH_GROUPING and bool((sheets.kind == OWN).all())
 
 

@@ -1,7 +1,7 @@
-"""Blocks of pixels that are inside the box through a whole group of sheets: looked up in the table one after the other,
-then composited.
+"""Blocks of pixels that are inside the box through a whole group of sheets: first all are looked up in the table, then
+all are composited.
 
-What a block is composited from was stored when it was looked up, and reading it at once would have to wait for that.
+Compositing a block reads what looking it up has just stored; with other blocks in between it need not wait for that.
 """
 
 from __future__ import annotations
