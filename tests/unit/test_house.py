@@ -217,25 +217,6 @@ def test_the_gates_let_the_plan_through(gate, path, source):
     assert not gate(Path(path), source)
 
 
-def test_blender_versions_are_told_apart_in_one_file_only(sources):
-    """Every difference between Blender's versions stands in bridge/versions.py."""
-    askers = {path.as_posix() for path, source in sources.items() if "bpy.app.version" in source}
-    assert askers <= {"bridge/versions.py"}
-
-
-def test_kernels_take_constants_from_rooms_that_their_folder_is_named_after_alone(sources):
-    """Else a kernel on disk would have a constant as it was."""
-    rooms = {path.parent for path, source in sources.items() if "@kernel" in source or path.parent.name == CONSTANTS}
-    looked = 0
-    for path, source in sources.items():
-        if any(mark in source for mark in ("@kernel", "@inner_loop", "@intrinsic")):
-            for module in imports_of(path, source)[0]:
-                place = Path(*module.split("."))
-                assert (place if (ROOT / place).is_dir() else place.parent) in rooms, f"{path} imports {module}"
-                looked += 1
-    assert looked > 100
-
-
 # --- how large a function may be --------------------------------------------------------------------------------
 
 MOST_ARGUMENTS = 30
@@ -287,3 +268,22 @@ def test_functions_have_few_arguments_and_little_nesting(sources):
 def test_arguments_and_nesting_are_counted(source, arguments, levels):
     function = ast.parse(source).body[0]
     assert (argument_count(function), nesting(function.body)) == (arguments, levels)
+
+
+def test_blender_versions_are_told_apart_in_one_file_only(sources):
+    """Every difference between Blender's versions stands in bridge/versions.py."""
+    askers = {path.as_posix() for path, source in sources.items() if "bpy.app.version" in source}
+    assert askers <= {"bridge/versions.py"}
+
+
+def test_kernels_take_constants_from_rooms_that_their_folder_is_named_after_alone(sources):
+    """Else a kernel on disk would have a constant as it was."""
+    rooms = {path.parent for path, source in sources.items() if "@kernel" in source or path.parent.name == CONSTANTS}
+    looked = 0
+    for path, source in sources.items():
+        if any(mark in source for mark in ("@kernel", "@inner_loop", "@intrinsic")):
+            for module in imports_of(path, source)[0]:
+                place = Path(*module.split("."))
+                assert (place if (ROOT / place).is_dir() else place.parent) in rooms, f"{path} imports {module}"
+                looked += 1
+    assert looked > 100
