@@ -111,7 +111,7 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, m
     most = pixel_block.MOST_SHEETS_IN_SINGLE
     assert accumulator(most) is np.float32 and accumulator(most + 1) is np.float64
     asked = []
-    for module in ("scratch", "sheet_buffer_numpy", "scalar_sheets_numpy"):
+    for module in ("scratch", "reference.sheet_buffer", "reference.scalar_sheets"):
         monkeypatch.setattr(f"rle_splat.splat.{module}.accumulator", lambda n: asked.append(n) or accumulator(n))
     # Records, lengths and the finished picture are float32 in either case: a few roundings in all.
     for count, width, bound in ((most, SINGLE, most * ULP), (most + 1, DOUBLE, 4.0 * ULP)):
