@@ -1,4 +1,4 @@
-"""Where in a slab the transmittance falls below one half: for the depth of a picture, a block of pixels at a time."""
+"""Where in a slab the transmittance falls below one half, for the depth channel: a block of pixels at a time."""
 
 from __future__ import annotations
 
@@ -65,6 +65,6 @@ if numba is not None:
     def _whole(number):
         return ir.Constant(ir.VectorType(INTEGER, BLOCK), [number] * BLOCK)
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def half_way(before, after, at, parts): ...

@@ -110,7 +110,7 @@ if numba is not None:
     mix_many_scalars, mix_few_scalars, mix_one_scalar = (_mixer_of_scalars(count) for count in (MANY, FEW, 1))
     mix_many_lights, mix_few_lights, mix_one_light = (_mixer_of_lights(count) for count in (MANY, FEW, 1))
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def mix_scalars(line, to, scalars, near, far, weight, far_weight, pair): ...
 

@@ -236,6 +236,59 @@ def test_the_gates_let_the_plan_through(gate, path, source):
     assert not gate(Path(path), source)
 
 
+# --- how large a function may be --------------------------------------------------------------------------------
+
+MOST_ARGUMENTS = 30
+MOST_NESTING = 5  # blocks within one another: loops, conditions, with and try
+BLOCKS = (ast.For, ast.While, ast.If, ast.With, ast.Try, ast.Match)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+def argument_count(function) -> int:
+    given = function.args
+    return len([*given.posonlyargs, *given.args, *given.kwonlyargs])
+
+
+def nesting(statements) -> int:
+    """How deep blocks lie within one another; ``elif`` adds no level, and a function inside is counted by itself."""
+    deepest = 0
+    for statement in statements:
+        if not isinstance(statement, BLOCKS):
+            continue
+        bodies = [statement.body, getattr(statement, "finalbody", [])] if hasattr(statement, "body") else []
+        bodies += [part.body for part in (*getattr(statement, "handlers", ()), *getattr(statement, "cases", ()))]
+        orelse = getattr(statement, "orelse", [])
+        chained = isinstance(statement, ast.If) and len(orelse) == 1 and isinstance(orelse[0], ast.If)
+        bodies += [] if chained else [orelse]
+        deepest = max(deepest, 1 + max(map(nesting, bodies)), nesting(orelse) if chained else 0)
+    return deepest
+
+
+def test_functions_have_few_arguments_and_little_nesting(sources):
+    looked, found = 0, []
+    for path, source in sources.items():
+        for function in ast.walk(ast.parse(source)):
+            if isinstance(function, FUNCTIONS):
+                looked += 1
+                counts = argument_count(function), nesting(function.body)
+                if counts[0] > MOST_ARGUMENTS or counts[1] > MOST_NESTING:
+                    found.append(f"{path}: {function.name} has {counts[0]} arguments and {counts[1]} levels")
+    assert looked > 1000
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("source, arguments, levels", [
+    ("def f(a, b=1, /, *c, d): pass", 3, 0),
+    ("def f():\n for a in b:\n  if a:\n   pass\n  elif b:\n   pass\n  else:\n   while a: pass", 0, 3),
+    ("def f():\n try:\n  pass\n except E:\n  with a:\n   pass", 0, 2),
+    ("def f():\n match a:\n  case 1:\n   if b: pass", 0, 2),
+    ("def f():\n if a:\n  def g():\n   for b in c: pass", 0, 1),
+])  # fmt: skip
+def test_arguments_and_nesting_are_counted(source, arguments, levels):
+    function = ast.parse(source).body[0]
+    assert (argument_count(function), nesting(function.body)) == (arguments, levels)
+
+
 def test_blender_versions_are_told_apart_in_one_file_only(sources):
     """Every difference between Blender's versions stands in bridge/versions.py."""
     askers = {path.as_posix() for path, source in sources.items() if "bpy.app.version" in source}
