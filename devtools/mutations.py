@@ -2,7 +2,8 @@
 
 A mutant is the package with one stable form put back to the naive one, in a copy with a cache of kernels of its own.
 The tests of the case that guards it must go red: a mutant that they let pass has survived, and that is a failure.
-Most mutate the numpy twins, which need no compiling; the kernels' own forms are mutated where they are not the same.
+Most mutate the reference implementations in numpy, which need no compiling; kernels are mutated where their forms
+differ.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ MUTANTS = (
         (ACCUMULATION, "-k", "A2 and numpy and float32"),
     ),
     Mutant(
-        "a colour divided by no extinction", "V3",
+        "a color divided by no extinction", "V3",
         (("splat/reference/sheet_buffer.py", "np.exp(-tau)), np.maximum(sigma, TINY)", "np.exp(-tau)), sigma"),),
         (VALUES, "-k", "V3 and numpy and float32"),
     ),
@@ -134,12 +135,12 @@ MUTANTS = (
         (STORED, "-k", "V8_a_constant_volume_has and numpy"),
     ),
     Mutant(
-        "colours of any brightness", "V14",
+        "colors of any brightness", "V14",
         (("classify/transfer_function.py", "if max(rgb) > BRIGHTEST:", "if False:"),),
         (VALUES, "-k", "V14_the_brightest and numpy and float32 and 16"),
     ),
     Mutant(
-        "colours and opacities not clamped behind a filter with negative lobes", "V14, A9",
+        "colors and opacities not clamped behind a filter with negative lobes", "V14, A9",
         ((
             "warp/resample_numpy.py",
             "rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])",

@@ -21,7 +21,7 @@ from .sizes import SAMPLES
 _ORDER = np.array((5, 12, 2, 9, 15, 6, 0, 11, 3, 8, 13, 1, 10, 4, 14, 7))
 SAMPLE_COLUMNS = (np.arange(SAMPLES) + 0.5) / SAMPLES
 SAMPLE_ROWS = (_ORDER + 0.5) / SAMPLES
-# Samples this close outside an edge, in parts of the triangle, still count: neighbours must leave no crack.
+# Samples this close outside an edge, in parts of the triangle, still count: neighbors must leave no crack.
 CRACK = 1e-9
 BAND = 16  # picture rows that one worker rasterises at a time
 
@@ -101,7 +101,7 @@ def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
 
 
 def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
-    """The numpy twin of ``rasterise``: one triangle at a time."""
+    """Reference implementation of ``rasterise``: one triangle at a time."""
     height, width = out.shape[:2]
     for t in range(len(edges)):
         first = np.maximum(np.floor(bounds[t, :2]), (left, above))

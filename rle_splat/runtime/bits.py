@@ -56,7 +56,7 @@ if numba is not None:
 
     copy_16, copy_4, copy_1 = (_copier_of(size) for size in (16, 4, 1))
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def lowest_bit(word): ...
 

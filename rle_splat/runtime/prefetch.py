@@ -35,6 +35,6 @@ if numba is not None:
 
         return types.void(array, types.intp, types.intp), generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def fetch_ahead(array, first, count): ...

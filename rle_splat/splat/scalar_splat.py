@@ -29,7 +29,7 @@ def scalar_splat_steps(
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
     """
-    lookup = kernel_lookup(table, encoded.centre)
+    lookup = kernel_lookup(table, encoded.center)
     if absorbs:
         extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
         lookup = lookup._replace(table=extinctions, sums=sums)
@@ -49,7 +49,7 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     and the last one is one less that: they can be warped as color and transmittance are.
     """
     sign = values.sign or 1.0
-    origin, least = values.origin - sign * encoded.centre, values.least - encoded.centre
+    origin, least = values.origin - sign * encoded.center, values.least - encoded.center
     zero, nothing = np.float32(0.0), np.zeros(4, np.float32)
     lookup = Lookup(nothing, nothing, np.float32(origin), zero, np.float32(least), zero, zero, zero, zero, np.int32(0))
     image = yield from _steps(encoded, lookup, np.float32(values.sign), None, plane, quality, limits)
@@ -67,14 +67,14 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     return image
 
 
-def _from_centre(centre: float, *stored) -> list:
-    return [np.float32(min(max(value - centre, -1e38), 1e38)) for value in stored]
+def _from_centre(center: float, *stored) -> list:
+    return [np.float32(min(max(value - center, -1e38), 1e38)) for value in stored]
 
 
-def kernel_lookup(table: ValueTable, centre: float) -> Lookup:
-    """The lookup table as kernels take it, for stored values less ``centre``."""
+def kernel_lookup(table: ValueTable, center: float) -> Lookup:
+    """The lookup table as kernels take it, for stored values less ``center``."""
     least, low, high, nearest, furthest, origin = _from_centre(
-        centre, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
+        center, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
     )
     return Lookup(
         table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high, nearest,
