@@ -10,6 +10,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,6 +47,8 @@ class RefinedVolume:
     source: object
     tf: object
     refinement: int
+
+    holds_values: ClassVar[bool] = True
 
     @cached_property
     def voxels(self) -> FineVoxels:

@@ -102,7 +102,7 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
             f"The systems are compared on one medium of classified voxels; choose the classification pre, not "
             f"{quality.classification}."
         )
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
     scene = called_for(scene, analyse(scene, quality))
     if scene.triangles is not None and len(scene.triangles):

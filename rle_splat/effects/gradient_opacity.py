@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..encode.store import StoredVolume
 from ..scene import Quality, Scene
 from .kind import Kind
 from .lighting_kinds import BAKED
@@ -13,7 +12,7 @@ from .ray_mode import MODE_NAMES, OF_VALUES
 
 
 def _gradient_opacity(scene: Scene, _: Quality) -> tuple[bool, str]:
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         return False, BAKED
     ends = scene.transfer_function.gradient_opacity
     if ends is None:

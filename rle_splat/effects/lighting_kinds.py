@@ -6,7 +6,6 @@ from collections import Counter
 from dataclasses import replace
 
 from ..classify.transfer_function import Shade
-from ..encode.store import StoredVolume
 from ..scene import MODES, Quality, Scene
 from .kind import Kind
 from .ray_mode import MODE_NAMES
@@ -16,7 +15,7 @@ BAKED = "baked into the .rle file"
 
 def _unlit_because(scene: Scene) -> str | None:
     """Why nothing is shaded; None where something is."""
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         return BAKED
     if scene.mode != MODES[0]:
         return f"nothing is lit in the mode {MODE_NAMES[scene.mode]}"
@@ -71,7 +70,7 @@ def _shaded(scene: Scene) -> Scene:
 
 def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.lights:
-        return False, BAKED if isinstance(scene.volume, StoredVolume) else "the scene has none"
+        return False, "the scene has none" if scene.volume.holds_values else BAKED
     reason = idle_because(scene)
     kinds = Counter(light.type.lower() for light in scene.lights)
     return reason is None, reason or ", ".join(f"{number} {kind}" for kind, number in kinds.items())
@@ -79,7 +78,7 @@ def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 def _headlight(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.headlight:
-        return False, BAKED if isinstance(scene.volume, StoredVolume) else "the scene does not ask for one"
+        return False, "the scene does not ask for one" if scene.volume.holds_values else BAKED
     reason = idle_because(scene)
     return reason is None, reason or "white and parallel, along the camera's axis"
 

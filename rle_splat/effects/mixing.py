@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..encode.store import StoredVolume
 from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
 from .kind import Kind
 
@@ -26,7 +25,7 @@ def _classified_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
 
 def _hindered(scene: Scene) -> str:
     """Why a scene's voxels cannot be classified by several functions; "" if they can."""
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         return "a .rle file holds classified voxels"
     return "" if scene.mode == MODES[0] else f"the mode {scene.mode} shows the values of one volume"
 

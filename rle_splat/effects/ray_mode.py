@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..encode.store import StoredVolume
 from ..scene import MODES, POST_ONLY, Quality, RleSplatError, Scene
 from .kind import Kind
 
@@ -24,7 +23,7 @@ def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     """
     if scene.mode == MODES[0]:
         return quality, ""
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         raise RleSplatError(
             f"A .rle file holds voxels that are classified already; the mode {scene.mode} needs the volume itself."
         )

@@ -15,6 +15,7 @@ import tokenize
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -67,6 +68,8 @@ class StoredVolume:
     lighting: object = None
     source: str = ""
     remarks: tuple = field(default=())
+
+    holds_values: ClassVar[bool] = False
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:

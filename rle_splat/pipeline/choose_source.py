@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ..effects.analyse import EffectSet, analyse, called_for
-from ..encode.store import StoredVolume
 from ..runtime.jit import compiled
 from ..scene import Quality, Scene
 from ..view.base_plane import BasePlane
@@ -48,7 +47,7 @@ def settled(scene: Scene, quality: Quality) -> Settled:
         Where there is no such quality.
     """
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
-    if quality.classification == "post" and holds_classified_voxels(scene):
+    if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified("pre")
     effects = analyse(scene, quality)
     left = called_for(scene, effects)
@@ -59,14 +58,9 @@ def settled(scene: Scene, quality: Quality) -> Settled:
     return Settled(left, quality, effects, remarks)
 
 
-def holds_classified_voxels(scene: Scene) -> bool:
-    """Whether the scene's volume is a ``.rle`` file, whose voxels have no values any longer."""
-    return isinstance(scene.volume, StoredVolume)
-
-
 def choose_source(scene: Scene, quality: Quality) -> Source:
     """The source of a scene's voxels; both arguments as ``settled`` returns them."""
-    make = FileSource.of if holds_classified_voxels(scene) else SOURCES[quality.classification]
+    make = SOURCES[quality.classification] if scene.volume.holds_values else FileSource.of
     return make(scene, quality)
 
 

@@ -134,7 +134,7 @@ class Source(ABC):
 
     def splat_bytes(self, plane: BasePlane, limited: bool) -> int:
         """Scratch memory of the splat on to a base plane; ``limited``: whether rays are shortened."""
-        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, limited)
+        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.scalar_sheets, limited)
 
     def tables_held(self, encodings: dict) -> dict:
         """Principal axis -> tables that are held in memory, given those that the picture needs."""

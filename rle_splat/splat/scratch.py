@@ -218,12 +218,14 @@ def scratch_for(
     return scratch._replace(line=scratch.line._replace(reach=np.zeros((rows, *REACH), np.int64)))
 
 
-def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) -> int:
-    """About the bytes of ``scratch_for`` that are touched, known before there are tables: of white light, which mostly
-    it is.  ``limited``: whether rays have limits.  The reference implementation has no scratch."""
+def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, limited: bool) -> int:
+    """About the bytes of ``scratch_for`` that are touched, before there are tables; the reference has no scratch.
+
+    Light is taken to be white, which it mostly is.  ``scalars``: whether sheets hold the scalar.  ``limited``: whether
+    rays have intervals.
+    """
     if not compiled(quality.backend):
         return 0
-    scalars = quality.classification == "post"
     group = GROUP if scalars and not limited and worth_grouping(plane.sheets) else 1
     sizes = _sizes(
         shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),

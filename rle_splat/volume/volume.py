@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -56,6 +57,8 @@ class Volume:
     background: float = 0.0
     name: str = ""
     remarks: tuple = field(default=())
+
+    holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
 
     def __post_init__(self):
         if self.voxels.ndim != 3 or 0 in self.voxels.shape:

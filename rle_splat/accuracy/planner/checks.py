@@ -8,7 +8,6 @@ from ...effects.analyse import analyse, called_for
 from ...effects.exposure import exposures
 from ...effects.mixing import is_mixed
 from ...effects.ray_mode import mode_quality
-from ...encode.store import StoredVolume
 from ...pipeline.shadows import shadow_count
 from ...scene import MODES, Quality, RleSplatError, Scene, truth_of
 from ..truths import check_shown
@@ -18,7 +17,7 @@ from .candidates import check_plannable
 def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     """Raise RleSplatError where a picture of the scene, with the effects that are on, can keep no tolerance."""
     check_plannable(quality)
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         raise RleSplatError(
             "A tolerance needs the voxels, which a .rle file does not hold; give the volume it was encoded from, or "
             "choose a quality."
@@ -59,7 +58,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     RleSplatError
         Where the scene has no truth: without voxels, with meshes, shadows or mist.
     """
-    if isinstance(scene.volume, StoredVolume):
+    if not scene.volume.holds_values:
         raise RleSplatError(
             "Accuracy needs the voxels, which a .rle file does not hold; give the volume it was encoded from."
         )
