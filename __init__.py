@@ -1,4 +1,4 @@
-"""RLE Splat: volumes splatted on the CPU, among the meshes of a Blender scene."""
+"""RLE Splat: render medical volumes by splatting on the CPU, together with the meshes of a Blender scene."""
 
 from . import bridge, operators, panels
 

@@ -1,22 +1,20 @@
 #!/usr/bin/env python3
-"""The one command of this repository: demo, test, bench, accuracy, calibrate, build, lint, blender, lock.
+"""The one command of this repository: "python3 dev.py JOB ARGUMENTS"; without a job it lists the jobs.
 
-It needs nothing but Python 3.11 or 3.13 (the two that Blender 4.5 to 5.2 carry) and sets up the rest itself.
-This file is written so that any older Python can read it far enough to say so.
+Any Python from 3.9 on can start it.  It needs nothing else: it makes .venvs/tools with uv and nox, from pinned and
+hashed requirements, and hands over to noxfile.py.  An older Python can read this file and says what it needs.
 """
 
 import sys
 
-SUPPORTED = ((3, 11), (3, 13))
-
-if sys.version_info[:2] not in SUPPORTED:
+if sys.version_info < (3, 9):
     sys.stderr.write(
-        "dev.py needs Python 3.11 or 3.13, as Blender has, and this is Python %d.%d: "
-        "install one of them and run it with that, for example 'python3.11 dev.py'.\n" % sys.version_info[:2]
+        "dev.py needs Python 3.9 or newer, and this is Python %d.%d: "
+        "run it with a newer one, for example 'python3.12 dev.py'.\n" % sys.version_info[:2]
     )
     sys.exit(2)
 
 if __name__ == "__main__":
-    from devtools.commands import main
+    from devtools.bootstrap import main
 
     sys.exit(main(sys.argv[1:]))

@@ -1,1 +1,1 @@
-"""What is measured: speed as ratios within one run."""
+"""Benchmarks.  Speed is compared as ratios within one run."""

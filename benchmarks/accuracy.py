@@ -1,8 +1,8 @@
-"""What accuracy costs in time: every figure and table of docs/explanation/accuracy.md, by one command.
+"""Error against time: makes every figure and table of the page accuracy.md.
 
-A CT, an MR and a cloud of smoke, orthographic and in perspective, each as ``rle-splat accuracy`` measures it; and on
-the orthographic views every knob by itself.  Numbers stand in the page between marks and in accuracy.json beside it,
-the pictures in docs/images; the words around them are written by hand.
+A CT, an MR and a cloud of smoke are measured in orthographic and perspective views, as ``rle-splat accuracy`` does.  On
+the orthographic views every knob is varied by itself.  The tables are written between marks in the page, the numbers
+into accuracy.json beside it and the pictures into docs/images; the other text of the page is not changed.
 """
 
 from __future__ import annotations
@@ -16,15 +16,8 @@ from pathlib import Path
 from statistics import geometric_mean
 
 from rle_splat.accuracy.metrics import ERRORS
-from rle_splat.accuracy.planner.cost_of_accuracy import (
-    CROP_SIDE,
-    TOLERANCES,
-    front,
-    possible,
-    same_plan,
-    sensible_plans,
-    sweep_steps,
-)
+from rle_splat.accuracy.planner.measure_plans import CROP_SIDE, TOLERANCES, front, sweep_steps
+from rle_splat.accuracy.planner.plans import possible, same_plan, sensible_plans
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, save, sweep_plot
@@ -36,7 +29,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .data_sets import PAPER
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .scenes import DATA, REAL, smoke
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "explanation"
@@ -46,7 +39,7 @@ PROJECTIONS = {"orthographic": False, "perspective": True}
 DEPTH_RULES = (
     "slice-2", "slice", "simpson", "midpoint-4", "midpoint-8", "preintegrated", "preintegrated-2", "preintegrated-4",
 )  # fmt: skip
-# Every knob by itself, all others as in standard: title -> (value as shown, fields), the mildest first.
+# Every knob varied alone, the others as in standard: title -> (value as shown, fields of Quality).
 KNOBS = {
     "depth rule": [(rule, dict(depth_rule=rule)) for rule in DEPTH_RULES],
     "sheet density": [(f"{density:g}", dict(sheet_density=density)) for density in (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)],
@@ -57,15 +50,15 @@ KNOBS = {
     + [(c, dict(classification=c)) for c in CLASSIFICATIONS if c == "post"],
     "record (pre)": [(f"{size} bytes", dict(classification="pre", record=size)) for size in (4, 6, 8, 16)],
 }  # fmt: skip
-# Of the truth that a knob's errors are against, where it is not the one that each plan promises.
+# The truth for a knob's errors, if it is not that of each plan.
 AGAINST = {"classification": "T2", "record (pre)": "T1"}
-NAMED = (*QUALITY_PRESETS, "pre standard", "paper")  # the plans that small plots have room to name
+NAMED = (*QUALITY_PRESETS, "pre standard", "paper")  # the plans that are labeled in small plots
 SERIES = ("#1b62a5", "#c2570c", "#3b7d3a", "#7b4ea3")
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is looked at: ``view`` is azimuth and elevation; ``note`` is said where it is not the scan itself."""
+    """A volume with a transfer function and a view (azimuth, elevation); ``note``: remark if it is a stand-in."""
 
     name: str
     volume: Volume
@@ -79,27 +72,26 @@ class Subject:
 
 
 def scan(name: str, view, preset: str = "") -> Subject:
-    """A real scan under a preset, else the stand-in of bench paper."""
+    """A real scan with a preset, or the stand-in of bench paper if the scan is missing."""
     file, options, usual = REAL[name]
     if (DATA / file).exists():
         volume = read_volume(DATA / file, **options)
         function, _ = fit_preset(preset or usual, volume)
         return Subject(name, volume, function, view)
     title, volume, function = next(data for data in PAPER if data.name == name).load()
-    return Subject(title, volume, function, view, "The scan is not here: a synthetic stand-in of like size.")
+    return Subject(title, volume, function, view, "The scan is missing; this is a synthetic stand-in.")
 
 
 def narrow(subject: Subject) -> Subject:
-    """The same volume with all opacity in a band of values a fiftieth of its range wide: what classifying before
-    interpolating is worst at."""
+    """The same volume with opacity only in a band of 1/50 of its range, the hardest case for pre-classification."""
     low, high = (float(value) for value in subject.volume.value_range)
     points, colors = subject.function.opacity, subject.function.color
-    # Where the opacity first reaches a half: the surface that the function shows.
-    centre = next((value for value, alpha in points if alpha >= 0.5 * max(a for _, a in points)), 0.5 * (low + high))
+    # The value at which the opacity first reaches half its maximum: the visible surface.
+    center = next((value for value, alpha in points if alpha >= 0.5 * max(a for _, a in points)), 0.5 * (low + high))
     half = 0.01 * (high - low)
     function = replace(
         subject.function, name=f"{subject.function.name}, narrow",
-        opacity=((centre - half, 0.0), (centre, 0.8), (centre + half, 0.0)), color=colors,
+        opacity=((center - half, 0.0), (center, 0.8), (center + half, 0.0)), color=colors,
     )  # fmt: skip
     return replace(subject, name=f"{subject.name}, narrow", function=function)
 
@@ -113,9 +105,9 @@ def subjects() -> list[Subject]:
 
 
 def variants(base: Quality) -> dict[str, Quality]:
-    """The knobs' plans by their names, ``knob: value``; what does not go together is left out.
+    """The plans with one knob changed, by name ``knob: value``; impossible combinations are left out.
 
-    Another classification is taken with what standard means there."""
+    For another classification the other knobs are those of its own standard."""
     plans = {}
     for knob, values in KNOBS.items():
         for value, fields in values:
@@ -126,15 +118,15 @@ def variants(base: Quality) -> dict[str, Quality]:
 
 
 def measure(subject: Subject, perspective: bool, options, with_knobs: bool):
-    """(Sweep, knob's name -> plan's name in it) of one subject and projection."""
+    """(Sweep, name in ``variants`` -> name of the plan in the sweep) of one subject and projection."""
     base = replace(STANDARD, threads=options.threads, backend=options.backend)
     plans, names = sensible_plans(base), {}
     for name, plan in variants(base).items() if with_knobs else ():
-        twin = next((other for other in plans if same_plan(plan, other)), None)
-        if twin is None:
+        equal = next((other for other in plans if same_plan(plan, other)), None)
+        if equal is None:
             plans.append(plan)
-        names[name] = plan.name if twin is None else twin.name
-    # Measured last, so looked at first: the crop and the steep probes are of the best picture.
+        names[name] = plan.name if equal is None else equal.name
+    # The last plan decides the crop and the steep probes, so it must be the best one.
     plans.sort(key=lambda plan: (plan.classification, plan.refinement, plan.record, plan.name == "strict"))
     scene = subject.scene(options.size, perspective)
     steps = sweep_steps(
@@ -152,7 +144,7 @@ def is_variant(entry: dict) -> bool:
 
 
 def ladder(report: dict) -> list[dict]:
-    """The plans of a report that are no single knob's, each truth's front told anew among them."""
+    """The plans of a report without single-knob variants, with the front of each truth determined among them."""
     mine = [dict(entry) for entry in report["plans"] if not is_variant(entry)]
     for truth in {entry["truth"] for entry in mine}:
         alike = [entry for entry in mine if entry["truth"] == truth]
@@ -168,12 +160,12 @@ def markdown(header, rows) -> str:
 
 
 def figure_text(value: float) -> str:
-    """Two digits that count, without exponents."""
+    """A number with two significant digits, without an exponent."""
     return f"{value:.0f}" if value >= 10 else f"{float(f'{value:.2g}'):g}"
 
 
 def plans_table(views: dict) -> str:
-    """Every plan on every view: milliseconds, RMSE, largest error; the plan for a tolerance is not measured on all."""
+    """Every plan on every view: milliseconds, RMSE, largest error; "-" if a plan was not measured on a view."""
     ladders = {title: {entry["name"]: entry for entry in ladder(report)} for title, report in views.items()}
     every = {name: entry for mine in reversed(ladders.values()) for name, entry in mine.items()}
     rows = []
@@ -192,7 +184,7 @@ def _plan_cell(entry: dict | None) -> str:
 
 
 def tolerance_table(views: dict) -> str:
-    """The quickest measured plan whose largest error stays below each tolerance."""
+    """The fastest measured plan whose largest error is within each tolerance."""
     truth = _main_truth(views)
     rows = []
     for tolerance in TOLERANCES:
@@ -212,7 +204,7 @@ def _main_truth(views: dict) -> str:
 
 
 def knob_points(report: dict, names: dict, knob: str) -> list[tuple[str, float, float]]:
-    """(value, RMSE, ms) of a knob's plans in a report."""
+    """(value, RMSE in levels, milliseconds) of the plans of one knob."""
     by_name = {entry["name"]: entry for entry in report["plans"]}
     found = []
     for value, _ in KNOBS[knob]:
@@ -227,7 +219,7 @@ def knob_points(report: dict, names: dict, knob: str) -> list[tuple[str, float, 
 
 
 def knobs_table(measured: dict, names: dict) -> str:
-    """What turning one knob does, as factors of standard, the geometric mean over the subjects."""
+    """Error and time of each knob's values as factors of standard, geometric means over the subjects."""
     rows = []
     for knob in KNOBS:
         points = {title: knob_points(report, names[title], knob) for title, report in measured.items()}
@@ -247,7 +239,7 @@ def knobs_table(measured: dict, names: dict) -> str:
 
 
 def _reference(points, knob: str):
-    """The point of standard, or of the last value where standard is not among a knob's."""
+    """The point of standard, or of the knob's last value if standard is not among them."""
     fields = dict(KNOBS[knob])
     for point in points:
         if all(getattr(STANDARD, name) == value for name, value in fields[point[0]].items()):
@@ -260,7 +252,7 @@ def _factor(ratio: float) -> str:
 
 
 def losses_table(measured: dict, names: dict) -> str:
-    """What each way to classify loses against T2, all else as in standard, and the paper's own pipeline."""
+    """Errors of each classification against T2, the other knobs as in standard, and of the paper's pipeline."""
     ways = {f"`{value}`": f"classification: {value}" for value, _ in KNOBS["classification"]}
     rows = []
     for way, variant in {"the paper to the letter": "paper", **ways}.items():
@@ -278,7 +270,7 @@ def losses_table(measured: dict, names: dict) -> str:
 
 
 def fronts_plot(views: dict, path: Path) -> None:
-    """One small plot a view: every plan, the presets by name."""
+    """One small plot per view with all plans; only the presets are labeled."""
     columns = (len(views) + 1) // 2
     figure = new_figure((4.4 * columns, 8.0))
     grid = figure.subplots(2, columns, sharey=True, sharex=True)
@@ -299,10 +291,10 @@ def knobs_plot(measured: dict, names: dict, path: Path) -> None:
     figure = new_figure((2.6 * len(knobs), 6.4))
     grid = figure.subplots(2, len(knobs), sharex="col", sharey="row")
     for (above, below), knob in zip(grid.T, knobs):
-        for (title, report), colour in zip(measured.items(), SERIES):
+        for (title, report), color in zip(measured.items(), SERIES):
             values, errors, times = zip(*knob_points(report, names[title], knob))
-            above.plot(values, errors, "o-", ms=4, color=colour, label=title)
-            below.plot(values, times, "o-", ms=4, color=colour)
+            above.plot(values, errors, "o-", ms=4, color=color, label=title)
+            below.plot(values, times, "o-", ms=4, color=color)
         above.set_title(f"{knob}\nagainst {AGAINST[knob]}" if knob in AGAINST else knob, fontsize=10)
         below.tick_params(axis="x", rotation=60, labelsize=9)
         for axes in (above, below):
@@ -324,17 +316,35 @@ def _first(measured: dict, names: dict):
 
 
 def fill(page: str, blocks: dict[str, str]) -> str:
-    """The page with what stands between its marks, ``<!-- begin NAME -->`` and ``<!-- end NAME -->``, replaced."""
+    """Replace the text between marks ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` of a page.
+
+    Parameters
+    ----------
+    page : str
+        The page.
+    blocks : dict of str to str
+        The new text for each name.
+
+    Returns
+    -------
+    str
+        The page.
+
+    Raises
+    ------
+    ValueError
+        If a name is not marked exactly once.
+    """
     for name, text in blocks.items():
         pattern = re.compile(f"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
         page, count = pattern.subn(lambda found, text=text: f"{found[1]}\n{text}\n\n{found[2]}", page)
         if count != 1:
-            raise ValueError(f"the page has {count} places called {name}")
+            raise ValueError(f"the page has {count} blocks called {name}; mark it exactly once")
     return page
 
 
 def plain_report(measured: dict) -> dict:
-    """What accuracy.json holds of each view: less the words."""
+    """The reports for accuracy.json, without their texts."""
     return {
         title: {key: value for key, value in report.items() if key not in ("truths", "remarks")}
         for title, report in measured.items()
@@ -346,11 +356,11 @@ def main(arguments) -> int:
     parser.add_argument("--size", type=int, default=SIZE, help="pixels a side")
     parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
     parser.add_argument("--repeats", type=int, default=REPEATS, help="frames timed")
-    parser.add_argument("--threads", type=int, default=0, help="0: one per core")
+    parser.add_argument("--threads", type=int, default=0, help="0 uses all cores")
     parser.add_argument("--backend", default="auto", choices=BACKENDS)
     parser.add_argument("--output", type=Path, default=DOCS, help="folder of the page; plots go to ../images")
     options = parser.parse_args(arguments)
-    where, neighbours = circumstances(options.threads), Neighbours()
+    where, neighbors = circumstances(options.threads), Neighbors()
     print(describe(where), flush=True)
     views, knobs, names, shown = {}, {}, {}, None
     things = subjects()
@@ -366,12 +376,12 @@ def main(arguments) -> int:
     hard = narrow(things[0])
     sweep, used = measure(hard, False, options, with_knobs=True)
     knobs[hard.name], names[hard.name] = sweep.report, used
-    said = neighbours.describe()
+    said = neighbors.describe()
     print(said)
     write_page(options, views, knobs, names, [describe(where), said, *{s.note for s in things if s.note}])
     images = options.output.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
-    record = {"circumstances": {**where, "others_busy_cores": neighbours.cores()},
+    record = {"circumstances": {**where, "others_busy_cores": neighbors.cores()},
               "views": plain_report({**views, hard.name: knobs[hard.name]})}  # fmt: skip
     (options.output / "accuracy.json").write_text(compact(record), encoding="utf-8")
     if can_plot():
@@ -383,7 +393,7 @@ def main(arguments) -> int:
         sweep = replace(sweep, report={**sweep.report, "plans": own, "fronts": fronts})
         sweep_plot(sweep, images / "accuracy-sweep.png", ".png", f"{subject.name}, {subject.function.name}")
     else:
-        print("matplotlib is not here, so the figures were left as they were.", file=sys.stderr)
+        print("matplotlib is not installed, so the figures were not changed.", file=sys.stderr)
     return 0
 
 
@@ -405,7 +415,7 @@ def write_page(options, views, knobs, names, circumstances_said) -> None:
 
 
 def compact(record: dict) -> str:
-    """JSON with one plan a line: readable, and a change shows where it is."""
+    """JSON with one plan per line, so that a diff shows which plan changed."""
     text = json.dumps(record, indent=1, default=str)
     squeeze = re.compile(r'\{\s*"name".*?\n   \}', re.DOTALL)
     return squeeze.sub(lambda found: re.sub(r"\s*\n\s*", " ", found[0]), text) + "\n"

@@ -1,9 +1,9 @@
-"""Make the planner's constants anew: rle_splat/accuracy/planner/calibration.json, from scenes of formulas.
+"""Fit the planner's constants, rle_splat/accuracy/planner/calibration.json, on synthetic scenes.
 
-Everything is held against the truth at probe pixels.  What a depth rule errs shows where sheets are dense, what a
-filter and a density err where there are many sheets; both are taken over the difference of the scene's pilots.  The
-constants are the same quantile of either over all scenes, and are then scaled together until as many plans of all kinds
-err no more than is predicted.
+Errors are measured against the truth at probe pixels.  The error of a depth rule is measured with dense sheets, that of
+a warp filter and a sheet density with many sheets; both are divided by the difference of the scene's pilots.  The
+constants are the same quantile over all scenes, scaled together so that this share of all plans has an error no larger
+than predicted.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ import numpy as np
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner import model as plan_model
 from rle_splat.accuracy.planner.candidates import WARP_FILTERS
-from rle_splat.accuracy.planner.features import Features, doubtful_pixels, features_of, pilots
+from rle_splat.accuracy.planner.error_estimate import largest_of
+from rle_splat.accuracy.planner.features import Features, difference_of, features_of, pilots
 from rle_splat.accuracy.planner.model import Model, splat_terms, warp_terms
 from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
@@ -30,13 +31,13 @@ from rle_splat.scene import Quality, Scene, truth_of
 from .frames import best_frame
 from .planning_scenes import calibration_scenes
 
-# The finer grid of refined has an error of its own that no plan takes away: no tolerance is promised of it.
+# The refined grid has an error that no plan removes, so it supports no tolerance and is not calibrated.
 CALIBRATED = ("pre", "post")
-QUANTILE = 0.8  # of the calibration scenes' errors lie below what is predicted
+QUANTILE = 0.8  # share of the errors on the calibration scenes that are below the prediction
 RULES = ("slice", "simpson", "gauss2", "midpoint-1", "midpoint-2", "midpoint-3", "midpoint-4")
 PREINTEGRATED = ("preintegrated", "preintegrated-2", "preintegrated-4")
-DENSE = 4.0  # at which depth rules are measured
-# Sheet density -> the rule under which filters are measured there: deep enough for the depth not to matter.
+DENSE = 4.0  # sheet density at which depth rules are measured
+# Sheet density -> depth rule for measuring filters, fine enough that the depth error does not matter.
 DENSITIES = {
     0.5: "midpoint-4", 0.7: "midpoint-4", 1.0: "midpoint-4", 1.5: "midpoint-4", 2.0: "midpoint-6", 3.0: "midpoint-8",
     4.0: "midpoint-8", 6.0: "midpoint-8",
@@ -53,7 +54,7 @@ JUDGED = (
 )  # fmt: skip
 # Plans whose times alone count: what a sheet costs where it is large and nearly empty.
 LARGE = (("slice", 8.0, "keys"), ("midpoint-4", 8.0, "keys"), ("midpoint-8", 10.0, "keys"))
-PROBES, DOUBTFUL = 1000, 500
+PROBES, SUSPECTS = 1000, 500
 REPEATS = 2  # frames of each plan, of which the quicker one counts
 
 
@@ -63,8 +64,21 @@ def rules_of(classification: str) -> tuple[str, ...]:
 
 
 def observe(scene: Scene, base: Quality) -> dict:
-    """What one scene tells, JSON-ready: its ``features``, and of each of ``plans`` its depth rule, density and filter,
-    its largest error in levels, and the milliseconds of splat and warp."""
+    """Measure one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    base : Quality
+        Classification, threads and backend.
+
+    Returns
+    -------
+    dict
+        JSON-ready: ``features``, and ``plans`` as tuples (depth rule, sheet density, warp filter, largest error in
+        levels, milliseconds of splat, milliseconds of warp).
+    """
     cache = StageCache()
 
     def draw(rule, density, warp_filter, repeats=1):
@@ -74,14 +88,14 @@ def observe(scene: Scene, base: Quality) -> dict:
         )  # fmt: skip
         return best_frame(scene, plan, repeats, cache)[0]
 
-    for plan in pilots(base).values():  # once before, so that tables are made and memory is at hand
+    for plan in pilots(base).values():  # a first run makes the tables and allocates memory
         render(scene, plan, cache=cache)
     drawn = {name: render(scene, plan, cache=cache) for name, plan in pilots(base).items()}
     features = features_of(scene, base, drawn)
     fine = draw("midpoint-4", 2.0, "cubic").rgba
     probes, which = choose_probes(fine, PROBES), truth_of(base)
-    doubtful = [doubtful_pixels(drawn["coarse"], drawn[other], DOUBTFUL // 2) for other in ("deep", "dense")]
-    columns, rows = (np.concatenate(parts) for parts in zip((probes.columns, probes.rows), *doubtful))
+    suspects = [largest_of(difference_of(drawn["coarse"], drawn[other]), SUSPECTS // 2) for other in ("deep", "dense")]
+    columns, rows = (np.concatenate(parts) for parts in zip((probes.columns, probes.rows), *suspects))
     true, _ = truth(scene, which, pixels=(columns + 0.5, rows + 0.5), tolerance=1e-7, **shading_of(scene, which))
     wanted = [(rule, DENSE, "cubic") for rule in rules_of(base.classification)]
     wanted += [
@@ -98,7 +112,22 @@ def observe(scene: Scene, base: Quality) -> dict:
 
 
 def fitted(observations: list[dict], base: Quality) -> tuple[dict, dict]:
-    """(constants of one classification as Model has them, what there is to say of the fit)."""
+    """Fit the constants of one classification.
+
+    Parameters
+    ----------
+    observations : list of dict
+        The results of ``observe``.
+    base : Quality
+        Classification, threads and backend.
+
+    Returns
+    -------
+    constants : dict
+        Keyword arguments of Model.
+    fit : dict
+        JSON-ready statistics of the fit.
+    """
     scenes = [(Features(**seen["features"]), {tuple(p[:3]): p[3] for p in seen["plans"]}) for seen in observations]
     cubic = _densities(scenes, "cubic")
     warp = {name: cubic if name == "cubic" else _densities(scenes, name, cubic) for name in WARP_FILTERS}
@@ -132,7 +161,7 @@ def fitted(observations: list[dict], base: Quality) -> tuple[dict, dict]:
 
 
 def _without(error: float, other: float) -> float:
-    """What is left of an error when another that it holds in quadrature is taken away; never less than a tenth."""
+    """An error with another one subtracted in quadrature; at least a tenth of it."""
     return max(np.sqrt(max(error**2 - other**2, 0.0)), 0.1 * error)
 
 
@@ -141,8 +170,10 @@ def _envelope(ratios) -> float:
 
 
 def _densities(scenes, name: str, cubic=None) -> list[list[float]]:
-    """[[density, constant], ...] of one filter, carried on beyond what was measured at the pace it fell with, but never
-    nearer to the ``cubic`` filter's table than it came."""
+    """[[density, constant], ...] of one filter, extrapolated beyond the measured densities with the last slope.
+
+    Its ratio to the ``cubic`` filter's table never falls below that at the last measured density.
+    """
     table = []
     for density, rule in DENSITIES.items():
         if density > DENSEST[name]:
@@ -162,7 +193,7 @@ def _densities(scenes, name: str, cubic=None) -> list[list[float]]:
 
 
 def _against_truth(constants, scenes, base: Quality) -> list[float]:
-    """Measured error over predicted error of every judged plan whose prediction is more than noise."""
+    """Measured over predicted error of all plans in JUDGED whose predicted error is above the noise."""
     model = Model(base.classification, **constants)
     ratios = []
     for f, errors in scenes:
@@ -171,13 +202,13 @@ def _against_truth(constants, scenes, base: Quality) -> list[float]:
                 base, depth_rule=rule, sheet_density=density, warp_filter=warp_filter, termination=NO_TERMINATION
             )
             budget = model.errors(f, plan)
-            if budget.modelled > 0.1:
-                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modelled)
+            if budget.modeled > 0.1:
+                ratios.append(max(errors[rule, density, warp_filter] - budget.bounds, 0.0) / budget.modeled)
     return ratios
 
 
 def _family_factor(times, splat_ms) -> float:
-    """The median of what pre-integrated sheets take over what as many others do in the same scene."""
+    """The median ratio of the time of pre-integrated sheets to that of as many other sheets in the same scene."""
     ratios = [
         (number, rule in PREINTEGRATED, spent / float(np.dot(splat_ms, splat_terms(f, rule, density))))
         for number, f, rule, density, _, _, spent, _ in times
@@ -187,13 +218,15 @@ def _family_factor(times, splat_ms) -> float:
 
 
 def _nonnegative_fit(terms, milliseconds, scene_of) -> list[float]:
-    """Coefficients, none below zero, of terms whose sum is some milliseconds; relative errors count, and every scene
-    may be slower or quicker than the others as a whole, as the planner takes that from the pilots."""
+    """Non-negative coefficients of terms that add up to milliseconds, by relative least squares.
+
+    Each scene gets its own factor on the speed, because the planner takes that from the pilots.
+    """
     terms, spent, scene_of = np.array(terms), np.maximum(np.array(milliseconds), 0.02), np.array(scene_of)
     scale, expected = np.ones(scene_of.max() + 1), spent
     for _ in range(12):
         goal = spent / scale[scene_of]
-        weight = 1.0 / np.sqrt(goal * expected)  # being off by a factor counts alike in both directions
+        weight = 1.0 / np.sqrt(goal * expected)  # weighs a factor too high and a factor too low equally
         coefficients = _nonnegative(terms * weight[:, None], goal * weight)
         expected = np.maximum(terms @ coefficients, 1e-3)
         ratio = spent / expected
@@ -203,7 +236,7 @@ def _nonnegative_fit(terms, milliseconds, scene_of) -> list[float]:
 
 
 def _nonnegative(terms: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """The least squares solution without a negative number, one coefficient after the other until they rest."""
+    """Non-negative least squares by coordinate descent."""
     size = np.maximum(np.linalg.norm(terms, axis=0), 1e-30)
     among, wanted = (terms / size).T @ (terms / size), (terms / size).T @ goal
     found = np.zeros(len(wanted))
@@ -221,7 +254,7 @@ def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py calibrate", description=__doc__)
     parser.add_argument("--classification", nargs="*", choices=CALIBRATED, default=CALIBRATED)
     parser.add_argument("--output", type=Path, default=plan_model.CALIBRATION)
-    parser.add_argument("--observations", type=Path, help="write what the scenes told to this file too")
+    parser.add_argument("--observations", type=Path, help="write the measurements to this file too")
     options = parser.parse_args(arguments)
     written = json.loads(options.output.read_text()) if options.output.exists() else {"classifications": {}, "fit": {}}
     told, began = {}, time.perf_counter()
@@ -236,7 +269,7 @@ def main(arguments) -> int:
         constants, fit = fitted(told[classification], base)
         written["classifications"][classification], written["fit"][classification] = constants, fit
         for share, ratio in fit["measured_over_predicted"].items():
-            print(f"{classification}: {share} of plans err at most {ratio:.2f} of what is predicted")
+            print(f"{classification}: the error of {share} of the plans is at most {ratio:.2f} times the prediction")
     if options.observations:
         options.observations.write_text(json.dumps(told))
     options.output.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")

@@ -1,7 +1,7 @@
-"""The six data sets of the paper's tables: what it printed, the file that comes nearest, and a stand-in.
+"""The six data sets of the paper's tables: the printed figures, the most similar file, and a stand-in.
 
-Where the scans are not at hand, each is replaced by a synthetic volume of the same dimensions and of the same kept
-fraction under the same transfer function, and is called a stand-in wherever it appears.
+A missing scan is replaced by a synthetic volume with the same dimensions and the same fraction of kept voxels under the
+same transfer function.  It is called a stand-in wherever it appears.
 """
 
 from __future__ import annotations
@@ -23,11 +23,28 @@ STAND_IN = "(stand-in)"
 
 @dataclass(frozen=True)
 class DataSet:
-    """One row of the paper's tables, and what we measure in its place.
+    """One row of the paper's tables and the data that we measure for it.
 
-    ``paper_volume_mb``, ``paper_mb``: volume and tables of the paper, MB; ``paper_seconds``: without and with
-    run-length encoding; ``paper_speedup``: as printed.  ``kept``: fraction of the scan's voxels that our transfer
-    function keeps, which the stand-in is made to match.  ``caveat``: how our scan differs from the paper's.
+    Attributes
+    ----------
+    name, resolution : str
+        As printed in the paper.
+    paper_volume_mb, paper_mb : float
+        Size of the volume and of the tables in the paper, MB.
+    paper_seconds : tuple of float
+        Seconds without and with run-length encoding in the paper.
+    paper_speedup : float
+        The speedup as printed.
+    file : str
+        Our file.
+    shape_xyz, spacing : tuple
+        Its number of voxels and their spacing along x, y and z.
+    transfer : str
+        Name of its transfer function in benchmarks/transfer_functions.
+    kept : float
+        Fraction of the scan's voxels that the transfer function keeps; the stand-in has the same.
+    caveat : str
+        How our scan differs from the paper's.
     """
 
     name: str
@@ -51,7 +68,7 @@ class DataSet:
         return TransferFunction.from_json(TRANSFER_FUNCTIONS / f"{self.transfer}.json")
 
     def load(self) -> tuple[str, Volume, TransferFunction]:
-        """What to call it, the scan where it is at hand and else its stand-in, and the transfer function."""
+        """(name, volume, transfer function); the volume is the scan, or its stand-in if the scan is missing."""
         function = self.transfer_function()
         if not self.path.exists():
             return f"{self.name} {STAND_IN}", stand_in(self.shape_xyz, self.spacing, self.kept, function), function
@@ -77,7 +94,7 @@ PAPER = (
     ),
     DataSet(
         "X-ray foot", "256x256x256", 16.0, 55.2, (53.88, 2.03), 26.5, "foot_256x256x256_uint8_fromjpeg.raw.gz",
-        (256, 256, 256), (1.0, 1.0, 1.0), "xray-foot", 0.075, "decoded from JPEG: noise of a few grey levels",
+        (256, 256, 256), (1.0, 1.0, 1.0), "xray-foot", 0.075, "decoded from JPEG: noise of a few gray levels",
     ),
     DataSet(
         "CT bonsai", "256x256x256", 16.0, 60.1, (55.04, 2.43), 22.7, "bonsai_256x256x256_uint8.raw.gz",
@@ -87,9 +104,21 @@ PAPER = (
 
 
 def stand_in(shape_xyz, spacing, kept: float, function: TransferFunction) -> Volume:
-    """A synthetic body of folded shells, 8 bit, of whose voxels ``function`` keeps the fraction ``kept``.
+    """A synthetic volume of folded shells, whose runs are a few to a few dozen voxels long as in scans.
 
-    Ellipsoidal shells with folds give runs of a few to some dozen voxels, as scans do.
+    Parameters
+    ----------
+    shape_xyz, spacing : tuple
+        Number of voxels and their spacing along x, y and z.
+    kept : float
+        Fraction of the voxels that ``function`` shall keep.
+    function : TransferFunction
+        The transfer function.
+
+    Returns
+    -------
+    Volume
+        Voxels of type uint8.
     """
     nx, ny, nz = shape_xyz
     z, y, x = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in (nz, ny, nx))
@@ -103,7 +132,7 @@ def stand_in(shape_xyz, spacing, kept: float, function: TransferFunction) -> Vol
     low = function.visible_intervals()[0][0]
     inside = (density - edge) / max(float(density.max()) - edge, 1e-6)
     outside = (density - edge) / max(edge - float(density.min()), 1e-6)
-    # Rounded up or down, nothing crosses the value at which opacity begins.
+    # Rounding must not move a value across the one where opacity begins.
     values = np.where(inside > 0.0, np.floor(low) + 1.0 + inside * (254.0 - low), np.floor(low * (1.0 + outside)))
     affine = np.diag((*spacing, 1.0))
     return Volume(np.clip(values, 0.0, 255.0).astype(np.uint8), affine, name="stand-in")

@@ -1,8 +1,8 @@
-"""From an edit to the new picture: milliseconds of every stage that an edit redoes, the median of several edits.
+"""Time from an edit to the new picture: milliseconds of every stage, medians over several edits.
 
-One store is kept from edit to edit, as in a window, and filled before anything is measured; no edit repeats an earlier
-one.  "first picture" begins with an empty store, kernels loaded.  Of the edits, "camera" turns under a sun without
-highlights, so nothing follows the view; "camera, headlight" is what the command line does, highlights and all.
+One stage cache is used for all edits, as in a window, and is filled before the measurement; no edit is repeated.
+"first picture" starts with an empty cache and loaded kernels.  The edit "camera" turns the camera under a sun without
+highlights, so that no color depends on the view; "camera, headlight" is the command line's default, with highlights.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from rle_splat.scene import (
 )
 from rle_splat.view.turntable import turntable
 
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .scenes import REAL, scenes, shells
 
-VIEW = (35.0, 25.0)  # azimuth and elevation, degrees: no principal axis in particular
+VIEW = (35.0, 25.0)  # azimuth and elevation in degrees, oblique to all principal axes
 TURN = 0.5  # degrees that a camera or a light moves with every edit
-WIDENING = 1.14  # 255ths of the values' range with every edit, stored values of 8 bits at least: more of them each time
+WIDENING = 1.14  # 1/255 of the values' range per edit; more than one, so that 8-bit data gets new visible values
 BRIGHTENING = 1.05
 MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
 SUN_STRENGTH = 3.0  # W/m^2
-THICKER = 2.0  # shells of 256^3 then show 1.6 million voxels, what the limits of time are stated for
+THICKER = 2.0  # factor on the thickness of the shells; 256^3 voxels then have 1.6 million visible ones
 EDITS = 7
 STAGES = ("classify", "shade", "encode", "splat", "warp", "total")
 VOLUMES = ("shells", "X-ray foot", "CT bonsai")
@@ -56,32 +56,32 @@ def sun(turned: float) -> Light:
 
 
 def turned(scene: Scene, number: int) -> Scene:
-    """The scene from another side, ``number`` steps round."""
+    """The scene with the camera turned by ``number`` steps."""
     camera, _ = turntable(scene.volume, VIEW[0] + TURN * number, VIEW[1], width=scene.width, height=scene.height)
     return replace(scene, camera=camera)
 
 
 def relit(scene: Scene, number: int) -> Scene:
-    """The sun ``number`` steps round."""
+    """The scene with the sun turned by ``number`` steps."""
     return replace(scene, lights=(sun(TURN * number),))
 
 
 def recolored(scene: Scene, number: int) -> Scene:
-    """Every colour a little redder."""
+    """The scene with slightly redder colors."""
     tf = scene.transfer_function
     color = tuple((value, red * BRIGHTENING**-number, *rest) for value, red, *rest in tf.color)
     return replace(scene, transfer_function=replace(tf, color=color))
 
 
 def thinned(scene: Scene, number: int) -> Scene:
-    """Every opacity a little lower; the same values are shown."""
+    """The scene with slightly lower opacities; the same values are visible."""
     tf = scene.transfer_function
     opacity = tuple((value, alpha * BRIGHTENING**-number) for value, alpha in tf.opacity)
     return replace(scene, transfer_function=replace(tf, opacity=opacity))
 
 
 def widened(scene: Scene, number: int) -> Scene:
-    """Every range of shown values begins a little lower, though not below the point before it."""
+    """The scene with every range of visible values starting slightly lower, but not below the point before it."""
     tf = scene.transfer_function
     step = WIDENING * number * max((tf.span[1] - tf.span[0]) / 255.0, 1.0)
     opacity = list(tf.opacity)
@@ -94,12 +94,12 @@ def widened(scene: Scene, number: int) -> Scene:
 
 
 def lit(scene: Scene) -> Scene:
-    """The scene under a sun that stays, matt."""
+    """The scene with a fixed sun and without highlights."""
     tf = replace(scene.transfer_function, shade=MATT)
     return replace(scene, transfer_function=tf, lights=(sun(0.0),), headlight=False)
 
 
-# Name -> (the scene that the edits begin with, an edit); each edit makes a scene that was not there before.
+# Name -> (function that makes the initial scene, function that edits it); every edit gives a new scene.
 KINDS = {
     "camera": (lit, turned),
     "camera, headlight": (lambda scene: scene, turned),
@@ -112,15 +112,30 @@ FIRST = "first picture"
 
 
 def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
-    """One JSON-ready row per kind of edit: median milliseconds of each of STAGES, what was made anew per edit, and the
-    visible voxels after the last."""
-    render(scene, quality)  # whatever compiles or loads on first use
+    """Measure all kinds of edits.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    quality : Quality
+        The knobs.
+    edits : int
+        Number of edits of each kind.
+
+    Returns
+    -------
+    list of dict
+        One JSON-ready row per kind of edit: median milliseconds of each of STAGES, the stages made per edit, and the
+        number of visible voxels after the last edit.
+    """
+    render(scene, quality)  # compiles and loads kernels
     reports = [render(scene, quality, cache=StageCache()).report for _ in range(edits)]
     rows = [_row(FIRST, reports, {})]
     for name, (begin, edit) in KINDS.items():
         cache, start = StageCache(), begin(scene)
         render(start, quality, cache=cache)
-        # Until the store is full every edit takes memory that was never used before, which the system clears first.
+        # Until the cache is full every edit allocates new memory, which the system has to clear first.
         filling = MOST_RESULTS["records"]
         for number in range(1, filling + 1):
             render(edit(start, number), quality, cache=cache)
@@ -138,10 +153,10 @@ def _row(name: str, reports: list[dict], made: dict) -> dict:
 
 
 def volumes(names, size: int):
-    """Yields name, volume and transfer function."""
+    """Yield name, volume and transfer function."""
     if not names or "shells" in names:
         volume, tf = shells(size)
-        peaks = np.array(tf.opacity[1:]).reshape(-1, 3, 2)  # each a point, the top, a point
+        peaks = np.array(tf.opacity[1:]).reshape(-1, 3, 2)  # each peak: point, top, point
         peaks[:, :, 0] = peaks[:, 1:2, 0] + THICKER * (peaks[:, :, 0] - peaks[:, 1:2, 0])
         opacity = (tf.opacity[0], *map(tuple, peaks.reshape(-1, 2).tolist()))
         yield "shells", volume, replace(tf, opacity=opacity)
@@ -157,13 +172,13 @@ def main(arguments) -> int:
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["draft", "standard"])
     parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
-    parser.add_argument("--record", type=int, nargs="*", choices=RECORDS, help="16 and 8, where there is a choice")
+    parser.add_argument("--record", type=int, nargs="*", choices=RECORDS, help="default 16 and 8 for pre")
     parser.add_argument("--edits", type=int, default=EDITS)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     records = options.record or ([POST_ONLY["record"]] if options.classification == "post" else [16, 8])
-    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(
         f"{describe(where)}\n{options.size} x {options.size}, classification {options.classification}; milliseconds, "
         f"medians of {options.edits} edits\n"
@@ -181,8 +196,8 @@ def main(arguments) -> int:
                     table.append({"volume": name, "quality": preset, "record": record, **row})
                     print(f"{name:<12}{row['visible_voxels']:9d}  {preset:<10}{record:5d}  {row['edit']:<19}", end="")
                     print("".join(f"{row[stage]:10.1f}" for stage in STAGES), flush=True)
-    print(f"\n{neighbours.describe()}")
-    where["others_busy_cores"] = neighbours.cores()
+    print(f"\n{neighbors.describe()}")
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

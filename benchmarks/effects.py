@@ -1,8 +1,8 @@
-"""What each effect costs: alone, over what it rests on, and all together, on three scenes, off for nothing.
+"""The time of each effect on three scenes: alone, over the effects that it depends on, and all together.
 
-"first" is a picture from an empty store, everything made; "frame" is the next one after the camera has turned a little,
-what the camera does not touch being kept.  Each effect is measured in turns with the base it is added to, and its
-milliseconds and ratios are from those turns; "made by a frame" lists the stages that the camera's turn made anew.
+"first" is a picture with an empty stage cache.  "frame" is the next picture after a small turn of the camera, with the
+cache.  Each effect is measured in alternation with the base that it is added to; milliseconds and ratios are from those
+runs.  "made by a frame" lists the stages that run again after the camera's turn.  A disabled effect must take no time.
 """
 
 from __future__ import annotations
@@ -39,30 +39,30 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .effects_page import write_page
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
 
-AZIMUTH, ELEVATION, STEP = 35.0, 20.0, 0.5  # degrees; how far the camera turns from frame to frame
+AZIMUTH, ELEVATION, STEP = 35.0, 20.0, 0.5  # degrees; STEP: turn of the camera from frame to frame
 REPEATS = 5
 PLAIN, LIT, SMOKE = SCENES = "plain CT", "lit CT", "smoke"
 MATT, SHINY = Shade(0.2, 0.8, 0.0, 20.0), 0.4
-SUN_STRENGTH, LAMP_STRENGTH = 3.0, 20.0  # W/m^2; W for each squared length of the volume's half diagonal
+SUN_STRENGTH, LAMP_STRENGTH = 3.0, 20.0  # W/m^2; W per squared half diagonal of the volume
 FRAME_TARGET, LIGHT_TARGET = 250.0, 150.0  # milliseconds: the lit CT's frame at 512 x 512; a light pass on 256^3
 
 
-# --- what a scene is given ----------------------------------------------------------------------------------------
+# --- the effects --------------------------------------------------------------------------------------------------
 
 
 def _box(scene: Scene) -> tuple[np.ndarray, float]:
-    """Middle of the volume's box and half its diagonal, world."""
+    """Center of the volume's box and half its diagonal, in world units."""
     ends = np.array(scene.volume.shape_xyz) - 1.0
     low, high = ((scene.index_to_world @ np.append(part * ends, 1.0))[:3] for part in (0.0, 1.0))
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
 def _shining(along) -> np.ndarray:
-    """(4, 4) pose of a light that shines along a direction."""
+    """(4, 4) matrix of a light that shines along a direction."""
     back = -np.asarray(along, float) / np.linalg.norm(along)
     side = np.cross((0.0, 0.0, 1.0), back)
     side /= np.linalg.norm(side)
@@ -89,7 +89,7 @@ def _with_shade(scene: Scene, **more) -> Scene:
 
 
 def _implant(scene: Scene) -> np.ndarray:
-    """(n, 3, 3) triangles of a plate bent over a quarter of the volume's middle, 16 x 16 squares."""
+    """(n, 3, 3) triangles of a curved plate around the volume's center, 16 x 16 squares."""
     middle, reach = _box(scene)
     across, along = np.meshgrid(np.linspace(-0.9, 0.9, 17), np.linspace(-0.3, 0.3, 17))
     corners = middle + 0.55 * reach * np.stack((np.sin(across), -np.cos(across), along), axis=-1)
@@ -105,14 +105,14 @@ def _clip_box(scene: Scene) -> tuple[Clip, ...]:
 
 
 def _clip_plane(scene: Scene) -> tuple[Clip, ...]:
-    """Halves the volume and the picture, upright and along the view."""
+    """A vertical plane along the view that halves the volume."""
     matrix = _shining((0.82, 0.57, 0.0))
     matrix[:3, 3] = _box(scene)[0]
     return (Clip("plane", matrix),)
 
 
 def _distance(scene: Scene) -> float:
-    """Planar, from the camera to the middle of the volume."""
+    """Planar distance from the camera to the center of the volume."""
     middle, _ = _box(scene)
     return float(-(np.linalg.inv(scene.camera.matrix_world) @ np.append(middle, 1.0))[2])
 
@@ -122,7 +122,7 @@ def _seen(scene: Scene, **more) -> Scene:
 
 
 def _moving(scene: Scene) -> Scene:
-    """The volume slides by a fiftieth of its diagonal."""
+    """The scene with the volume moving by 1/50 of its half diagonal while the shutter is open."""
     poses = []
     for part in (-0.5, 0.5):
         slid = np.array(scene.volume_matrix)
@@ -132,7 +132,7 @@ def _moving(scene: Scene) -> Scene:
 
 
 def _surfaces_only(scene: Scene) -> Scene:
-    """Opacity only where the values change by an eighth of what the function spans, a voxel."""
+    """The scene with gradient opacity, full at 1/8 of the function's range per voxel."""
     function = scene.transfer_function
     steep = (function.span[1] - function.span[0]) / (8.0 * float(min(scene.volume.spacing)))
     gradual = replace(function, gradient_opacity=GradientOpacity(0.0, steep))
@@ -140,21 +140,21 @@ def _surfaces_only(scene: Scene) -> Scene:
 
 
 def _misty(scene: Scene) -> Scene:
-    """Mist from the front of the volume, which nothing behind it is seen through."""
+    """The scene with mist that begins at the front of the volume and is opaque behind it."""
     reach = _box(scene)[1]
     return replace(scene, mist=Mist(start=max(_distance(scene) - reach, 0.0), depth=2.0 * reach))
 
 
 @lru_cache(1)
 def _halves(volume: Volume) -> Volume:
-    """Labels: 1 in the half of the volume whose x is low, 0 in the other."""
+    """A label map: 1 in the half with low x, 0 in the other."""
     labels = np.zeros(volume.voxels.shape, np.uint8)
     labels[:, :, : labels.shape[2] // 2] = 1
     return Volume(labels, volume.affine, unit=volume.unit)
 
 
 def _labelled(scene: Scene) -> Scene:
-    """One half in other colours."""
+    """The scene with one half in other colors."""
     function = scene.transfer_function
     other = replace(function, color=tuple((value, blue, green, red) for value, red, green, blue in function.color))
     return replace(scene, labels=Labels(_halves(scene.volume), {1: other}))
@@ -166,21 +166,30 @@ def _mirrored(volume: Volume) -> Volume:
 
 
 def _doubled(scene: Scene) -> Scene:
-    """Its mirror image added."""
+    """The scene with the volume's mirror image as a channel."""
     return replace(scene, channels=(Channel(_mirrored(scene.volume), scene.transfer_function),))
 
 
 @dataclass(frozen=True)
 class Price:
-    """Something to be priced: the ``effect`` of the table it is, the price it is added ``over``, None for a scene's
-    base, and what it gives a scene."""
+    """A row of the measurement.
+
+    Attributes
+    ----------
+    effect : str
+        Name of the effect.
+    over : str or None
+        The price that it is added to; None for the scene's base.
+    give : callable
+        ``give(scene)`` returns the scene with the effect.
+    """
 
     effect: str
     over: str | None
     give: Callable
 
 
-# Label -> Price.  What is in the table of effects and has no row here is named at the end of the report.
+# Label -> Price.  Effects without a price are listed at the end of the report.
 PRICES = {
     "shading": Price("shading", None, _with_shade),
     "specular": Price("specular", "shading", lambda scene: _with_shade(scene, specular=SHINY)),
@@ -208,12 +217,12 @@ PRICES = {
 }  # fmt: skip
 
 
-MANY_PICTURES = ("depth of field", "motion blur")  # the mean of several: they multiply what all others cost
+MANY_PICTURES = ("depth of field", "motion blur")  # the mean of several pictures: they multiply the time of the others
 ALL, ALL_PICTURES = "all together", "all, with lens and shutter"
 
 
 def given(scene: Scene, label: str) -> Scene:
-    """The scene with a price, and with what that rests on."""
+    """The scene with the effect of a label and those that it depends on."""
     price = PRICES[label]
     return price.give(scene if price.over is None else given(scene, price.over))
 
@@ -223,8 +232,21 @@ def given(scene: Scene, label: str) -> Scene:
 
 @dataclass(frozen=True)
 class Setting:
-    """A volume and its look, seen in perspective; ``lit`` by two matt lights from the start, and what is ``priced``
-    on it, each alone and, but for modes, all together: once without what takes several pictures, and once with it."""
+    """A volume with a transfer function, seen in perspective.
+
+    Attributes
+    ----------
+    name : str
+        Name in the table.
+    volume : Volume
+        The volume.
+    function : TransferFunction
+        Its transfer function.
+    lit : bool
+        Whether the base has two lights without highlights.
+    priced : tuple of str
+        Labels of PRICES: measured alone and, except modes, all together, without and with MANY_PICTURES.
+    """
 
     name: str
     volume: Volume
@@ -242,7 +264,7 @@ class Setting:
 
 
 def _ct_head():
-    """The scan where it is at hand, else a head made of numbers."""
+    """(volume, transfer function) of the scan, or of a synthetic head if the scan is missing."""
     found = next(volumes_of(["CT head"]), None)
     if found is not None:
         return found[1:]
@@ -274,7 +296,7 @@ def settings() -> tuple[Setting, ...]:
 
 @dataclass
 class _Runs:
-    """A variant of a scene, in turns with another: its least milliseconds."""
+    """The fastest runs of one variant of a scene."""
 
     make: Callable  # azimuth -> Scene
     quality: Quality
@@ -308,10 +330,10 @@ class _Runs:
 
 
 def compare(base: Callable, other: Callable, quality: Quality, repeats: int) -> tuple[_Runs, _Runs]:
-    """Two variants, functions of an azimuth, in turns."""
+    """Measure two variants, functions of an azimuth, in alternation."""
     both = _Runs(base, quality), _Runs(other, quality)
     for runs in both:
-        render(runs.make(AZIMUTH), quality)  # whatever compiles or loads on first use
+        render(runs.make(AZIMUTH), quality)  # compiles and loads kernels
     for _ in range(repeats):
         for runs in both:
             runs.begin()
@@ -322,7 +344,7 @@ def compare(base: Callable, other: Callable, quality: Quality, repeats: int) -> 
 
 
 def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list[dict]:
-    """JSON-ready rows: each effect of a setting alone, all together, and all off by hand."""
+    """JSON-ready rows: each effect of a setting alone, all together, and all forced off."""
 
     def base(azimuth):
         return setting.at(azimuth, size)
@@ -349,7 +371,7 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
     together = [label for label in setting.priced if PRICES[label].effect != "mode"]
     rows = []
     for label in setting.priced:
-        over = None if setting.lit else PRICES[label].over  # a lit scene has all that an effect rests on
+        over = None if setting.lit else PRICES[label].over  # a lit scene has all effects that others depend on
         below = base if over is None else priced(over)
         rows.append(_row(setting, label, over or "base", *compare(below, priced(label), quality, repeats)))
     of_one = [label for label in together if label not in MANY_PICTURES]
@@ -378,7 +400,7 @@ def _row(setting: Setting, label: str, over: str, below: _Runs, runs: _Runs) -> 
 
 
 def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict:
-    """Milliseconds of the shadows of one light and of two on a volume of ``side``^3 voxels."""
+    """Milliseconds of the shadows of one and of two lights on a volume of ``side``^3 voxels."""
     setting = Setting("shells", *shells(side), False, ())
     spent = {}
     for lights in (1, 2):
@@ -426,10 +448,10 @@ def main(arguments) -> int:
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--docs", action="store_true", help="put the tables into docs/explanation/effects.md")
+    parser.add_argument("--docs", action="store_true", help="write the tables into the page effects.md")
     options = parser.parse_args(arguments)
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
-    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(
         f"{describe(where)}\n{options.size} x {options.size}, {options.quality}, classification "
         f"{options.classification}; the least of {options.repeats} runs\n\n{header()}"
@@ -455,8 +477,8 @@ def main(arguments) -> int:
             f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
             f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
         )
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
              "classification": options.classification, "not_priced": unpriced, "light_pass": passed}  # fmt: skip
     if options.docs:

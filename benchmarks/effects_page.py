@@ -1,5 +1,4 @@
-"""The tables of docs/explanation/effects.md, from effects.json beside it, which holds the last ``bench effects`` of
-each scene."""
+"""The tables of the page effects.md from effects.json, the last results of ``bench effects`` for each scene."""
 
 from __future__ import annotations
 
@@ -14,8 +13,15 @@ HEADER = ("effect", "over", "first", "frame", "its own work", "kernels more", "m
 
 
 def write_page(measured: dict, folder: Path = DOCS) -> None:
-    """Put what was ``measured`` (the benchmark's report) in the place of what the record has of the same scenes, and
-    fill the page's tables in place."""
+    """Update effects.json and the tables of effects.md.
+
+    Parameters
+    ----------
+    measured : dict
+        The report of the benchmark; it replaces the record of the same scenes.
+    folder : Path
+        The folder of both files.
+    """
     record_file, page = folder / "effects.json", folder / "effects.md"
     record = json.loads(record_file.read_text(encoding="utf-8")) if record_file.exists() else {}
     rest = {key: value for key, value in measured.items() if key not in ("rows", "light_pass")}
@@ -33,7 +39,7 @@ def write_page(measured: dict, folder: Path = DOCS) -> None:
 
 
 def table(of_scene: dict) -> str:
-    """The rows of one scene, and how they were measured."""
+    """The table of one scene, and a line on how it was measured."""
     rows = [
         (
             row["effect"], row["over"],
@@ -54,7 +60,7 @@ def table(of_scene: dict) -> str:
 
 
 def _own(row: dict) -> str:
-    """Milliseconds of an effect's own stage in the first picture; of several effects they are no sum."""
+    """Milliseconds of an effect's own stage in the first picture; "-" for several effects."""
     own = row["own_first_ms"].get(row["of"])
     return "-" if own is None else f"{own:.0f}"
 

@@ -1,9 +1,9 @@
-"""The engine's table: time and error of a frame by quality, shading, projection; VTK and VolPack beside it.
+"""Time and error of a frame by quality, shading and projection, compared with VTK and VolPack.
 
-Times are milliseconds, medians over the views of the best of a few frames; ratios are within this run.  Errors are
-levels, 1/255, of premultiplied scene-linear RGBA at random probe pixels of all views: against T2, the interpolated
-scalar classified, which is what the qualities and VTK claim; and against T1, the classified medium interpolated, which
-is what the paper's order and VolPack claim, and what no other should be expected to show.
+Times are milliseconds, medians over the views of the fastest of a few frames; ratios are within this run.  Errors are
+levels of 1/255 of premultiplied scene-linear RGBA at random probe pixels of all views.  T2 (interpolate, then classify)
+is the truth for the qualities and VTK.  T1 (classify, then interpolate) is the truth for the paper's order and VolPack;
+the others are not expected to match it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
-from rle_splat.comparison.judge import TOLERANCE, probe_truth
 from rle_splat.comparison.medium import scene_medium
+from rle_splat.comparison.probe_truth import TOLERANCE, probe_truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import FRAME
@@ -29,7 +29,7 @@ from rle_splat.scene import Quality
 from .accuracy import fill
 from .data_sets import PAPER
 from .engine_words import NOTES, header, line, markdown, ratios
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, view_scene
+from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, frame_ms, view_scene
 from .peers import PEERS, Peer
 from .scenes import REAL, scenes
 
@@ -41,7 +41,7 @@ QUALITIES = ("draft", PAPER_LIKE, "standard", "fine", "strict")
 
 
 def quality_of(name: str, threads: int) -> Quality:
-    """A preset; or the paper's pipeline, one sheet pixel per voxel in slice planes, on the convergent model."""
+    """A preset, or the paper's pipeline (one sheet pixel per voxel, slice planes) with the extinction model."""
     if name == PAPER_LIKE:
         return replace(Quality.paper(threads=threads), model="extinction", length_correction=True, name=PAPER_LIKE)
     return Quality.preset(name, threads=threads)
@@ -51,7 +51,34 @@ def measure(
     volume, tf, *, size: int, threads: int, perspective: bool, shaded: bool, qualities=QUALITIES, views=VIEWS,
     repeats: int = REPEATS, probes: int = PROBES, peers=(),
 ) -> list[dict]:
-    """One JSON-ready row per quality, then one per Peer of ``peers`` that draws such a picture here."""
+    """Measure one volume.
+
+    Parameters
+    ----------
+    volume : Volume
+        The volume.
+    tf : TransferFunction
+        Its transfer function.
+    size : int
+        Pixels along each side of the picture.
+    threads : int
+        Number of threads.
+    perspective, shaded : bool
+        Projection, and whether there is a headlight.
+    qualities : sequence of str
+        Names for ``quality_of``.
+    views : sequence of tuple
+        Azimuth and elevation in degrees.
+    repeats, probes : int
+        Frames of which the fastest counts, and probe pixels per view.
+    peers : sequence of Peer
+        The programs to compare with.
+
+    Returns
+    -------
+    list of dict
+        One JSON-ready row per quality, then one per peer that is installed and supports the projection.
+    """
     cache = StageCache()
     beside = [_Beside(peer, shaded) for peer in peers if not peer.absence(perspective)]
     reports = {name: [] for name in qualities}
@@ -64,7 +91,7 @@ def measure(
         truths["t2"].append(scalar_truth(scene, columns, rows))
         for name in qualities:
             quality = quality_of(name, threads)
-            render(scene, quality, cache=cache)  # tables are made, and whatever compiles lazily
+            render(scene, quality, cache=cache)  # makes the tables and compiles kernels
             rendering, _ = best_frame(scene, quality, repeats, cache)
             reports[name].append(rendering.report)
             kept_fractions[name] = rendering.report["volume"]["visible_fraction"]
@@ -90,7 +117,7 @@ def measure(
 
 
 class _Beside:
-    """A peer at work on one volume, and what came of it."""
+    """The measurement of one peer on one volume."""
 
     def __init__(self, peer: Peer, shaded: bool):
         self.peer, self._shaded = peer, shaded
@@ -114,10 +141,9 @@ class _Beside:
 
 
 def _preparation(scene, quality) -> dict:
-    """Milliseconds of what comes before a frame, compiled and warm: classify, shade, encode one axis (their mean).
+    """Milliseconds of the stages before a frame: classify, shade, and encode for one axis (the mean of three).
 
-    As the road does it, in a picture of which nothing is kept.  Encoding is the tables and the scalars; putting light
-    where they want it is shading, as it must be with ``pre``, where light falls on voxels while records are written.
+    Kernels are loaded and the stage cache is empty.  Writing light into the records counts as shading.
     """
     best = {}
     for _ in range(2):
@@ -148,13 +174,13 @@ def _error(pictures, truths) -> dict:
 
 
 def scalar_truth(scene, columns, rows) -> np.ndarray:
-    """T2 at probe pixels, (N, 4) float64."""
+    """(n, 4) float64: truth T2 at probe pixels, premultiplied scene-linear."""
     pixels = (columns + 0.5, rows + 0.5)
     return truth(scene, "T2", pixels=pixels, tolerance=TOLERANCE, **shading_of(scene, "T2"))[0]
 
 
 def of_paper(names):
-    """Like ``scenes``: the shells, and the data sets of bench paper with the transfer functions committed for them."""
+    """As ``scenes``: the shells, and the data sets of bench paper with their own transfer functions."""
     if not names or "shells" in names:
         yield from scenes(("shells",))
     yield from (data.load() for data in PAPER if not names or data.name in names)
@@ -165,24 +191,24 @@ def main(arguments) -> int:
     names = tuple(dict.fromkeys(("shells", *(data.name for data in PAPER), *REAL)))
     parser.add_argument("--volume", nargs="*", choices=names, help="only these")
     parser.add_argument(
-        "--presets", action="store_true", help="presets in place of bench paper's data sets and transfer functions"
+        "--presets", action="store_true", help="use presets instead of bench paper's data sets and transfer functions"
     )
     parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
     parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
-    parser.add_argument("--colours", nargs="*", choices=("unshaded", "shaded"))
+    parser.add_argument("--colours", dest="colors", nargs="*", choices=("unshaded", "shaded"))
     parser.add_argument("--size", type=int, nargs="*", default=[512], help="pixels a side, one table each")
     parser.add_argument("--threads", type=int, nargs="*", default=[2], help="one table each")
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
     parser.add_argument("--peers", nargs="*", choices=PEERS, default=tuple(PEERS), help="only these, or none")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--write-docs", metavar="NAME", help="put the table between the marks NAME of the docs' page")
+    parser.add_argument("--write-docs", metavar="NAME", help="write the table into the block NAME of the page")
     options = parser.parse_args(arguments)
     peers = [PEERS[name] for name in options.peers]
     for peer in {peer.problem: peer for peer in reversed(peers) if peer.problem}.values():
-        print(f"{peer.name} is not here ({peer.problem}): {peer.remedy}")
-    table, where, neighbours = [], circumstances(max(options.threads)), Neighbours()
+        print(f"{peer.name} is not installed ({peer.problem}); run {peer.remedy}")
+    table, where, neighbors = [], circumstances(max(options.threads)), Neighbors()
     print(describe(where))
     for threads in options.threads:
         for size in options.size:
@@ -190,10 +216,10 @@ def main(arguments) -> int:
             print(header())
             for name, volume, tf in scenes(options.volume) if options.presets else of_paper(options.volume):
                 for projection in options.projection or ("orthographic", "perspective"):
-                    for colours in options.colours or ("unshaded", "shaded"):
+                    for colors in options.colors or ("unshaded", "shaded"):
                         rows = measure(
                             volume, tf, size=size, threads=threads, perspective=projection == "perspective",
-                            shaded=colours == "shaded", qualities=tuple(options.quality),
+                            shaded=colors == "shaded", qualities=tuple(options.quality),
                             views=VIEWS[: max(options.views, 1)], repeats=options.repeats, probes=options.probes,
                             peers=peers,
                         )  # fmt: skip
@@ -203,8 +229,8 @@ def main(arguments) -> int:
     print(NOTES)
     for text in ratios(table):
         print(text)
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     if options.write_docs:
         filled = fill(PAGE.read_text(encoding="utf-8"), {options.write_docs: markdown(table, where)})
         PAGE.write_text(filled, encoding="utf-8")

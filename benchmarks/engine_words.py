@@ -1,4 +1,4 @@
-"""The engine's table as text: on the screen, and for the page; and in a few lines how ours compare with the peers."""
+"""The table of bench engine as text, for the screen and for the page, with a summary of the ratios to the peers."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ COLUMNS = (
 )  # fmt: skip
 TRUTHS = ("t1", "t2")
 NOTES = """
-frame = splat + warp + rays. VTK: vtkFixedPointVolumeRayCastMapper, one sample a voxel, or four, rays only. It shades
-what has no gradient by ambient light alone, so shaded, it is compared in time and not in error. VolPack:
-vpRenderClassifiedVolume, on one thread whatever ours have, 8 bits; encode is vpClassifyVolume, three axes. By itself
-with the thresholds that its manual suggests: no voxel of opacity 0.05 or less, no more for a pixel of 0.95. "VolPack,
-all" has all voxels, and pixels are closed where paper-like closes them. It has parallel rays only."""
+frame = splat + warp + rays. VTK: vtkFixedPointVolumeRayCastMapper, one or four samples per voxel, ray casting only. It
+gives voxels without a gradient only ambient light, so with shading its time is compared but not its error. VolPack:
+vpRenderClassifiedVolume, always on one thread, 8 bits; encode is vpClassifyVolume, three axes. "VolPack" uses the
+thresholds that its manual suggests: voxels of opacity 0.05 or less are skipped, pixels end at 0.95. "VolPack, all"
+keeps all voxels and ends pixels where paper-like does. It supports parallel rays only."""
 
 
 def header() -> str:
     """The table's first line."""
     return (
-        f"{'volume':<12}{'p':>6}  {'projection':<13}{'colours':<10}{'quality':<13}{'classified':<11}"
+        f"{'volume':<12}{'p':>6}  {'projection':<13}{'colors':<10}{'quality':<13}{'classified':<11}"
         + "".join(f"{title:>8}" for title, _ in COLUMNS)
         + f"   {'T1 RMSE':>8}{'max':>7}{'T2 RMSE':>9}{'max':>7}  "
         + "".join(_titles().values())
@@ -35,7 +35,7 @@ def _titles() -> dict[str, str]:
 
 
 def line(name: str, row: dict) -> str:
-    """One row of the table: a quality of ours, or a peer."""
+    """One row of the table: one of our qualities, or a peer."""
 
     def cell(value, width, digits=1):
         return f"{'-':>{width}}" if value is None else f"{value:{width}.{digits}f}"
@@ -49,7 +49,7 @@ def line(name: str, row: dict) -> str:
 
     kept = f"{'-':>6}" if row["kept_fraction"] is None else f"{row['kept_fraction']:6.1%}"
     return (
-        f"{name:<12}{kept}  {_projection(row):<13}{_colours(row):<10}{row['quality']:<13}{row['classification']:<11}"
+        f"{name:<12}{kept}  {_projection(row):<13}{_colors(row):<10}{row['quality']:<13}{row['classification']:<11}"
         + "".join(cell(row[key], 8) for _, key in COLUMNS)
         + f"   {errors(row['t1'], 8)}{errors(row['t2'], 9)}  "
         + "".join(ratio(row["against"].get(peer, "" if row["peer"] else None), len(title))
@@ -61,21 +61,21 @@ def _projection(row) -> str:
     return "perspective" if row["perspective"] else "orthographic"
 
 
-def _colours(row) -> str:
+def _colors(row) -> str:
     return "shaded" if row["shaded"] else "unshaded"
 
 
 def _groups(table) -> dict[tuple, dict[str, dict]]:
-    """The rows by what they show and how, then by quality or peer."""
+    """(name, size, threads) -> quality or peer -> row."""
     groups: dict = {}
     for row in table:
-        name = ", ".join((row["volume"], _projection(row), _colours(row)))
+        name = ", ".join((row["volume"], _projection(row), _colors(row)))
         groups.setdefault((name, row["size"], row["threads"]), {})[row["quality"]] = row
     return groups
 
 
 def ratios(table) -> list[str]:
-    """One line for each quality and peer: ours over theirs, in time and in RMSE, the median and the range of a run."""
+    """One line per quality and peer: ratio of our time and RMSE to theirs, median and range over the run."""
     found: dict = {}
     for rows in _groups(table).values():
         for quality, row in rows.items():
@@ -98,7 +98,7 @@ def ratios(table) -> list[str]:
 
 
 def markdown(table, where: dict) -> str:
-    """Times, errors and ratios of a run, for the page: a line for each volume, projection and colours."""
+    """Times, errors and ratios of a run for the page, one line per volume, projection and shading."""
     qualities = list(dict.fromkeys(row["quality"] for row in table if not row["peer"]))
     peers = list(dict.fromkeys(row["quality"] for row in table if row["peer"]))
     first = ("", "p", "px", "threads")
@@ -121,7 +121,7 @@ def markdown(table, where: dict) -> str:
 
 
 def _ours(row) -> str:
-    """A frame's milliseconds, in brackets over each peer's."""
+    """Milliseconds of a frame, with the ratio to each peer in brackets."""
     if row is None:
         return "-"
     over = [f"{value:.2f}" for value in row["against"].values() if not isinstance(value, str)]
@@ -129,7 +129,7 @@ def _ours(row) -> str:
 
 
 def _lines(table, heads, cells_of) -> list[str]:
-    """The lines of a table, heads first."""
+    """The lines of a Markdown table."""
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for (name, size, threads), rows in _groups(table).items():
         kept = next((row["kept_fraction"] for row in rows.values() if not row["peer"]), None)

@@ -1,4 +1,4 @@
-"""What all benchmarks share: the views, the time of a frame, and what else the machine was doing."""
+"""What all benchmarks share: the views, the time of a frame, and the load by other programs."""
 
 from __future__ import annotations
 
@@ -17,26 +17,61 @@ from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-# Azimuth and elevation, degrees: all three principal axes, straight and oblique.
+# Azimuth and elevation in degrees: all three principal axes, along and oblique to them.
 VIEWS = ((0, 0), (35, 25), (80, 10), (130, -20), (200, 50), (-60, 75))
-ALONE = 0.15  # cores that others may keep busy while a machine still counts as ours
+ALONE = 0.15  # busy cores of other programs up to which a run counts as undisturbed
 
 
 def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, shaded: bool = True) -> Scene:
-    """A square picture of a volume from a turntable view (azimuth, elevation), with a headlight when shaded."""
+    """The scene of a square picture of a volume.
+
+    Parameters
+    ----------
+    volume : Volume
+        The volume.
+    tf : TransferFunction
+        Its transfer function.
+    view : tuple of float
+        Azimuth and elevation in degrees.
+    size : int
+        Pixels along each side.
+    perspective, shaded : bool
+        Projection, and whether there is a headlight.
+
+    Returns
+    -------
+    Scene
+        The scene.
+    """
     camera, matrix = turntable(volume, *view, perspective=perspective, width=size, height=size)
     return Scene(volume, tf, camera, size, size, matrix, headlight=shaded)
 
 
 def same_view(scene: Scene, volume) -> Scene:
-    """The scene with its volume replaced by ready-made tables (a StoredVolume), whose colours are baked in."""
+    """The scene with its volume replaced by a StoredVolume, whose colors are already lit."""
     return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
 def best_frame(scene: Scene, quality: Quality, repeats: int, cache=None):
-    """The rendering whose ``frame_ms`` were fewest of ``repeats``, and those milliseconds.
+    """Render several times and keep the fastest, because other load can only add time.
 
-    The quickest, because whatever else a machine does can only add.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    quality : Quality
+        The knobs.
+    repeats : int
+        Number of pictures.
+    cache : StageCache, optional
+        The stage cache.
+
+    Returns
+    -------
+    rendering : Rendering
+        The one with the least ``frame_ms``.
+    milliseconds : float
+        Its ``frame_ms``.
     """
     best, least = None, np.inf
     for _ in range(repeats):
@@ -48,19 +83,19 @@ def best_frame(scene: Scene, quality: Quality, repeats: int, cache=None):
 
 
 def frame_ms(report: dict) -> float:
-    """Milliseconds of what every frame costs."""
+    """Milliseconds of the stages that every frame runs."""
     return sum(report["stages_ms"][stage] for stage in FRAME)
 
 
-class Neighbours:
-    """How much of the machine other processes used since this was made; Linux tells, elsewhere it is None."""
+class Neighbors:
+    """Measures the load by other processes from its creation on; only on Linux."""
 
     def __init__(self):
         self._before = self._busy()
 
     @staticmethod
     def _busy():
-        """Seconds of wall time, of all cores' work, and of this process's and its finished children's."""
+        """Seconds of wall time, of work on all cores, and of work by this process and its finished children."""
         stat = Path("/proc/stat")
         if not stat.exists():
             return None
@@ -70,7 +105,7 @@ class Neighbours:
         return time.monotonic(), busy, own.user + own.system + own.children_user + own.children_system
 
     def cores(self) -> float | None:
-        """Cores that others kept busy, on average."""
+        """Mean number of cores that other processes kept busy; None if unknown."""
         now = self._busy()
         if now is None:
             return None
@@ -81,13 +116,24 @@ class Neighbours:
         """A sentence for the end of a table."""
         cores = self.cores()
         if cores is None:
-            return "What other programs did meanwhile is not known here."
-        trust = "" if cores < ALONE else " Trust ratios within this run only, and those with care."
+            return "The load by other programs is not known on this system."
+        trust = "" if cores < ALONE else " Use only ratios within this run, and with care."
         return f"Other programs kept {cores:.2f} cores busy during the run.{trust}"
 
 
 def circumstances(threads: int) -> dict:
-    """JSON-ready: where and beside what the figures came about."""
+    """The machine and its load, JSON-ready.
+
+    Parameters
+    ----------
+    threads : int
+        As in Quality; 0 for all cores.
+
+    Returns
+    -------
+    dict
+        ``processor``, ``cores``, ``threads``, ``python`` and ``load_before``.
+    """
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
         "processor": _processor(), "cores": os.cpu_count(), "threads": thread_count(threads),
@@ -96,7 +142,7 @@ def circumstances(threads: int) -> dict:
 
 
 def describe(where: dict) -> str:
-    """The circumstances as a sentence or two."""
+    """The result of ``circumstances`` as one or two sentences."""
     load = where["load_before"]
     said = f"{where['processor']}, {where['cores']} cores; {where['threads']} thread(s); Python {where['python']}."
     if load is None:
@@ -105,7 +151,7 @@ def describe(where: dict) -> str:
 
 
 def _processor() -> str:
-    """The processor's name, as well as it can be had."""
+    """The name of the processor, if the system gives one."""
     info = Path("/proc/cpuinfo")
     if info.exists():
         for line in info.read_text(encoding="utf-8", errors="replace").splitlines():

@@ -1,8 +1,8 @@
-"""The paper's Table 1 and Table 2 beside ours: memory of the run-length tables, and what skipping is worth.
+"""The paper's Table 1 and Table 2 next to ours: memory of the run-length tables, and the speedup by skipping.
 
-Memory is given for every size of voxel record there is, with what each costs in levels.
-Without acceleration: the same compiled loops on the same threads, with the same termination, on tables in which
-every voxel counts as non-transparent.  Westover: his splatting of footprint tables, voxel by voxel.
+Memory is given for every size of voxel record, with its error in levels.  "Without" run lengths means the same compiled
+loops, threads and termination on tables in which every voxel counts as visible.  "Westover" is his splatting with
+footprint tables, voxel by voxel.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from rle_splat.view.principal_axis import dominant_axis
 from rle_splat.volume.axes import AXES
 
 from .data_sets import PAPER, DataSet
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, frame_ms, same_view, view_scene
+from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, frame_ms, same_view, view_scene
 from .paper_words import explain, record_errors, table_1, table_2
 from .records import compare_records
 
 REPEATS = 3
-SLOW_REPEATS = 2  # of what takes a good part of a second
-# The errors of short records are told for the default quality: the paper's own pipeline errs by far more itself.
+SLOW_REPEATS = 2  # for frames that take a large part of a second
+# The quality for the errors of short records; the paper's own pipeline has far larger errors by itself.
 ERROR_QUALITY = "standard"
 
 
 def quality_of(name: str, threads: int) -> Quality:
-    """The paper's own pipeline, or one of the presets."""
+    """The paper's own pipeline, or a pre-classified preset."""
     made = Quality.paper if name == "paper" else partial(Quality.preset, name, classification="pre")
     return made(threads=threads)
 
@@ -51,9 +51,30 @@ def measure(
     data: DataSet, volume, tf, quality: Quality, size: int, views=VIEWS, repeats: int = REPEATS, westover: bool = True,
     errors: bool = True,
 ) -> dict:
-    """One data set's row of both tables, JSON-ready; milliseconds are medians over the views.
+    """Measure one data set for both tables.
 
-    ``memory_bytes``: record size -> bytes of each table, and their total, of three principal axes.
+    Parameters
+    ----------
+    data : DataSet
+        The data set.
+    volume, tf
+        Its volume and transfer function, from ``data.load``.
+    quality : Quality
+        The knobs.
+    size : int
+        Pixels along each side of the picture.
+    views : sequence of tuple
+        Azimuth and elevation in degrees.
+    repeats : int
+        Frames of which the fastest counts.
+    westover, errors : bool
+        Whether to measure Westover's splatting, and the errors of short records.
+
+    Returns
+    -------
+    dict
+        JSON-ready; milliseconds are medians over the views.  ``memory_bytes`` maps a record size to the bytes of each
+        table, and their total, for three principal axes.
     """
     scenes = [view_scene(volume, tf, view, size) for view in views]
     clock = Clock()
@@ -84,7 +105,7 @@ def measure(
             times.append(view)
         del dense
     row = {name: median(view[name] for view in times) for name in times[0] if name != "axis"}
-    # Ratios are taken view by view, where numerator and denominator saw the same pixels.
+    # Ratios are computed per view, where both sides draw the same pixels.
     for name, part in (
         ("speedup", "ms"), ("splat_speedup", "splat_ms"), ("unlimited_splat_speedup", "splat_unlimited_ms")
     ):  # fmt: skip
@@ -100,23 +121,31 @@ def measure(
 
 
 def _record_errors(scenes, quality) -> list[dict]:
-    """See ``compare_records``; at the default quality, on the same machine."""
+    """``compare_records`` at the default quality, with the same threads and backend."""
     machine = dict(threads=quality.threads, backend=quality.backend)
     return compare_records(scenes, Quality.preset(ERROR_QUALITY, classification="pre", **machine), repeats=1)
 
 
 def principal_axis(scene) -> int:
-    """The axis that counts the slices for a scene with parallel rays."""
+    """The principal axis (0, 1, 2 for x, y, z) of a scene with parallel rays."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     return int(dominant_axis(-view.eye[:3])[0])
 
 
 def covered_fractions(classified) -> dict:
-    """How much of the sheets the kept voxels' footprints reach, one sheet pixel per voxel; means of the three axes.
+    """The fraction of the sheets that the footprints of kept voxels cover, with one sheet pixel per voxel.
 
-    ``pixels``: share of the pixels with something to composite.  ``blocks``: share of the blocks of BLOCK pixels
-    along a scanline that hold such a pixel: the loop composites a block at once, so this, rather than the kept
-    fraction, is what its work cannot get below.
+    Parameters
+    ----------
+    classified : Classified
+        The classified volume.
+
+    Returns
+    -------
+    dict
+        ``pixels``: fraction of the pixels with something to composite.  ``blocks``: fraction of the blocks of BLOCK
+        pixels along a scanline that hold such a pixel.  The loop composites whole blocks, so this is the lower bound
+        of its work.  Both are means over the three principal axes.
     """
     nx, ny, nz = classified.shape_xyz
     rows = np.repeat(np.arange(nz * ny), np.diff(classified.row_start))
@@ -139,14 +168,14 @@ def _frame(volume, classified, tf, scene, tables, quality, repeats) -> dict:
     """The report of one view's best frame, from ready-made tables."""
     stored = StoredVolume({tables.axis: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
     scene = same_view(scene, stored)
-    best_frame(scene, quality, 1)  # whatever compiles lazily
+    best_frame(scene, quality, 1)  # compiles kernels
     return best_frame(scene, quality, repeats)[0].report
 
 
 def _westover(volume, tf, quality, size, views) -> dict:
-    """Westover's splatting, sheet add: every voxel's footprint, and those of the non-transparent voxels alone.
+    """Milliseconds of Westover's splatting, of all voxels and of the visible ones; one view, because it is slow.
 
-    One view, being slow.  It knows extinction only, and no termination.
+    It supports only the extinction model, and no early termination.
     """
     quality = Quality(classification="pre", threads=quality.threads, backend=quality.backend)
     medium = scene_medium(view_scene(volume, tf, views[min(1, len(views) - 1)], size), quality)
@@ -168,14 +197,14 @@ def main(arguments) -> int:
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--quality", choices=("paper", *QUALITY_PRESETS), default="paper")
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--no-westover", action="store_true", help="without the slow second baseline")
-    parser.add_argument("--no-errors", action="store_true", help="without the errors of short voxel records")
+    parser.add_argument("--no-westover", action="store_true", help="skip Westover's splatting, which is slow")
+    parser.add_argument("--no-errors", action="store_true", help="skip the errors of short voxel records")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     quality = quality_of(options.quality, options.threads)
-    where, neighbours = circumstances(options.threads), Neighbours()
+    where, neighbors = circumstances(options.threads), Neighbors()
     rows = []
     for data in PAPER:
         if options.data and data.name not in options.data:
@@ -188,14 +217,14 @@ def main(arguments) -> int:
         rows.append((data, {**row, "called": called}))
         print(f"measured {called}", flush=True)
     print("\n" + "\n".join((
-        describe(where), neighbours.describe(),
+        describe(where), neighbors.describe(),
         f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
         f"median of {min(options.views, len(VIEWS))} view(s).",
         "", *table_1(rows), *([] if options.no_errors else ["", *record_errors(rows, ERROR_QUALITY)]),
         "", *table_2(rows), "",
         *(line for data, row in rows for line in explain(data, row)),
     )))  # fmt: skip
-    where["others_busy_cores"] = neighbours.cores()
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         measured = [row for _, row in rows]
         report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": measured}

@@ -1,4 +1,4 @@
-"""The programs that bench engine holds ours against, in the same run and on the same scenes."""
+"""The programs that bench engine compares with, in the same run and on the same scenes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,29 @@ from functools import partial
 from .volpack_caster import ALL_VOXELS, PACKAGE, SUGGESTED, VOLPACK_PROBLEM, VolpackCaster
 from .vtk_caster import VTK_PROBLEM, VtkCaster
 
-NOT_HERE, NOT_THERE = "not here", "not there"  # the program, on this machine; what is asked for, in the program
+NOT_HERE, NOT_THERE = "not here", "not there"  # not installed here; not supported by the program
 
 
 @dataclass(frozen=True)
 class Peer:
-    """``make``: (scene, shaded, threads) -> an object with draw, close and, where it classifies first, classify_ms.
+    """A program to compare with.
 
-    ``classification``: the order of classifying and interpolating, as ours are called.  ``problem``: why it is not on
-    this machine; empty where it is.  ``remedy``: what brings it.  ``same_colors``: whether its shading is ours, so that
-    its shaded pictures can be held against our truths.
+    Attributes
+    ----------
+    name : str
+        Name in the table.
+    classification : str
+        "pre" or "post".
+    make : callable
+        ``make(scene, shaded, threads)`` returns an object with ``draw``, ``close`` and, for "pre", ``classify_ms``.
+    problem : str
+        Why it is not installed; "" if it is.
+    remedy : str
+        The command that installs it.
+    perspective : bool
+        Whether it supports perspective.
+    same_colors : bool
+        Whether its shading equals ours, so that shaded pictures can be compared with our truths.
     """
 
     name: str
@@ -30,7 +43,7 @@ class Peer:
     same_colors: bool = True
 
     def absence(self, perspective: bool) -> str:
-        """What stands in its columns in place of figures; empty where it has figures."""
+        """The text in its columns if it cannot be measured; "" if it can."""
         if self.problem:
             return NOT_HERE
         return NOT_THERE if perspective and not self.perspective else ""
@@ -44,7 +57,7 @@ _VOLPACK = dict(
     classification="pre", problem=VOLPACK_PROBLEM, remedy=f"apt install {PACKAGE}", perspective=False,
 )  # fmt: skip
 _VTK = dict(classification="post", problem=VTK_PROBLEM, remedy="pip install vtk", same_colors=False)
-DENSE, SAMPLES = "VTK, x4", 4  # as many samples of a voxel's depth as strict has sheets
+DENSE, SAMPLES = "VTK, x4", 4  # as many samples per voxel as strict has sheets per slice
 ALL = "VolPack, all"
 PEERS = {
     peer.name: peer

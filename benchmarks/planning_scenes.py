@@ -1,5 +1,7 @@
-"""The scenes that the planner is calibrated on, and those it is judged on: no volume, no transfer function and no view
-is in both (algorithm.md 7.3).  All that is calibrated on is made of formulas."""
+"""The scenes on which the planner is calibrated, and those on which it is tested.
+
+They have no volume, transfer function or view in common.  All calibration volumes are synthetic.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,6 @@ from itertools import zip_longest
 import numpy as np
 
 from devtools.phantom import SPACING_MM, head_phantom
-from rle_splat.accuracy.closed_forms import marschner_lobb
-from rle_splat.accuracy.phantoms import binary_shell, blobs, smooth_shell, thin_shell
 from rle_splat.classify.presets import fit_preset, preset
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.read.formats import read_volume
@@ -20,6 +20,7 @@ from rle_splat.scene import Camera, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
+from .phantoms import binary_shell, blobs, marschner_lobb, smooth_shell, thin_shell
 from .scenes import DATA, shells
 
 RAINBOW = ((0.0, 0.9, 0.3, 0.1), (0.2, 0.2, 0.8, 0.3), (0.5, 0.1, 0.3, 1.0), (1.0, 0.9, 0.9, 0.8))
@@ -44,17 +45,17 @@ class View:
 
 
 def ramp(low: float, high: float, alpha: float, colors=RAINBOW, distance=1.0, shade=None) -> TransferFunction:
-    """Opacity that rises from 0 at ``low`` to ``alpha`` at ``high``; colours spread over [0, 2 high]."""
+    """Opacity that rises from 0 at ``low`` to ``alpha`` at ``high``, with colors over [0, 2 high]."""
     color = tuple((2.0 * high * position, *rgb) for position, *rgb in colors)
     return TransferFunction("ramp", None, ((low, 0.0), (high, alpha)), color, distance, shade)
 
 
-def bands(centres, half_width: float, alpha: float, distance=1.0, shade=None) -> TransferFunction:
-    """Tents of opacity about some values: iso-surfaces, the narrower the harder."""
+def bands(centers, half_width: float, alpha: float, distance=1.0, shade=None) -> TransferFunction:
+    """Opacity tents around some values, which show iso-surfaces; narrow ones are harder to integrate."""
     opacity, color = [], []
-    for number, centre in enumerate(centres):
-        opacity += [(centre - half_width, 0.0), (centre, alpha), (centre + half_width, 0.0)]
-        color.append((centre, *RAINBOW[number % len(RAINBOW)][1:]))
+    for number, center in enumerate(centers):
+        opacity += [(center - half_width, 0.0), (center, alpha), (center + half_width, 0.0)]
+        color.append((center, *RAINBOW[number % len(RAINBOW)][1:]))
     return TransferFunction("bands", None, tuple(opacity), tuple(color), distance, shade)
 
 
@@ -63,7 +64,7 @@ def _opacities(field) -> Volume:
 
 
 def _noise(size: int, seed: int, slope: float) -> np.ndarray:
-    """A random field, 0 to 255 as uint8, whose amplitudes fall with frequency to the power of ``slope``."""
+    """A random field, uint8 from 0 to 255, with amplitudes proportional to frequency to the power of -``slope``."""
     random = np.random.default_rng(seed)
     waves = np.fft.rfftn(random.standard_normal((size,) * 3))
     k = np.sqrt(sum(f**2 for f in np.meshgrid(*(np.fft.fftfreq(size),) * 2, np.fft.rfftfreq(size), indexing="ij")))
@@ -73,7 +74,7 @@ def _noise(size: int, seed: int, slope: float) -> np.ndarray:
 
 
 def _machine_part(size: int = 96) -> np.ndarray:
-    """A block with bores and steps, edges a voxel soft, uint8: 0, 120 and 230."""
+    """A block with holes, uint8 values 0, 120 and 230 with edges one voxel wide."""
     z, y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, size),) * 3, indexing="ij")
 
     def soft(distance):
@@ -98,7 +99,7 @@ OPACITY_IS_VALUE = TransferFunction("opacity is the value", None, ((0.0, 0.0), (
 
 
 def calibration_volumes() -> Iterator[tuple[str, Volume, TransferFunction, bool]]:
-    """Name, volume, transfer function, shaded or not."""
+    """Yield name, volume, transfer function, and whether it is shaded."""
     yield "smooth", _opacities(smooth_shell(80)), OPACITY_IS_VALUE, False
     yield "thin", _opacities(thin_shell(72)), OPACITY_IS_VALUE, False
     yield "binary", _opacities(binary_shell(64)), OPACITY_IS_VALUE, False
@@ -127,17 +128,17 @@ CALIBRATION_VIEWS = (
 
 
 def calibration_scenes() -> Iterator[tuple[str, Scene]]:
-    """Every calibration volume from every calibration view."""
+    """Yield name and scene for every calibration volume and view."""
     for name, volume, function, shaded in calibration_volumes():
         for number, view in enumerate(CALIBRATION_VIEWS):
             yield f"{name}, view {number}", view.of(volume, function, shaded)
 
 
-# --- judged on ------------------------------------------------------------------------------------------------
+# --- test scenes ----------------------------------------------------------------------------------------------
 
 
 def _lemon(size: int = 88) -> Volume:
-    """An ellipsoid of layers, off the middle and aslant, in Hounsfield-like numbers, int16; spacing 1, 1, 1.5."""
+    """A layered ellipsoid, off center and oblique, int16 values like HU, spacing 1, 1, 1.5."""
     z, y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, size),) * 3, indexing="ij")
     radius = np.sqrt((x + 0.1) ** 2 / 0.7 + (y - 0.2 * z) ** 2 / 0.45 + (z + 0.05) ** 2 / 0.6)
     ripple = 0.06 * np.sin(9.0 * x + 2.0) * np.sin(8.0 * y) * np.sin(7.0 * z + 1.0)
@@ -149,14 +150,14 @@ def _tubes(size: int = 96) -> Volume:
     z, y, x = np.meshgrid(*(np.arange(size, dtype=np.float64),) * 3, indexing="ij")
     field = 0.15 * np.exp(-((x - 48.0) ** 2 + (y - 40.0) ** 2 + (z - 52.0) ** 2) / 1800.0)
     for number in range(5):
-        phase, centre = 1.3 * number, 20.0 + 14.0 * number
-        across = (y - centre - 9.0 * np.sin(0.09 * x + phase)) ** 2 + (z - 48.0 - 20.0 * np.cos(0.07 * x + phase)) ** 2
+        phase, center = 1.3 * number, 20.0 + 14.0 * number
+        across = (y - center - 9.0 * np.sin(0.09 * x + phase)) ** 2 + (z - 48.0 - 20.0 * np.cos(0.07 * x + phase)) ** 2
         field += np.exp(-0.5 * across / (1.0 + 0.35 * number) ** 2)
     return Volume(field.astype(np.float32), np.eye(4))
 
 
 def _inside(volume: Volume, function: TransferFunction, size: int, share, towards, shaded: bool) -> Scene:
-    """From a point of the volume's box (shares of its sides), through a lens of 24 mm."""
+    """A view from a point inside the volume's box to another one (both as fractions of its sides), lens 24 mm."""
     corner = (np.array(volume.shape_xyz) - 1.0) * volume.spacing
     eye, aim = corner * share, corner * towards
     ahead = (aim - eye) / np.linalg.norm(aim - eye)
@@ -192,9 +193,17 @@ JUDGED_SCANS = {
 
 
 def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
-    """The scenes that a planner is judged on: formulas that are not calibrated on, and scans where they are at hand.
+    """Yield the name and scene of each test scene: synthetic ones, and the scans that are present.
 
-    ``names``: only these, all when None or empty.
+    Parameters
+    ----------
+    names : collection of str, optional
+        Only these scenes; None or empty for all.
+
+    Yields
+    ------
+    name, scene
+        A name and a Scene.
     """
     lemon, tubes = _lemon(), _tubes()
     volume, function = shells(128)
@@ -214,7 +223,7 @@ def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
     scans = {
         name: partial(_scan, *scan) for name, scan in JUDGED_SCANS.items() if (DATA / scan[0]).exists()
     }  # fmt: skip
-    # In turn, so that the first few are of all kinds.
+    # Alternate both kinds, so that a shortened run has both.
     for pair in zip_longest(made.items(), scans.items()):
         for name, make in filter(None, pair):
             if not names or name in names:

@@ -1,4 +1,4 @@
-"""The plots in docs/images; matplotlib is in the benchmarks' environment alone."""
+"""The plots in docs/images.  matplotlib is installed only in the benchmarks' environment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ except ImportError as problem:
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 DOTS_PER_INCH = 110
-COLOURS = {"scaled": "tab:blue", "boxed": "tab:orange"}
+COLORS = {"scaled": "tab:blue", "boxed": "tab:orange"}
 
 
 def _save(figure, path: Path) -> str:
@@ -29,38 +29,50 @@ def _save(figure, path: Path) -> str:
 
 
 def scaling_plot(rows, path: Path, most_bytes: int) -> str:
-    """Time against kept voxels and against the volume, and peak memory; a sentence on what was written.
+    """Plot time against kept voxels and against volume size, and peak memory.
 
-    ``most_bytes``: the peak that is allowed, drawn as a line.
+    Parameters
+    ----------
+    rows : list of dict
+        The rows of bench scaling.
+    path : Path
+        The file to write.
+    most_bytes : int
+        The allowed peak, drawn as a line.
+
+    Returns
+    -------
+    str
+        A sentence on the file.
     """
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
     figure, (by_kept, by_volume, memory) = plt.subplots(1, 3, figsize=(15, 6))
-    for series, colour in COLOURS.items():
+    for series, color in COLORS.items():
         mine = [row for row in rows if row["series"] == series]
         kept, volume = [row["kept_voxels"] for row in mine], [row["volume_bytes"] for row in mine]
         for name, style in (("frame", "o-"), ("encode", "s--"), ("classify", "^:")):
             spent = [row[f"{name}_ms"] for row in mine]
-            by_volume.loglog(volume, spent, style, color=colour, label=f"{name}, {series}")
-            if name != "classify":  # which looks at every voxel
-                by_kept.loglog(kept, spent, style, color=colour, label=f"{name}, {series}")
+            by_volume.loglog(volume, spent, style, color=color, label=f"{name}, {series}")
+            if name != "classify":  # its time depends on all voxels
+                by_kept.loglog(kept, spent, style, color=color, label=f"{name}, {series}")
         for name, style, label in (
             ("three_axes_peak_bytes", "D-", "peak, three axes"), ("peak_bytes", "o-", "peak, one axis and frames"),
             ("three_axes_bytes", "s--", "tables of three axes"),
         ):  # fmt: skip
             if all(row[name] for row in mine):
                 size = [row[name] / 2**30 for row in mine]
-                memory.loglog(volume, size, style, color=colour, label=f"{label}, {series}", alpha=0.8)
+                memory.loglog(volume, size, style, color=color, label=f"{label}, {series}", alpha=0.8)
     most = max(rows, key=lambda row: row["kept_voxels"])
     ends = [min(row["kept_voxels"] for row in rows), most["kept_voxels"]]
     proportional = [most["frame_ms"] * kept / most["kept_voxels"] for kept in ends]
-    by_kept.loglog(ends, proportional, ":", color="grey", label="in proportion to the kept voxels")
+    by_kept.loglog(ends, proportional, ":", color="gray", label="in proportion to the kept voxels")
     sides = {row["n"]: row["volume_bytes"] for row in rows}
     volume = sorted(sides.values())
-    memory.loglog(volume, [size / 2**30 for size in volume], ":", color="grey", label="the volume itself")
+    memory.loglog(volume, [size / 2**30 for size in volume], ":", color="gray", label="the volume itself")
     memory.axhline(most_bytes / 2**30, color="tab:red", lw=1, label=f"{most_bytes >> 30} GiB")
-    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="A frame follows what is kept ...")
-    by_volume.set(xlabel="voxels of the volume", ylabel="milliseconds", title="... not the volume")
+    by_kept.set(xlabel="kept voxels", ylabel="milliseconds", title="Time grows with the kept voxels ...")
+    by_volume.set(xlabel="voxels of the volume", ylabel="milliseconds", title="... not with the volume")
     memory.set(xlabel="voxels of the volume", ylabel="GiB", title="Memory")
     for axes in (by_volume, memory):
         axes.set_xticks(list(sides.values()), [f"{side}³" for side in sides])
@@ -72,7 +84,20 @@ def scaling_plot(rows, path: Path, most_bytes: int) -> str:
 
 
 def turn_plot(turn, near, path: Path) -> str:
-    """Frame difference and alpha over a full turn, and the difference of two axes near the switch."""
+    """Plot the frame difference and alpha over a full turn, and the difference of two axes near the switch.
+
+    Parameters
+    ----------
+    turn, near : list of dict
+        The results of ``Turn.round`` and ``Turn.both_axes``.
+    path : Path
+        The file to write.
+
+    Returns
+    -------
+    str
+        A sentence on the file.
+    """
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
     figure, (steps, alpha, both) = plt.subplots(3, 1, figsize=(11, 9))
@@ -86,7 +111,7 @@ def turn_plot(turn, near, path: Path) -> str:
     for axes in (steps, alpha):
         for row in turn:
             if row["switched"]:
-                axes.axvline(row["azimuth"], color="grey", ls=":", lw=1)
+                axes.axvline(row["azimuth"], color="gray", ls=":", lw=1)
         axes.set_xlim(min(angle), max(angle))
     for key, label in (
         ("largest", "largest, rgba"), ("rmse", "RMSE, rgba"), ("alpha_largest", "largest, alpha"),

@@ -1,8 +1,8 @@
-"""Error and time of the quality presets of post on volumes of 256^3 voxels, and what holds the error.
+"""Error and time of the post-classified quality presets on volumes of 256^3 voxels, and the sources of the error.
 
-Each against T2, unshaded, at random pixels of a few views: the presets as they are; what is left of ``standard`` with
-sheets so dense that nothing but depth errs, and with so many slabs a voxel that nothing but the sheets' resampling
-does; and which share of the squared error the worst pixels hold.
+Errors are against T2, unshaded, at random pixels of a few views.  Besides the presets it measures ``standard`` with
+very dense sheets, which leaves the depth error, and with many slabs per voxel, which leaves the resampling error.  It
+also gives the share of the squared error in the worst pixels.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality
 
 from .data_sets import PAPER
-from .frames import Neighbours, best_frame, circumstances, describe, frame_ms, view_scene
+from .frames import Neighbors, best_frame, circumstances, describe, frame_ms, view_scene
 from .scenes import scenes
 
 SIZE, PROBES, REPEATS, TOLERANCE = 512, 4096, 5, 1e-6
 VIEWS = ((35, 25), (130, -20), (-60, 75))  # azimuth and elevation, degrees
 LARGE = ("X-ray foot", "CT bonsai")
-WORST = 0.003  # of all pixels
-# What of standard is left when one of its two errors is taken away, by name.
+WORST = 0.003  # fraction of all pixels
+# Changes to standard that remove one of its two errors.
 ALONE = {"depth alone": dict(sheet_density=4.0), "resampling alone": dict(depth_rule="midpoint-8", termination=1e-6)}
 
 
 def subjects(names):
-    """Name, volume, transfer function: the preset's own, and, called so, the benchmarks' own."""
+    """Yield name, volume and transfer function: with presets, and with the transfer functions of bench paper."""
     yield from scenes(("shells", *LARGE) if not names else names)
     for data in PAPER:
         if data.name in (names or LARGE):
@@ -42,7 +42,7 @@ def subjects(names):
 
 
 def measure(scenes_of_views, quality: Quality, cache: StageCache, true, places, repeats: int) -> dict:
-    """JSON-ready: median milliseconds, RMSE of full scale, and the share of the squared error in the worst pixels."""
+    """JSON-ready: median milliseconds, RMSE (1 is full scale), share of the squared error in the worst pixels."""
     spent, squares = [], []
     for scene, expected in zip(scenes_of_views, true, strict=True):
         rendering, _ = best_frame(scene, quality, repeats, cache)
@@ -59,7 +59,7 @@ def main(arguments) -> int:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
-    where, neighbours = circumstances(options.threads), Neighbours()
+    where, neighbors = circumstances(options.threads), Neighbors()
     print(describe(where))
     print(f"\n{'volume':<20}{'projection':<14}{'quality':<18}{'ms':>7}{'RMSE':>9}  share of the worst {WORST:.1%}")
     qualities = {name: Quality.preset(name, threads=options.threads) for name in QUALITY_PRESETS}
@@ -68,15 +68,15 @@ def main(arguments) -> int:
     for name, volume, function in subjects(options.scene):
         for perspective in (False, True):
             views = [view_scene(volume, function, view, SIZE, perspective, shaded=False) for view in VIEWS]
-            centres = tuple(place + 0.5 for place in places)
-            true = [truth(scene, "T2", pixels=centres, tolerance=TOLERANCE)[0] for scene in views]
+            centers = tuple(place + 0.5 for place in places)
+            true = [truth(scene, "T2", pixels=centers, tolerance=TOLERANCE)[0] for scene in views]
             cache, projection = StageCache(), "perspective" if perspective else "orthographic"
             for title, quality in (qualities | alone).items():
                 row = measure(views, quality, cache, true, places, REPEATS if title in qualities else 1)
                 rows.append({"volume": name, "projection": projection, "quality": title, **row})
                 ms = f"{row['ms']:7.1f}" if title in qualities else f"{'':7}"
                 print(f"{name:<20}{projection:<14}{title:<18}{ms}{row['rmse']:9.4f}{row['worst']:8.0%}", flush=True)
-    print(f"\n{SIZE} x {SIZE} pixels, {len(VIEWS)} views, the best of {REPEATS} frames. {neighbours.describe()}")
+    print(f"\n{SIZE} x {SIZE} pixels, {len(VIEWS)} views, the best of {REPEATS} frames. {neighbors.describe()}")
     if options.json:
         report = {"circumstances": where, "rows": rows}
         options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")

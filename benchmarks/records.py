@@ -1,8 +1,8 @@
-"""What shorter voxel records cost: their pictures against 16 bytes and against the truth, and the time of a frame.
+"""Error and frame time of short voxel records, against records of 16 bytes and against the truth.
 
-Every record size draws the same views in turns, so that what else the machine does falls on all alike.  Errors are
-levels, 1/255 of premultiplied scene-linear RGBA: from the picture of 16 bytes over all pixels of all views, and from
-T1, the classified medium interpolated, at random probe pixels.
+All record sizes draw the same views in alternation, so that other load affects all equally.  Errors are levels of 1/255
+of premultiplied scene-linear RGBA: against the picture of 16 bytes over all pixels of all views, and against T1
+(classify, then interpolate) at random probe pixels.
 """
 
 from __future__ import annotations
@@ -16,32 +16,44 @@ from statistics import median
 import numpy as np
 
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.comparison.judge import probe_truth
 from rle_splat.comparison.medium import scene_medium
+from rle_splat.comparison.probe_truth import probe_truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
 from rle_splat.volume.volume import Volume
 
 from .data_sets import PAPER
-from .frames import VIEWS, Neighbours, best_frame, circumstances, describe, view_scene
+from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, view_scene
+from .phantoms import FIELDS
 
 REPEATS = 3
 PROBES = 64  # per view
 FIELD_SIZE = 128  # voxels a side of the synthetic fields
-THIN_ALPHA, THIN_SLICES = 0.002, 256  # algorithm.md 1.11: a linear alpha of 8 bits is 59 levels off here
+THIN_ALPHA, THIN_SLICES = 0.002, 256  # a medium for which a linear 8-bit alpha has an error of 59 levels
 
 
 def compare_records(scenes, quality: Quality, probes: int = PROBES, repeats: int = REPEATS) -> list[dict]:
-    """One JSON-ready row per record size, for the views ``scenes`` of one volume.
+    """Compare the record sizes on several views of one volume.
 
-    ``against_16`` and ``t1``: RMSE and largest error, levels.  ``frame``: milliseconds of splat and warp over those
-    of 16 bytes, the median of the views' ratios.
+    Parameters
+    ----------
+    scenes : list of Scene
+        The views.
+    quality : Quality
+        The knobs.
+    probes, repeats : int
+        Probe pixels per view, and frames of which the fastest counts.
+
+    Returns
+    -------
+    list of dict
+        One JSON-ready row per record size.  ``against_16`` and ``t1``: RMSE and largest error in levels.  ``frame``:
+        time of a frame over that with 16 bytes, the median over the views.
     """
     found = {record: {"against_16": [], "t1": [], "frame": []} for record in RECORDS}
-    quality = quality.classified("pre")  # records are those of classified voxels
+    quality = quality.classified("pre")  # only classified voxels have records of different sizes
     for number, scene in enumerate(scenes):
         cache = StageCache()
         columns, rows, truth = probe_truth(scene_medium(scene, quality), probes, seed=number)
@@ -71,8 +83,8 @@ def _levels(pictures, references) -> dict:
 
 
 def fields():
-    """Yields name, volume and transfer function of media whose truth is known in every voxel; unshaded."""
-    thin = TransferFunction(  # solid matter is in the function, so codes must span all densities
+    """Yield name, volume and transfer function of unshaded synthetic media."""
+    thin = TransferFunction(  # includes opaque values, so that the codes of a record must span all densities
         "thin", None, ((0, THIN_ALPHA), (150, THIN_ALPHA), (200, 1.0)), ((0, 1.0, 0.37, 0.61),), 1.0, None
     )
     yield "thin medium", Volume(np.full((64, THIN_SLICES, 64), 100, np.uint8), np.eye(4)), thin
@@ -85,7 +97,7 @@ def fields():
 
 
 def header() -> str:
-    """The table's first lines."""
+    """The heading of the table."""
     short = [f"{record} B" for record in RECORDS[1:]]
     return (
         f"{'':<24}{'':<10}" + "".join(f"{f'{name} against 16':>18}" for name in short)
@@ -97,14 +109,14 @@ def header() -> str:
 
 
 def line(name: str, quality: str, rows: list[dict]) -> str:
-    """One line of the table from what ``compare_records`` returned."""
+    """One line of the table from the result of ``compare_records``."""
     against = "".join(f"{row['against_16']['rmse']:10.3f}{row['against_16']['largest']:8.2f}" for row in rows[1:])
     truth = "".join(f"{row['t1']['rmse']:9.3f}{row['t1']['largest']:7.2f}" for row in rows)
     return f"{name:<24}{quality:<10}{against}{truth}   " + "".join(f"{row['frame']:8.2f}" for row in rows[1:])
 
 
 def _volumes(options):
-    """Yields name, volume, transfer function and whether it is lit."""
+    """Yield name, volume, transfer function, and whether it is shaded."""
     if not options.no_fields:
         yield from ((*field, False) for field in fields())
     chosen = PAPER if options.data is None else [data for data in PAPER if data.name in options.data]
@@ -116,14 +128,14 @@ def main(arguments) -> int:
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["standard"])
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="how many of the views")
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
     parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
+    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels per view")
     parser.add_argument("--data", nargs="*", choices=[data.name for data in PAPER], help="only these data sets")
-    parser.add_argument("--no-fields", action="store_true", help="without the synthetic media")
+    parser.add_argument("--no-fields", action="store_true", help="skip the synthetic media")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
-    where, neighbours, table = circumstances(options.threads), Neighbours(), []
+    where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(f"{describe(where)}\n{options.size} x {options.size}, orthographic, {options.views} view(s)\n\n{header()}")
     for name, volume, tf, shaded in _volumes(options):
         scenes = [view_scene(volume, tf, view, options.size, shaded=shaded) for view in VIEWS[: options.views]]
@@ -132,8 +144,8 @@ def main(arguments) -> int:
             rows = compare_records(scenes, knobs, options.probes, options.repeats)
             table.append({"volume": name, "quality": quality, "records": rows})
             print(line(name, quality, rows), flush=True)
-    print(f"\nx frame: splat + warp over that of 16 bytes, drawn in turns.\n{neighbours.describe()}")
-    where["others_busy_cores"] = neighbours.cores()
+    print(f"\nframe: splat + warp over that of 16 bytes, drawn in alternation.\n{neighbors.describe()}")
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -1,9 +1,9 @@
-"""How time and memory grow with the volume: 128^3 to 1024^3, 8 bit, about 3 % of the voxels kept.
+"""Time and memory as functions of the volume's size: 128^3 to 1024^3 voxels, 8 bit, about 3 % of them kept.
 
-Two series.  "scaled": one shell at ever finer sampling, so that kept voxels grow with the volume.  "boxed": the
-same 128^3 object, the same picture, in an ever larger box of transparent voxels: what grows there is the volume
-alone.  Every step is a process of its own, so that its peak memory is its own: first that of reading, classifying,
-encoding along one principal axis and drawing, then that of encoding along all three, as `rle-splat encode` does.
+There are two series.  "scaled": one shell with finer and finer sampling, so that the kept voxels grow with the volume.
+"boxed": the same 128^3 object and picture in a larger and larger box of transparent voxels, so that only the volume
+grows.  Every step runs in its own process to measure its peak memory: first for reading, classifying, encoding along
+one principal axis and drawing, then for encoding along all three, as `rle-splat encode` does.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-from .frames import Neighbours, best_frame, circumstances, describe, same_view
+from .frames import Neighbors, best_frame, circumstances, describe, same_view
 from .plots import IMAGES, scaling_plot
 
 SERIES = ("scaled", "boxed")
 SMALLEST = 128
-TINY = 16  # voxels a side of what is only there to have kernels compiled and loaded
+TINY = 16  # voxels along each side of the volume that only compiles and loads kernels
 SIZES = (128, 256, 512)
 LARGE = 1024
-# Radius and half thickness of the shell, in half volume sides: 3 % of the volume.
+# Radius and half thickness of the shell, in half sides of the volume: 3 % of its voxels.
 RADIUS, HALF_THICKNESS = 0.7, 0.0195
 AXIS = 1
-VIEWS = ((0, 0), (35, 25), (-30, -20))  # one principal axis, y, so that one set of tables will do
+VIEWS = ((0, 0), (35, 25), (-30, -20))  # all along the principal axis y, so that one set of tables is enough
 REPEATS = 2
-FRAMES_MS = 1000.0  # spent on the pictures of a view, where a few are not enough
+FRAMES_MS = 1000.0  # time for the pictures of a view, if REPEATS take less
 MIB = 1 << 20
-MOST_BYTES = 8 << 30  # what reading, encoding and drawing 1024^3 voxels may take
+MOST_BYTES = 8 << 30  # limit for reading, encoding and drawing 1024^3 voxels
 
 
 def slab(series: str, n: int, z: int) -> np.ndarray:
-    """(n, n) uint8, plane ``z`` of the synthetic volume."""
+    """(n, n) uint8: plane ``z`` of the synthetic volume."""
     side = n if series == "scaled" else SMALLEST
     at = ((np.arange(n, dtype=np.float32) - 0.5 * (n - 1)) / (0.5 * side)) ** 2
     radius = np.sqrt(at[z] + at[:, None] + at[None, :])
@@ -58,7 +58,7 @@ def slab(series: str, n: int, z: int) -> np.ndarray:
 
 
 def write_volume(path: Path, series: str, n: int) -> None:
-    """The raw file, plane by plane."""
+    """Write the raw file, plane by plane."""
     with open(path, "wb") as file:
         for z in range(n):
             file.write(slab(series, n, z))
@@ -67,12 +67,12 @@ def write_volume(path: Path, series: str, n: int) -> None:
 def step(path: Path, series: str, n: int, size: int, threads: int, frames_ms: float) -> dict:
     """Read, classify, encode and draw one raw file; JSON-ready times, counts and the peak memory of this process."""
     quality = Quality(classification="pre", threads=threads)
-    _road(_small(), "scaled", SMALLEST, size, quality, 1, 0.0)  # loads the kernels
+    _run(_small(), "scaled", SMALLEST, size, quality, 1, 0.0)  # loads the kernels
     spacing = (SMALLEST / n if series == "scaled" else 1.0,) * 3
     began = time.perf_counter()
     volume = read_volume(path, shape=(n, n, n), dtype="uint8", spacing=spacing)
     read_ms = 1e3 * (time.perf_counter() - began)
-    result = _road(volume, series, n, size, quality, REPEATS, frames_ms)
+    result = _run(volume, series, n, size, quality, REPEATS, frames_ms)
     peak = peak_memory()
     began = time.perf_counter()
     three = encode_scene(_scenes(volume, series, n, size)[0], quality)
@@ -90,7 +90,7 @@ def _small() -> Volume:
 
 
 def _scenes(volume, series, n, size) -> list[Scene]:
-    """The views, in which the object always fills the same part of the picture."""
+    """The views; the object fills the same part of the picture in both series."""
     tf = TransferFunction("shell", None, ((0, 0), (255, 0.6)), ((0, 0.9, 0.6, 0.3), (255, 1, 1, 1)), 1.0, None)
     fit = 1.25 if series == "scaled" else 1.25 * SMALLEST / n
     scenes = []
@@ -100,8 +100,8 @@ def _scenes(volume, series, n, size) -> list[Scene]:
     return scenes
 
 
-def _road(volume, series, n, size, quality, repeats, frames_ms) -> dict:
-    """From voxels to frames: the quickest of ``repeats`` of each stage, and of more where pictures are quick."""
+def _run(volume, series, n, size, quality, repeats, frames_ms) -> dict:
+    """The fastest of ``repeats`` runs of each stage, and of more runs for fast pictures."""
     scenes = _scenes(volume, series, n, size)
     tf, index_to_world = scenes[0].transfer_function, scenes[0].index_to_world
     arguments = dict(backend=quality.backend, threads=quality.threads)
@@ -115,7 +115,7 @@ def _road(volume, series, n, size, quality, repeats, frames_ms) -> dict:
     frames = []
     for scene in scenes:
         scene = same_view(scene, stored)
-        _, first = _quickest(partial(best_frame, scene, quality, 1), 1)  # all that a picture takes
+        _, first = _quickest(partial(best_frame, scene, quality, 1), 1)  # with all stages
         frames.append(best_frame(scene, quality, max(repeats, int(frames_ms / first)))[1])
     return {
         "kept_voxels": kept, "runs": len(tables.runs), "table_bytes": tables.nbytes, "classify_ms": classify_ms,
@@ -124,7 +124,7 @@ def _road(volume, series, n, size, quality, repeats, frames_ms) -> dict:
 
 
 def _quickest(make, repeats: int):
-    """What ``make()`` returns and its least milliseconds; one result at a time is held, so that peaks are true."""
+    """(result, least milliseconds) of ``make()``; only one result exists at a time, for a true peak memory."""
     least = np.inf
     for _ in range(repeats):
         result = None
@@ -135,7 +135,7 @@ def _quickest(make, repeats: int):
 
 
 def peak_memory() -> int | None:
-    """Most bytes of memory this process has had, where the platform tells."""
+    """Peak memory of this process in bytes; None if the platform does not report it."""
     try:
         import resource
     except ImportError:
@@ -151,12 +151,12 @@ def _in_own_process(path, series, n, options) -> dict:
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
-        raise RleSplatError(f"The step {series} {n}^3 failed: {done.stderr.strip()[-400:]}")
+        raise RleSplatError(f"The step {series} {n}^3 failed with the error below.\n{done.stderr.strip()[-400:]}")
     return json.loads(done.stdout.splitlines()[-1])
 
 
 def table_lines(rows) -> list[str]:
-    """The rows as text."""
+    """The table as lines of text."""
     lines = [
         f"{'series':<8}{'volume':>8}{'MiB':>8}{'kept':>12}{'runs':>12}{'tables MiB':>12}{'classify ms':>13}"
         f"{'encode ms':>11}{'frame ms':>10}{'ns/kept':>9}{'ns/run':>8}{'peak MiB':>10}"
@@ -178,12 +178,13 @@ def table_lines(rows) -> list[str]:
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench scaling", description=__doc__)
-    parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES), help="voxels a side")
-    parser.add_argument("--large", action="store_true", help=f"and {LARGE}: needs 1 GiB of disk and several of memory")
-    parser.add_argument("--scratch", type=Path, help="where the volumes go meanwhile; the system's place if left out")
-    parser.add_argument("--size", type=int, default=512, help="pixels a side")
+    parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES), help="voxels along each side")
+    parser.add_argument(
+        "--large", action="store_true", help=f"also {LARGE}, which needs 1 GiB of disk and several GiB of memory")
+    parser.add_argument("--scratch", type=Path, help="folder for the temporary volumes (default: the system's)")
+    parser.add_argument("--size", type=int, default=512, help="pixels along each side")
     parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--frames-ms", type=float, default=FRAMES_MS, help="spent on the pictures of a view")
+    parser.add_argument("--frames-ms", type=float, default=FRAMES_MS, help="time for the pictures of a view")
     parser.add_argument("--image", type=Path, default=IMAGES / "scaling.png", help="the plot")
     parser.add_argument("--no-image", action="store_true")
     parser.add_argument("--json", type=Path)
@@ -193,17 +194,17 @@ def main(arguments) -> int:
         path, series, n = options.step
         print(json.dumps(step(Path(path), series, int(n), options.size, options.threads, options.frames_ms)))
         return 0
-    where, rows, neighbours = circumstances(options.threads), [], Neighbours()
+    where, rows, neighbors = circumstances(options.threads), [], Neighbors()
     print(describe(where))
     sizes = [*options.sizes, *([LARGE] if options.large else [])]
     with tempfile.TemporaryDirectory(dir=options.scratch) as folder:
         largest = max(sizes)
         if shutil.disk_usage(folder).free < 2 * largest**3:
-            place = f"{folder}; name another folder by --scratch"
-            raise RleSplatError(f"There is no room for {largest}^3 bytes in {place}.")
+            raise RleSplatError(
+                f"There is not enough space for {largest}^3 bytes in {folder}; choose another folder with --scratch.")
         path = Path(folder) / "volume.raw"
         write_volume(path, SERIES[0], TINY)
-        _in_own_process(path, SERIES[0], TINY, options)  # compiles, in a process whose peak does not count
+        _in_own_process(path, SERIES[0], TINY, options)  # compiles the kernels; its peak memory is not used
         for n in sizes:
             for series in SERIES:
                 write_volume(path, series, n)
@@ -212,15 +213,15 @@ def main(arguments) -> int:
                 print(f"measured {series} {n}^3", flush=True)
     print("\n" + "\n".join(table_lines(rows)))
     print(
-        "Frame: splat + warp, standard, median of three views. Peak: of the whole process, Python and the compiled "
-        "kernels included, which alone take about what the smallest volume shows; first for one principal axis and the "
-        "frames, then for tables of all three."
+        "Frame: splat + warp, standard, median of three views. Peak: of the whole process with Python and the compiled "
+        "kernels, which take most of the smallest volume's peak; first for one principal axis and the frames, then for "
+        "the tables of all three."
     )
     peaks = [row["three_axes_peak_bytes"] for row in rows if row["three_axes_peak_bytes"]]
     if peaks:
         print(f"The largest peak is {max(peaks) / 2**30:.2f} GiB; {MOST_BYTES / 2**30:.0f} GiB are allowed.")
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, "rows": rows}, indent=1) + "\n", encoding="utf-8")
     if not options.no_image:

@@ -1,4 +1,4 @@
-"""Volumes to measure on: the real ones where they are at hand, a synthetic one everywhere."""
+"""The volumes of the benchmarks: synthetic ones, and real scans if they are present."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rle_splat.read.formats import read_volume
 from rle_splat.volume.volume import Volume
 
 DATA = Path(os.environ.get("RLE_SPLAT_DATA") or Path(__file__).resolve().parents[1] / ".." / "shared" / "data")
-# File, preset, azimuth and elevation that show it.
+# Name -> (file, options of read_volume, preset).
 REAL = {
     "CT head": ("cthead_256x256x113_uint16be.raw.gz", dict(spacing=(1.0, 1.0, 2.0)), "ct-bone"),
     "CT lobster": ("lobster_301x324x56_uint8.raw.gz", dict(spacing=(1.0, 1.0, 1.4)), "ct-specimen"),
@@ -25,23 +25,31 @@ REAL = {
 
 
 def shells(n: int = 256) -> tuple[Volume, TransferFunction]:
-    """Concentric shells of a radial field, 8 bit: about a tenth of the voxels is visible."""
+    """Concentric shells of a radial field, 8 bit, ``n`` voxels along each side; about a tenth of them are visible."""
     axis = np.linspace(-1.0, 1.0, n, dtype=np.float32)
     voxels = np.empty((n, n, n), np.uint8)
     for z, depth in enumerate(axis):
         radius = np.sqrt(axis[None, :] ** 2 + axis[:, None] ** 2 + depth**2)
         voxels[z] = np.clip(255.0 * (1.0 - radius), 0.0, 255.0)
     opacity = [(0.0, 0.0)]
-    for centre, alpha in ((40.0, 0.04), (110.0, 0.1), (180.0, 0.6)):
-        opacity += [(centre - 4.0, 0.0), (centre, alpha), (centre + 4.0, 0.0)]
+    for center, alpha in ((40.0, 0.04), (110.0, 0.1), (180.0, 0.6)):
+        opacity += [(center - 4.0, 0.0), (center, alpha), (center + 4.0, 0.0)]
     color = [(40.0, 0.8, 0.4, 0.3), (110.0, 0.3, 0.6, 0.9), (180.0, 1.0, 0.9, 0.6)]
     return Volume(voxels, np.eye(4), name="shells"), TransferFunction("shells", None, opacity, color, None, Shade())
 
 
 def scenes(names=None):
-    """Yields name, volume and transfer function; the real volumes only where their folder is.
+    """Yield name, volume and transfer function of the shells and of the scans that are present.
 
-    ``names``: only these, all when None or empty.
+    Parameters
+    ----------
+    names : collection of str, optional
+        Only these; None or empty for all.
+
+    Yields
+    ------
+    name, volume, transfer_function
+        A name, a Volume and a TransferFunction.
     """
     if not names or "shells" in names:
         yield "shells", *shells()
@@ -52,7 +60,7 @@ def scenes(names=None):
 
 
 def smoke(shape_xyz=(144, 144, 224), seed: int = 8) -> Volume:
-    """A plume that rises, bends and frays, float32 densities from 0 to 1: no scan's noise, no edges but its own."""
+    """A synthetic plume of smoke with float32 densities from 0 to 1, without scanner noise."""
     nx, ny, nz = shape_xyz
     z, y, x = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in (nz, ny, nx))
     height = 0.5 * (z + 1.0)[:, None, None]
@@ -68,8 +76,7 @@ def smoke(shape_xyz=(144, 144, 224), seed: int = 8) -> Volume:
 
 
 def _billows(shape_zyx, random, cells, octaves: int) -> np.ndarray:
-    """(nz, ny, nx) float32 noise about zero: lattices of random numbers, each twice as fine and half as strong as the
-    one before, smoothly interpolated."""
+    """(nz, ny, nx) float32 value noise around zero: each octave is twice as fine and half as strong."""
     total = np.zeros(shape_zyx, np.float32)
     for octave in range(octaves):
         field = random.uniform(-1.0, 1.0, [n * 2**octave + 2 for n in cells]).astype(np.float32)

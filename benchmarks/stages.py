@@ -21,7 +21,7 @@ SHOWN = ("classify", "shade", "encode", *FRAME, "frame")
 
 
 def measure(volume, tf, quality: Quality, perspective: bool, size: int) -> dict:
-    """Median milliseconds per stage over the views; a stage that only a new volume needs from its first run."""
+    """Median milliseconds per stage over the views; for classify and encode the slowest run, which makes them."""
     cache = StageCache()
     first: dict = {}
     runs = []

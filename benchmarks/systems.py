@@ -1,4 +1,4 @@
-"""The systems that the paper names, on each volume: time, memory and error side by side in one run."""
+"""The methods that the paper names on each volume: time, memory and error in one run."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rle_splat.view.turntable import turntable
 
 from .scenes import REAL, scenes
 
-VIEW = (35.0, 25.0)  # azimuth and elevation, degrees: no principal axis in particular
+VIEW = (35.0, 25.0)  # azimuth and elevation in degrees, oblique to all principal axes
 
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench systems", description=__doc__)
     parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help="only these")
-    parser.add_argument("--system", nargs="*", choices=list(SYSTEMS), help="only these; the first is the measure")
+    parser.add_argument("--system", nargs="*", choices=list(SYSTEMS), help="only these; the first is the reference")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
     parser.add_argument("--perspective", action="store_true")

@@ -1,9 +1,9 @@
-"""The promise, judged: pictures to a tolerance on scenes that the planner was not calibrated on.
+"""Tests whether pictures keep their tolerance, on scenes that the planner was not calibrated on.
 
-Each picture is measured once more at pixels of other draws than the planner's: three quarters of them random, a quarter
-random among the steepest tenth of the picture, where most errors are.  A picture that says of itself that its tolerance
-is not reachable is counted apart, and its floor is judged in the tolerance's place.  Predicted milliseconds, of splat,
-warp and single rays, are held against those of the same picture.
+Each picture is measured again at other pixels than the planner's probes: three quarters of them random, one quarter
+random among the steepest tenth of the picture, where most errors are.  A picture that is reported as unable to reach
+its tolerance is counted separately and tested against the error that it reports as reachable.  Predicted milliseconds
+of splat, warp and single rays are compared with the measured ones.
 """
 
 from __future__ import annotations
@@ -17,40 +17,46 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.measure import TOLERANCE
 from rle_splat.accuracy.planner.tolerance import render_within
-from rle_splat.accuracy.probes import PROBES, STEEP_SHARE, probe_errors, steep_pixels, stratified_pixels
+from rle_splat.accuracy.probes import (
+    PROBES,
+    STEEP_SHARE,
+    TRUTH_TOLERANCE,
+    probe_errors,
+    steep_pixels,
+    stratified_pixels,
+)
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
 
-from .frames import Neighbours, circumstances, describe
+from .frames import Neighbors, circumstances, describe
 from .planning_scenes import JUDGED_SCANS, judged_scenes
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
 OTHER_SEED = 20031
-LONGEST = 20.0  # seconds of a picture after which a scene is asked for no tighter ones, which would take longer yet
-STEEPEST = 0.1  # of the picture's pixels, of which some are drawn
-# What has to hold: shares of the pictures that claim to keep their tolerance, and of all predicted times.
+LONGEST = 20.0  # seconds; after a slower picture the smaller tolerances of a scene, which take longer, are skipped
+STEEPEST = 0.1  # fraction of the picture's pixels among which steep probes are drawn
+# Limits: share of claimed tolerances that are kept, worst error over tolerance, share and factor of predicted times.
 KEPT_SHARE, WORST, TIMED_SHARE, TIMED_FACTOR = 0.95, 2.0, 0.9, 2.0
 
 
 def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> float:
-    """Levels: the largest error of a picture at pixels drawn for this alone."""
+    """The largest error of a picture in levels, at pixels that the planner has not used."""
     height, width = rgba.shape[:2]
     steep = round(STEEP_SHARE * count)
     columns, rows = stratified_pixels(width, height, count - steep, OTHER_SEED)
     some = np.random.default_rng(OTHER_SEED).permutation(round(STEEPEST * width * height))[:steep]
     places = [np.concatenate((one, more[some])) for one, more in
               zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]
-    centres = tuple(place + 0.5 for place in places)
-    true, _ = truth(scene, which, pixels=centres, tolerance=TOLERANCE, **shading)
+    centers = tuple(place + 0.5 for place in places)
+    true, _ = truth(scene, which, pixels=centers, tolerance=TRUTH_TOLERANCE, **shading)
     return float(probe_errors(rgba[places[1], places[0]], true).max())
 
 
 def judge_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: int = PROBES) -> list[dict]:
-    """One JSON-ready row per tolerance, from the mildest on, as long as no picture took longer than LONGEST."""
+    """One JSON-ready row per tolerance, from the largest to the smallest, until a picture takes longer than LONGEST."""
     cache, rows, which = StageCache(), [], truth_of(quality)
     shading = shading_of(scene, which)
     for tolerance in sorted(tolerances, reverse=True):
@@ -74,8 +80,7 @@ def judge_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: i
 
 
 def verdict(rows: list[dict]) -> dict:
-    """What the rows say together, JSON-ready; ``holds`` is whether the promise is kept, ``timed`` whether the times
-    are."""
+    """JSON-ready statistics; ``holds``: whether tolerances are kept; ``timed``: whether predicted times are right."""
     claimed = [row for row in rows if row["claims"]]
     refused = [row for row in rows if not row["claims"]]
     kept = [row for row in claimed if row["kept"]]
@@ -108,26 +113,26 @@ def line(name: str, row: dict) -> str:
 
 
 HEADER = (
-    f"{'scene':<26}{'asked':>5}  {'plan':<54}{'foretold':>8}{'measured':>9}{'again':>8}  {'said':<8}{'in':>3}"
-    f"{'ms told':>10}{'ms':>9}{'s, all':>8}"
+    f"{'scene':<26}{'tol.':>5}  {'plan':<54}{'predict':>8}{'measured':>9}{'again':>8}  {'result':<8}{'in':>3}"
+    f"{'ms pred.':>10}{'ms':>9}{'s, all':>8}"
 )
 
 
 def sentences(found: dict) -> list[str]:
-    """A verdict in words, each number with its bound."""
+    """The statistics as sentences, each number with its limit."""
     share, factor = found["timed_share"], TIMED_FACTOR
     said = {True: "holds", False: "DOES NOT HOLD"}
     lines = [
         f"{found['runs']} pictures of {found['scenes']} scenes: {found['claimed']} claim to keep their tolerance, and "
-        f"{found['kept_share']:.1%} of them do (at least {KEPT_SHARE:.0%}); the worst errs {found['worst']:.2f} times "
-        f"its tolerance (at most {WORST:g}): {said[found['holds']]}.",
-        f"{found['refused']} say of themselves that it is not reachable"
-        + (f"; the worst of them errs {found['worst_of_floor']:.2f} times its floor." if found["refused"] else "."),
+        f"{found['kept_share']:.1%} of them do (at least {KEPT_SHARE:.0%}); the worst error is {found['worst']:.2f} "
+        f"times its tolerance (at most {WORST:g}): {said[found['holds']]}.",
+        f"{found['refused']} report that their tolerance is not reachable"
+        + (f"; the worst error is {found['worst_of_floor']:.2f} times the reported one." if found["refused"] else "."),
         f"{share:.0%} of the predicted times are within a factor of {factor:g} (at least {TIMED_SHARE:.0%}): "
         f"{said[found['timed']]}.",
         f"{found['first_round_share']:.0%} needed one round; the median error is {found['median_of_tolerance']:.2f} of "
-        f"the tolerance. Planning and measuring, beside the picture: {found['median_planning_seconds']:.1f} s in the "
-        f"median, {found['longest_planning_seconds']:.1f} s at most.",
+        f"the tolerance. Planning and measuring take {found['median_planning_seconds']:.1f} s in the median and "
+        f"{found['longest_planning_seconds']:.1f} s at most, in addition to the picture.",
     ]
     return lines
 
@@ -140,21 +145,21 @@ def main(arguments) -> int:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--probes", type=int, default=PROBES)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no scene after so long")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="start no scene after this time")
     options = parser.parse_args(arguments)
-    where, neighbours, began = circumstances(options.threads), Neighbours(), time.perf_counter()
+    where, neighbors, began = circumstances(options.threads), Neighbors(), time.perf_counter()
     print(describe(where))
     rows = {classification: [] for classification in options.classification}
     left_out = []
     print(f"\n{HEADER}")
-    # All of one scene before the next, so that where time runs out every classification has the same scenes.
+    # Scene by scene, so that all classifications have the same scenes if time runs out.
     for name, scene in judged_scenes(options.scene):
         if time.perf_counter() - began > 60.0 * options.minutes:
             left_out.append(name)
             continue
         for classification in options.classification:
             quality = Quality(classification=classification, threads=options.threads)
-            render(scene, quality)  # loads the kernels, which is not a picture's time
+            render(scene, quality)  # loads the kernels, which does not count
             judged = judge_scene(scene, quality, options.tolerance, options.probes)
             for row in judged:
                 rows[classification].append({"scene": name, "classification": classification, **row})
@@ -166,9 +171,9 @@ def main(arguments) -> int:
     for classification, found in verdicts.items():
         print("\n".join((f"\n{classification}:", *sentences(found))))
     if left_out:
-        print(f"Left out, as too long: {'; '.join(left_out)}.")
-    print(neighbours.describe())
-    where["others_busy_cores"] = neighbours.cores()
+        print(f"Skipped because of the time: {'; '.join(left_out)}.")
+    print(neighbors.describe())
+    where["others_busy_cores"] = neighbors.cores()
     if options.json:
         report = {
             "circumstances": where, "minutes": (time.perf_counter() - began) / 60.0, "left_out": left_out,

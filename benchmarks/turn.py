@@ -1,8 +1,8 @@
-"""A full turn round a volume: does the picture pop where the principal axis switches?
+"""A full turn around a volume: does the picture pop where the principal axis switches?
 
-Each frame, as the renderer draws it, is compared with the one before it; alpha is summed over the picture.  Near the
-first switch the same frame is drawn from both principal axes and the two are compared with each other and, at probe
-pixels, with the truth; and small steps are compared, with the axes faded into each other and without.
+Each frame is compared with the previous one, and alpha is summed over the picture.  Near the first switch the same
+frame is drawn along both principal axes, and the two are compared with each other and, at probe pixels, with the truth.
+Small steps are compared with and without fading between the axes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.accuracy.metrics import LEVEL, difference
-from rle_splat.accuracy.phantoms import smooth_shell
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
@@ -29,18 +28,19 @@ from rle_splat.view.principal_axis import axis_shares, dominant_axis
 from rle_splat.volume.volume import Volume
 
 from .frames import view_scene
+from .phantoms import smooth_shell
 from .plots import IMAGES, turn_plot
 from .scenes import REAL, scenes
 
 SMOOTH = "smooth"
 SMOOTH_SIDE = 96
-BAND = 2.5  # degrees on either side of the switch where both axes are drawn, and a little more
+BAND = 2.5  # degrees on either side of the switch, slightly more than the band where both axes are drawn
 BAND_STEP = 0.25
 PROBES = 128
 
 
 def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
-    """A Gaussian shell round a lopsided blob, whose value is its opacity; colour follows the value."""
+    """A smooth Gaussian shell whose values are its opacities."""
     color = ((0.0, 0.9, 0.5, 0.2), (0.4, 0.3, 0.7, 0.9))
     return Volume(smooth_shell(n), np.eye(4), name=SMOOTH), TransferFunction(
         SMOOTH, None, ((0.0, 0.0), (1.0, 1.0)), color, 1.0, None
@@ -48,7 +48,19 @@ def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
 
 
 class Turn:
-    """One volume on its turntable, orthographic, unshaded: pictures as they are, and along any one principal axis."""
+    """Orthographic, unshaded pictures of one volume from a turntable, optionally along a given principal axis.
+
+    Parameters
+    ----------
+    volume, tf
+        The volume and its transfer function.
+    quality : Quality
+        The knobs.
+    size : int
+        Pixels along each side.
+    elevation : float
+        Degrees.
+    """
 
     def __init__(self, volume, tf, quality: Quality, size: int, elevation: float):
         self._volume, self._tf, self._size, self._elevation = volume, tf, size, elevation
@@ -58,14 +70,14 @@ class Turn:
         return view_scene(self._volume, self._tf, (azimuth, self._elevation), self._size, shaded=False)
 
     def axes(self, azimuth: float) -> list[int]:
-        """Principal axes by how fast the rays advance along them, the renderer's choice first."""
+        """Principal axes sorted by the rays' speed along them, the renderer's choice first."""
         scene = self._scene(azimuth)
         direction = -index_view(scene.camera, scene.index_to_world, scene.width, scene.height).eye[:3]
         chosen = int(dominant_axis(direction)[0])
         return [chosen, *(int(a) for a in np.argsort(-np.abs(direction), kind="stable") if a != chosen)]
 
     def switch(self, after: float, before: float) -> float:
-        """The azimuth between two, degrees, at which the principal axis changes, by bisection."""
+        """The azimuth in degrees, between two others, at which the principal axis changes, by bisection."""
         first = self.axes(after)[0]
         for _ in range(40):
             middle = 0.5 * (after + before)
@@ -73,7 +85,7 @@ class Turn:
         return 0.5 * (after + before)
 
     def picture(self, azimuth: float, axis: int | None = None, fade: float | None = None) -> np.ndarray:
-        """(H, W, 4) float32 premultiplied: as it is, or along principal ``axis`` alone, or with ``fade`` degrees."""
+        """(H, W, 4) float32 premultiplied: the usual picture, or one along ``axis`` only, or with ``fade`` degrees."""
         quality = self._quality if fade is None else replace(self._quality, axis_fade=fade)
 
         def alone(view, band):
@@ -84,7 +96,7 @@ class Turn:
             return render(self._scene(azimuth), quality, cache=self._kept).rgba
 
     def round(self, step: float) -> list[dict]:
-        """JSON-ready, one entry a frame: difference in levels from the frame before, alpha, principal axis."""
+        """JSON-ready, one row per frame: difference in levels from the previous frame, alpha, principal axis."""
         rows, before, axis_before = [], None, None
         for azimuth in np.arange(0.0, 360.0 + 0.5 * step, step):
             axis = self.axes(azimuth)[0]
@@ -98,7 +110,7 @@ class Turn:
         return rows[1:]
 
     def both_axes(self, azimuth: float, probes: int) -> dict:
-        """JSON-ready: the same frame from the two fastest axes, their difference in levels, and each one's error."""
+        """JSON-ready: the difference in levels of one frame along its two fastest axes, and the error of each."""
         first, second = self.axes(azimuth)[:2]
         pictures = [self.picture(azimuth, axis) for axis in (first, second)]
         apart = difference(pictures[0], pictures[1])
@@ -119,7 +131,7 @@ class Turn:
 
 
 def summary(turn, near, step: float) -> list[str]:
-    """What the figures say, in words."""
+    """The results as sentences."""
     at_switch = [row for row in turn if row["switched"]]
     elsewhere = [row for row in turn if not row["switched"]]
     most = max(near, key=lambda row: row["largest"])
@@ -132,7 +144,7 @@ def summary(turn, near, step: float) -> list[str]:
             f"Largest difference from the frame before: {max(r['largest'] for r in at_switch):.2f} levels where it "
             f"switches, {max(r['largest'] for r in elsewhere):.2f} elsewhere (RMSE "
             f"{max(r['rmse'] for r in at_switch):.3f} and {max(r['rmse'] for r in elsewhere):.3f}).",
-            f"Alpha of the picture: steps of at most {jumps[switched].max():.3%} where it switches, "
+            f"Alpha of the picture changes by at most {jumps[switched].max():.3%} where the axis switches, "
             f"{jumps[~switched].max():.3%} elsewhere.",
         ]
     lines.append(
@@ -167,10 +179,10 @@ def main(arguments) -> int:
     else:
         volume, tf = next(((v, f) for _, v, f in scenes([options.volume])), (None, None))
         if volume is None:
-            raise RleSplatError(f"The scan {options.volume} is not at hand; choose {SMOOTH} or shells.")
+            raise RleSplatError(f"The scan {options.volume} is missing; choose {SMOOTH} or shells.")
     quality = Quality.preset(options.quality, options.classification, threads=options.threads)
     if not compiled(quality.backend):
-        print("Without numba this takes very long.")
+        print("This takes very long without numba.")
     turn = Turn(volume, tf, quality, options.size, options.elevation)
     frames = turn.round(options.step)
     switched = next((row["azimuth"] for row in frames if row["switched"]), 45.0 + 0.5 * options.step)

@@ -1,13 +1,12 @@
-"""VolPack, Lacroute and Levoy's own shear-warp renderer, on the same camera, transfer function and size.
+"""VolPack, the shear-warp renderer by Lacroute and Levoy, with the same camera, transfer function and size.
 
-The shared library of Debian's package libvolpack1, where it is installed: the benchmarks' alone.  It runs on one
-thread, composites classified voxels slice by slice, one sheet pixel per voxel, bilinear, and warps the sheet; opacities
-of voxels and the picture have 8 bits, and rays are parallel.  It interpolates what is classified, so its truth is T1.
+It uses the shared library of Debian's package libvolpack1 if that is installed.  VolPack runs on one thread, composites
+classified voxels slice by slice with one sheet pixel per voxel and bilinear filtering, and warps the sheet.  Voxel
+opacities and pictures have 8 bits, and rays are parallel.  It interpolates classified voxels, so its truth is T1.
 
-Its manual pages describe the calls.  Found out with single voxels: the volume's longest side spans the unit cube,
-voxel i of n lies at i - n / 2 in it, pixel i of the picture shows what lies i pixels from its edge, the picture's first
-row is the lowest, what has the smaller z is in front, and opacities are corrected for oblique rays as if voxels were
-cubes.
+The calls are described in its manual pages.  These conventions were found with single voxels: the volume's longest side
+spans the unit cube; voxel i of n lies at i - n / 2; pixel i shows the point i pixels from the picture's edge; the first
+row is the lowest; smaller z is in front; opacities are corrected for oblique rays as if voxels were cubes.
 """
 
 from __future__ import annotations
@@ -33,32 +32,42 @@ except OSError as problem:
     _library = None
     VOLPACK_PROBLEM = str(problem)
 
-HALF = 0.5 / 255.0  # of a step of its 8 bits, to which it cuts opacities off: added, so that they are rounded
-# The opacity above which a voxel is kept, and the one from which on a pixel takes no more.
-SUGGESTED = (0.05, 0.95)  # what its manual pages suggest
-ALL_VOXELS = (HALF, 1.0 - 2.0**-10)  # all of which 8 bits leave anything, and the termination of Quality.paper()
+HALF = 0.5 / 255.0  # half a step of its 8 bits; added to opacities, which it truncates, so that they are rounded
+# Opacity above which a voxel is kept, and opacity at which a pixel is terminated.
+SUGGESTED = (0.05, 0.95)  # suggested by its manual pages
+ALL_VOXELS = (HALF, 1.0 - 2.0**-10)  # all voxels that are visible with 8 bits, and the termination of Quality.paper()
 
 # From volpack.h.
 MIN_VOXEL_OPACITY, MAX_RAY_OPACITY, RGBA = 1014, 1043, 5004
 VIEW, PROJECT = 1, 2
-NORMALS = 7924  # codes of a normal, of which the first stands for none
+NORMALS = 7924  # number of codes of a normal; code 0 means no normal
 
-# A voxel's fields; the first is an index into the table of colours, the second into the weights of its materials.
+# A voxel's fields; the first is an index into the table of colors, the second into the weights of its materials.
 VOXEL = np.dtype([("color", np.uint16), ("weight", np.uint8), ("unused", np.uint8), ("opacity", np.uint16)])
 FIELDS = ("color", "weight", "opacity")
 LARGEST_OPACITY = 65535
-WEIGHTS = 256  # values that a shaded voxel can have
+WEIGHTS = 256  # number of values of a shaded voxel
 OTHERS = np.array(((1, 2), (0, 2), (0, 1)))  # the axes other than x, y and z
 FACE = 128  # directions along a side of the cube by which normals are coded: closer than the codes are
 
 
 class VolpackCaster:
-    """One volume and transfer function in VolPack, drawn from as many scenes as wanted.
+    """One volume and transfer function in VolPack, for drawing any number of views.
 
-    ``scene``: any of them, for volume, transfer function and whether it is shaded, by the headlight alone.
-    ``thresholds``: SUGGESTED or ALL_VOXELS.
-    ``classify_ms``: milliseconds of classifying and run-length encoding along all three axes, once something is drawn.
-    Normals are not in them: they are the ones that the truths have, found before.
+    Parameters
+    ----------
+    scene : Scene
+        One of the views, for volume and transfer function.
+    shaded : bool
+        Whether the volume is shaded, by the headlight only.
+    thresholds : tuple of float
+        SUGGESTED or ALL_VOXELS.
+
+    Attributes
+    ----------
+    classify_ms : float or None
+        Milliseconds of classifying and run-length encoding along all three axes, known after the first ``draw``.  It
+        does not include normals, which are those of the truths.
     """
 
     def __init__(self, scene: Scene, shaded: bool, thresholds=SUGGESTED):
@@ -87,12 +96,29 @@ class VolpackCaster:
         self._exponent, self.classify_ms = None, None
 
     def draw(self, scene: Scene, repeats: int = 1) -> tuple[np.ndarray, float]:
-        """(H, W, 4) premultiplied float32 picture, row 0 on top, and milliseconds of the quickest rendering.
+        """Draw a view.
 
-        The milliseconds are of vpRenderClassifiedVolume: compositing and warping.  RleSplatError in perspective.
+        Parameters
+        ----------
+        scene : Scene
+            The view, orthographic.
+        repeats : int
+            Number of renderings.
+
+        Returns
+        -------
+        rgba : ndarray, shape (height, width, 4), float32
+            Premultiplied picture, row 0 on top.
+        milliseconds : float
+            The fastest vpRenderClassifiedVolume: compositing and warping.
+
+        Raises
+        ------
+        RleSplatError
+            In perspective.
         """
         if scene.camera.type != "ORTHO":
-            raise RleSplatError("VolPack has parallel rays only; ask it for an orthographic camera.")
+            raise RleSplatError("VolPack supports only parallel rays; use an orthographic camera.")
         ahead = depth_row(scene.camera)[:3]
         voxels = np.linalg.norm(np.linalg.solve(scene.index_to_world[:3, :3], ahead))  # along a world length of a ray
         self._classify(1.0 / (voxels * self._opacity_distance))
@@ -107,23 +133,23 @@ class VolpackCaster:
             began = time.perf_counter()
             self._call("vpRenderClassifiedVolume")
             spent.append(1e3 * (time.perf_counter() - began))
-        return image[::-1].astype(np.float32) / 255.0, min(spent[1:])  # the first makes room for its sheet
+        return image[::-1].astype(np.float32) / 255.0, min(spent[1:])  # the first one allocates the sheet
 
     def close(self) -> None:
-        """Give VolPack's memory back."""
+        """Free VolPack's memory."""
         _library.vpDestroyContext(self._context)
 
     def _call(self, name, *arguments) -> None:
-        """One of VolPack's functions on the context; arrays are passed by address and floats as doubles."""
+        """Call a function of VolPack with the context; arrays are passed by address and floats as doubles."""
         passed = [_passed(argument) for argument in arguments]
         error = getattr(_library, name)(self._context, *passed)
         if error:
-            raise RleSplatError(f"VolPack's {name} said: {_library.vpGetErrorString(error).decode()}.")
+            raise RleSplatError(f"VolPack's {name} failed: {_library.vpGetErrorString(error).decode()}.")
 
     def _describe(self, thresholds) -> None:
         nz, ny, nx = self._voxels.shape
         self._call("vpSetVolumeSize", nx, ny, nz)
-        # Only fields that shade, the first ones, are kept in run-length tables.
+        # Only the fields for shading, which come first, are stored in the run-length tables.
         self._call("vpSetVoxelSize", VOXEL.itemsize, len(FIELDS), 2 if self._shade else 1, 1)
         tables = dict(zip(FIELDS, (self._colors, self._weights, self._opacities)))
         for number, (name, table) in enumerate(tables.items()):
@@ -139,9 +165,9 @@ class VolpackCaster:
         self._call("vpIdentityMatrix")
 
     def _classify(self, exponent: float) -> None:
-        """Classify and encode with opacities of ``exponent`` times the distance that they refer to, unless it is done.
+        """Classify and encode with opacities for ``exponent`` times their unit distance, unless that is done already.
 
-        Only where voxels are no cubes does that change with the view.
+        The exponent depends on the view only if voxels are not cubes.
         """
         if self._exponent is not None and np.isclose(exponent, self._exponent, rtol=1e-6):
             return
@@ -152,7 +178,7 @@ class VolpackCaster:
         self.classify_ms, self._exponent = 1e3 * (time.perf_counter() - began), exponent
 
     def _light(self, ahead) -> None:
-        """Fill the table of colours for a headlight that shines ``ahead``: what the truths say of each normal."""
+        """Fill the color table for a headlight that shines along ``ahead``, with the truths' shading of each normal."""
         shade, facing = self._shade, np.abs(_normals() @ ahead)
         matt = np.where(_normals().any(axis=1), shade.ambient + shade.diffuse * facing, 1.0)
         for channel in range(3):
@@ -179,8 +205,7 @@ def _passed(argument):
 
 
 def _values(volume, tf, stored, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) codes of stored values, which of at most ``count`` evenly spaced ones is next, and the (n, 3) unshaded
-    colours of all codes."""
+    """(m,) codes of stored values, quantized to at most ``count`` levels; (n, 3) unshaded colors of the codes."""
     low, high = float(stored.min()), float(stored.max())
     step = (high - low) / (count - 1)
     if stored.dtype.kind in "iu":
@@ -191,7 +216,7 @@ def _values(volume, tf, stored, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache
 def _normals() -> np.ndarray:
-    """(NORMALS, 3) float64 unit vectors; (0, 0, 0) for the code of none."""
+    """(NORMALS, 3) float64 unit vectors; (0, 0, 0) for code 0."""
     found = np.zeros((NORMALS, 3))
     for code, normal in enumerate(found):
         parts = [ctypes.c_double() for _ in normal]
@@ -202,8 +227,10 @@ def _normals() -> np.ndarray:
 
 @lru_cache
 def _codes() -> np.ndarray:
-    """(3, 2, FACE, FACE) codes of the directions through the cells of a cube's faces: by axis, side below or above, and
-    place along the other two axes in their order."""
+    """(3, 2, FACE, FACE) codes of the directions through the cells of a cube's faces.
+
+    The indices are the axis, the side (negative, positive), and the cell along the other two axes.
+    """
     places = (np.arange(FACE) + 0.5) * 2.0 / FACE - 1.0
     ways = np.empty((3, 2, FACE, FACE, 3))
     for axis, others in enumerate(OTHERS):
@@ -215,7 +242,7 @@ def _codes() -> np.ndarray:
 
 
 def _coded(normals) -> np.ndarray:
-    """(m,) codes of (m, 3) unit vectors; (0, 0, 0) has that of none."""
+    """(m,) codes of (m, 3) unit vectors; (0, 0, 0) has code 0."""
     axis = np.abs(normals).argmax(axis=1)
     longest = np.take_along_axis(normals, axis[:, None], axis=1)[:, 0]
     others = np.take_along_axis(normals, OTHERS[axis], axis=1) / np.where(longest, np.abs(longest), 1.0)[:, None]

@@ -1,7 +1,8 @@
-"""VTK's CPU ray caster on the same camera, transfer function and size: the package vtk is the benchmarks' alone.
+"""VTK's CPU ray caster with the same camera, transfer function and size.
 
-vtkFixedPointVolumeRayCastMapper, one sample a voxel or several, linear interpolation, opacity per voxel spacing, no
-automatic coarsening, on the threads asked for.  It interpolates the scalar and classifies it then, so its truth is T2.
+It uses vtkFixedPointVolumeRayCastMapper with one or more samples per voxel, linear interpolation, opacity per voxel
+spacing, no automatic coarsening, and the given number of threads.  It interpolates values and then classifies them, so
+its truth is T2.  The package vtk is installed only in the benchmarks' environment.
 """
 
 from __future__ import annotations
@@ -19,14 +20,22 @@ except ImportError as problem:
     vtk = None
     VTK_PROBLEM = str(problem)
 
-TABLE_POINTS = 4096  # of the transfer function as VTK is told it
+TABLE_POINTS = 4096  # samples of the transfer function for VTK
 
 
 class VtkCaster:
-    """One volume and transfer function in VTK, drawn from as many scenes as wanted.
+    """One volume and transfer function in VTK, for drawing any number of views.
 
-    ``scene``: any of them, for volume, transfer function and whether it is shaded.  ``samples``: for each step of the
-    smallest voxel spacing along a ray.
+    Parameters
+    ----------
+    scene : Scene
+        One of the views, for volume and transfer function.
+    shaded : bool
+        Whether the volume is shaded.
+    threads : int
+        Number of threads.
+    samples : int
+        Samples per smallest voxel spacing along a ray.
     """
 
     def __init__(self, scene: Scene, shaded: bool, threads: int, samples: int = 1):
@@ -35,7 +44,7 @@ class VtkCaster:
         image = vtk.vtkImageData()
         image.SetDimensions(*volume.shape_xyz)
         image.SetSpacing(*spacing)
-        self._voxels = np.ascontiguousarray(volume.voxels).reshape(-1)  # VTK points at it, so it has to live on
+        self._voxels = np.ascontiguousarray(volume.voxels).reshape(-1)  # VTK refers to this memory: keep it alive
         image.GetPointData().SetScalars(numpy_to_vtk(self._voxels))
         self._mapper = vtk.vtkFixedPointVolumeRayCastMapper()
         self._mapper.SetInputData(image)
@@ -71,13 +80,25 @@ class VtkCaster:
         self._window.AddRenderer(self._renderer)
 
     def draw(self, scene: Scene, repeats: int = 1) -> tuple[np.ndarray, float]:
-        """(H, W, 4) premultiplied float32 picture, row 0 on top, and milliseconds of the quickest ray casting.
+        """Draw a view.
 
-        The milliseconds are the mapper's own: casting the rays, without bringing the image to the window.
+        Parameters
+        ----------
+        scene : Scene
+            The view.
+        repeats : int
+            Number of renderings.
+
+        Returns
+        -------
+        rgba : ndarray, shape (height, width, 4), float32
+            Premultiplied picture, row 0 on top.
+        milliseconds : float
+            The fastest ray casting, by the mapper's own clock, without the transfer to the window.
         """
         self._window.SetSize(scene.width, scene.height)
         self._aim(scene)
-        self._window.Render()  # new gradients, new size: not counted
+        self._window.Render()  # computes gradients and resizes; not timed
         spent = []
         for _ in range(repeats):
             self._renderer.GetActiveCamera().Modified()
@@ -89,11 +110,11 @@ class VtkCaster:
         return np.ascontiguousarray(rgba[::-1]), min(spent)
 
     def close(self) -> None:
-        """Give the window's memory back."""
+        """Free the window's memory."""
         self._window.Finalize()
 
     def _aim(self, scene: Scene) -> None:
-        """The scene's camera; its world is the volume's box without the affine's rotation, as the turntable has it."""
+        """Set the scene's camera; as for the turntable, the world's axes are the volume's, without its rotation."""
         camera, placed = self._renderer.GetActiveCamera(), scene.camera
         matrix = placed.matrix_world
         eye, backwards, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
@@ -110,7 +131,7 @@ class VtkCaster:
 
 
 def _functions(volume, tf):
-    """VTK's opacity and colour function over *stored* values, from the points of a physical transfer function."""
+    """VTK's opacity and color functions over stored values, sampled from a transfer function in physical values."""
     opacity, color = vtk.vtkPiecewiseFunction(), vtk.vtkColorTransferFunction()
     kind = volume.voxels.dtype
     if kind.kind in "iu" and kind.itemsize == 1:

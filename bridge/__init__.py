@@ -1,13 +1,14 @@
-"""Between Blender and the renderer's plain data.  Operators and panels are above, ``rle_splat`` is below."""
+"""Translation between Blender's data and the renderer's plain data: the layer between operators and ``rle_splat``."""
 
-# First: it chooses the folder of compiled kernels before any kernel's module is imported.
+# Imported first: it sets the cache folder of compiled kernels, which kernel modules read on import.
 from . import paths
 
 # isort: split
-from . import handlers, preferences, previews, properties, source_paths
+from . import handlers, kernel_preparation, preferences, previews, properties, source_paths
 
 __all__ = [
-    "handlers", "paths", "preferences", "previews", "properties", "register", "source_paths", "unregister",
+    "handlers", "kernel_preparation", "paths", "preferences", "previews", "properties", "register", "source_paths",
+    "unregister",
 ]
 
 
@@ -17,9 +18,11 @@ def register():
     previews.register()
     source_paths.register()
     handlers.register()
+    kernel_preparation.register()
 
 
 def unregister():
+    kernel_preparation.unregister()
     handlers.unregister()
     source_paths.unregister()
     previews.unregister()

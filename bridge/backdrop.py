@@ -1,8 +1,8 @@
-"""A picture as a camera's background image, matched to the frame pixel by pixel.
+"""A picture as a background image of a camera, aligned with the camera's frame to the pixel.
 
-Blender stretches a background image with frame method Stretch over exactly the camera's frame, shift, sensor fit
-and pixel aspect included.  Fit and Crop take the image's own aspect for square pixels and miss the frame as soon
-as the pixel aspect is not 1; the default differs between versions.
+With the frame method Stretch, Blender covers exactly the camera's frame, including shift, sensor fit and pixel aspect.
+Fit and Crop assume square pixels and miss the frame when the pixel aspect is not 1.  The default differs between
+Blender versions, so it is always set.
 """
 
 from __future__ import annotations
@@ -12,14 +12,29 @@ import bpy
 from . import pictures
 from .held import Held
 
-# What ``show`` sets of an entry, besides its source, image and offset.
+# Properties of a background image that ``show`` sets and ``restore`` resets, besides source, image and offset.
 RESTORED = (
     "alpha", "display_depth", "frame_method", "scale", "rotation", "use_flip_x", "use_flip_y", "show_background_image",
 )
 
 
 def show(camera, image, place: str):
-    """Show ``image`` in the camera's frame, ``place`` "BACK" or "FRONT"; reuses the entry of an earlier call."""
+    """Show an image in the camera's frame; the background image of an earlier call is reused.
+
+    Parameters
+    ----------
+    camera : bpy.types.Object
+        The camera object.
+    image : bpy.types.Image
+        The picture.
+    place : {"BACK", "FRONT"}
+        Behind or in front of the objects.
+
+    Returns
+    -------
+    bpy.types.CameraBackgroundImage
+        The entry in the camera's background images.
+    """
     entry = _find_of_any_scene(camera) or camera.data.background_images.new()
     entry.source = "IMAGE"
     entry.image = image
@@ -32,13 +47,26 @@ def show(camera, image, place: str):
     entry.use_flip_x = entry.use_flip_y = False
     entry.show_background_image = True
     camera.data.show_background_images = True
-    image.use_view_as_render = True  # the scene's view transform, so that it looks as it will in the render
-    camera.data.update_tag()  # or views go on drawing what the evaluated camera had
+    image.use_view_as_render = True  # apply the scene's view transform, as in the render
+    camera.data.update_tag()  # otherwise views keep drawing the evaluated camera's old entry
     return entry
 
 
 def state(scene, camera) -> tuple:
-    """How the camera shows a picture of ours, for ``restore``; holds no reference to a datablock."""
+    """The state of the camera's backdrop, for ``restore``.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+
+    Returns
+    -------
+    tuple
+        Opaque to the caller.  It holds no reference to a datablock, so it survives undo.
+    """
     entry = find(scene, camera)
     if entry is None:
         return camera.data.show_background_images, None, None
@@ -47,7 +75,17 @@ def state(scene, camera) -> tuple:
 
 
 def restore(scene, camera, earlier: tuple) -> None:
-    """Show what was shown when ``state`` was called, or nothing of ours."""
+    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+    earlier : tuple
+        The result of ``state``.
+    """
     background_images, values, held = earlier
     entry, image = find(scene, camera), held.find() if held else None
     if values is None or image is None:
@@ -61,7 +99,20 @@ def restore(scene, camera, earlier: tuple) -> None:
 
 
 def hide(scene, camera) -> bool:
-    """Remove the scene's entry; background images of the user's stay.  Whether there was one."""
+    """Remove the scene's backdrop from the camera; the user's own background images stay.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+
+    Returns
+    -------
+    bool
+        Whether there was a backdrop.
+    """
     entry = find(scene, camera)
     if entry is not None:
         camera.data.background_images.remove(entry)
@@ -70,7 +121,20 @@ def hide(scene, camera) -> bool:
 
 
 def find(scene, camera):
-    """The entry among the camera's background images that shows a backdrop of the scene's, or None."""
+    """The camera's background image that shows a backdrop of the scene, or None.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+
+    Returns
+    -------
+    bpy.types.CameraBackgroundImage or None
+        The entry.
+    """
     shown = {row.image for row in scene.rle_splat.pictures if row.kind == "backdrop"}
     for entry in camera.data.background_images:
         if entry.source == "IMAGE" and entry.image in shown and pictures.owned_by(entry.image, scene):
@@ -79,6 +143,6 @@ def find(scene, camera):
 
 
 def _find_of_any_scene(camera):
-    """As ``find``, for any scene: scenes that share a camera take turns with one entry."""
+    """As ``find``, for any scene, since scenes that share a camera use one entry in turn."""
     found = (find(scene, camera) for scene in bpy.data.scenes)
     return next((entry for entry in found if entry is not None), None)

@@ -1,10 +1,9 @@
-"""The wire box that shows where a volume lies.
+"""The wire box that shows the extent of a volume in the viewport.
 
-An Empty's own cube is centred on the object with equal sides, while a volume's box starts at its first voxel's
-centre and may be long, turned or sheared by the volume's affine.  So the Empty instances a collection of
-one mesh of twelve edges: it shows the exact box, a click on it selects the Empty, framing the Empty frames the
-box, copies and appends bring it along, and having no faces it never shows in a render.  The object's matrix stays
-what it is: the volume's placement.
+The cube of an Empty is centered on the object and has equal sides.  The box of a volume starts at the center of its
+first voxel and may be long, rotated or sheared by the affine.  So the Empty instances a collection with a mesh of
+twelve edges.  A click on the box selects the Empty, framing the Empty frames the box, copies and appends include it,
+and without faces it is never rendered.  The object's matrix remains the volume's placement.
 """
 
 import bpy
@@ -12,17 +11,40 @@ import numpy as np
 
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
 EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1]
-HANDLE_FRACTION = 0.02  # half side of the Empty's own cube, as a part of the box's diagonal
+HANDLE_FRACTION = 0.02  # half side of the Empty's own cube, as a fraction of the box's diagonal
 
 
 def corners_of(shape_xyz, affine) -> np.ndarray:
-    """(8, 3) float64: the corners of the box of voxel centres in the volume's own space."""
+    """The corners of the box of voxel centers.
+
+    Parameters
+    ----------
+    shape_xyz : tuple of int
+        Number of voxels along x, y and z.
+    affine : ndarray, shape (4, 4)
+        Voxel indices to the volume's own space, in its length unit.
+
+    Returns
+    -------
+    ndarray, shape (8, 3), float64
+        Corners in the volume's own space.
+    """
     indices = CORNERS * (np.asarray(shape_xyz, dtype=np.float64) - 1.0)
     return indices @ affine[:3, :3].T + affine[:3, 3]
 
 
 def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
-    """Show the box of a volume of that shape and affine on the Empty, in place of an earlier one."""
+    """Show the box of a volume on its Empty; an earlier box is replaced.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The Empty.
+    shape_xyz, affine
+        See ``corners_of``.
+    scene_scale : float
+        World units per length unit of the volume.
+    """
     old = volume_object.instance_collection
     name = f"{volume_object.name} Box"
     mesh = bpy.data.meshes.new(name)
@@ -44,7 +66,15 @@ def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
 
 
 def rescale_box(volume_object, scene_scale: float) -> None:
-    """Follow a change of the scene scale."""
+    """Resize a volume's box to a new scene scale.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The Empty.
+    scene_scale : float
+        World units per length unit of the volume.
+    """
     if volume_object.instance_collection is None:
         return
     for holder in volume_object.instance_collection.objects:
@@ -54,7 +84,7 @@ def rescale_box(volume_object, scene_scale: float) -> None:
 
 
 def remove_box(collection) -> None:
-    """Remove a box's collection with its object and mesh."""
+    """Remove the collection of a box with its object and mesh."""
     for holder in tuple(collection.objects):
         mesh = holder.data
         bpy.data.objects.remove(holder)

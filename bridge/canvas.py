@@ -1,4 +1,4 @@
-"""The image that shows previews while a picture is made, and how it is given back when the picture does not come."""
+"""The image that shows previews while a picture is made, and its restoration when the work is canceled."""
 
 from __future__ import annotations
 
@@ -7,22 +7,42 @@ import bpy
 from . import images, pictures
 from .held import Held
 
-SHOWN_IN = ("VIEW_3D", "IMAGE_EDITOR", "NODE_EDITOR", "PROPERTIES")  # areas that show images or settings of ours
+SHOWN_IN = ("VIEW_3D", "IMAGE_EDITOR", "NODE_EDITOR", "PROPERTIES")  # areas that show our images or settings
 
 
 class Canvas:
-    """A picture of a scene's, on loan: ``scene``, ``volume_object`` and ``camera`` are Held, the last may be None.
+    """The image of a picture in progress.
 
-    Everything is found anew each time, since a user may undo meanwhile.
+    Datablocks are looked up for every preview, since the user may undo between two of them.
+
+    Parameters
+    ----------
+    scene, volume_object : Held
+        The scene and the volume.
+    kind : str
+        A key of ``pictures.SUFFIXES``.
+    camera : Held, optional
+        The camera of a backdrop.
     """
 
     def __init__(self, scene: Held, volume_object: Held, kind: str, camera: Held | None = None):
         self._scene, self._volume, self._kind, self._camera = scene, volume_object, kind, camera
-        self._image = None  # Held, once a preview was shown
-        self._before = None  # what the image held, None for one that was made for the previews
+        self._image = None  # Held, after the first preview
+        self._before = None  # the image's pixels before the first preview; None if the image is new
 
     def show(self, rgba):
-        """Write a preview, (H, W, 4) float32, row 0 on top; returns the image."""
+        """Write a preview into the image.
+
+        Parameters
+        ----------
+        rgba : ndarray, shape (height, width, 4), float32
+            Premultiplied scene-linear colors, row 0 on top.
+
+        Returns
+        -------
+        bpy.types.Image
+            The image.
+        """
         scene, volume_object = self._scene.get(), self._volume.get()
         camera = self._camera.get() if self._camera else None
         if self._image is None:
@@ -36,7 +56,7 @@ class Canvas:
         return image
 
     def put_back(self) -> None:
-        """Leave the image as it was before the first preview, or take it away if it was not there."""
+        """Restore the image as it was before the first preview, or remove it if it is new."""
         image = self._image.find() if self._image else None
         if image is None:
             return
@@ -48,7 +68,13 @@ class Canvas:
 
 
 def redraw(context) -> None:
-    """Have every area that may show the image or its settings drawn again."""
+    """Redraw every area that may show our images or settings.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Gives the window manager.
+    """
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in SHOWN_IN:

@@ -1,6 +1,6 @@
-"""The channels of a volume object: further volume objects on the same grid, added to its picture.
+"""The channels of a volume object: further volume objects on the same grid that are added to its picture.
 
-Each is imported as any volume is, so its file, its transfer function and its window are its own object's.
+A channel is imported like any other volume, so it has its own file, transfer function and window.
 """
 
 from __future__ import annotations
@@ -20,26 +20,38 @@ def _evaluate_anew(row, _context):
 
 
 class ChannelProperties(bpy.types.PropertyGroup):
-    """One further volume.  Its ``name``, by which overrides find it, is like no other."""
+    """One channel.  ``name`` is unique, because library overrides find rows by name."""
 
     source: PointerProperty(
         name="Volume", type=bpy.types.Object, poll=lambda row, other: can_be_added(row.id_data, other),
-        description="A volume object on the same grid; it adds to the picture by its own transfer function",
-        update=_evaluate_anew)
-    show: BoolProperty(name="Show", description="Whether the channel is added", default=True, update=_evaluate_anew)
+        description="A volume on the same grid, shown with its own transfer function", update=_evaluate_anew)
+    show: BoolProperty(name="Show", description="Add this volume to the picture", default=True, update=_evaluate_anew)
 
 
 def can_be_added(owner, other) -> bool:
-    """Whether an object is another volume."""
+    """Whether an object is a volume other than ``owner``."""
     return other.rle_splat.is_volume and other != owner
 
 
 def add_channels(owner, others) -> None:
-    """Add volume objects; raises RleSplatError, adding none, where one is added already or on another grid."""
+    """Add volume objects as channels; all or, on an error, none.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume that gets the channels.
+    others : list of bpy.types.Object
+        Volume objects.
+
+    Raises
+    ------
+    RleSplatError
+        If one is a channel already, has another number of voxels, or cannot be read.
+    """
     grid = volumes.load_volume(owner).shape_xyz
     for other in others:
         if any(row.source == other for row in owner.rle_splat.channels):
-            raise RleSplatError(f"{other.name!r} is a channel of {owner.name!r} already; choose another volume.")
+            raise RleSplatError(f"{other.name!r} is already a channel of {owner.name!r}; choose another volume.")
         mine, its = (" x ".join(map(str, shape)) for shape in (grid, volumes.load_volume(other).shape_xyz))
         if mine != its:
             raise RleSplatError(
@@ -51,21 +63,47 @@ def add_channels(owner, others) -> None:
 
 
 def remove_channel(owner, index: int) -> None:
-    """Take a channel away; raises RleSplatError where there is none of that number, or it must stay."""
+    """Remove a channel.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume.
+    index : int
+        Row in its list of channels, from 0.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such row, or it belongs to the library of an override.
+    """
     rows = owner.rle_splat.channels
     if index >= len(rows):
-        raise RleSplatError(f"There are {len(rows)} channels and none of number {index}; choose one of them.")
+        raise RleSplatError(f"There is no channel {index}; choose a number below {len(rows)}.")
     if not remove_row(rows, index):
         library = linked.file_name(owner.override_library.reference.library)
         raise RleSplatError(
-            f"Channel {index} of {owner.name!r} comes from {library}, and a library override cannot drop it; switch it "
-            "off instead."
+            f"Channel {index} of {owner.name!r} comes from {library}, and a library override cannot remove it; switch "
+            "it off instead."
         )
     owner.update_tag()
 
 
 def read_channels(owner, depsgraph) -> tuple[Channel, ...]:
-    """The channels that are shown at the depsgraph's time; deleted ones are not."""
+    """The channels that are switched on at the depsgraph's time, without deleted ones.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    tuple of Channel
+        Volume and transfer function of each.
+    """
     rows = owner.evaluated_get(depsgraph).rle_splat.channels
     sources = [row.source.original for row in rows if row.show and row.source is not None]
     sources = [one for one in sources if not presence.is_deleted(one)]

@@ -1,9 +1,9 @@
-"""Clip objects: the planes and boxes of a scene's collection of them, as plain data.
+"""Clip objects: the planes and boxes in a scene's collection of clip objects, as plain data.
 
-An Empty shown as a cube is that cube, any other mesh the box around its own vertices.  An Empty shown as an arrow, as
-axes or as an image is a plane, and so is a flat mesh; what its +Z, or the normal of a flat mesh's plane along its own
-axis, points at is cut away.  They count wherever they are in the collection, unless an Empty is hidden from renders.
-A mesh counts hidden or not: it is no surface that the volume's rays end at, and Blender renders it unless it is hidden.
+An Empty displayed as a cube is a box.  An Empty displayed as an arrow, as axes or as an image is a plane: the side that
+its +Z points to is removed.  A flat mesh is a plane too, along its thin axis.  Any other mesh is its bounding box.
+Objects in child collections count.  An Empty that is hidden from renders does not count.  A mesh counts hidden or not,
+because hiding it from renders is how a user keeps Blender from rendering it; a clip mesh never occludes the volume.
 """
 
 from __future__ import annotations
@@ -15,21 +15,45 @@ from ..rle_splat.scene import Clip, RleSplatError
 from . import linked, presence
 
 COLLECTION = "Clip Objects"
-PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # kinds of Empty with a +Z to see
-FLAT = 1e-6  # of a mesh's size: its thickness, below which it is a plane
+PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # display types of an Empty that show its +Z
+FLAT = 1e-6  # a mesh whose thickness is below this fraction of its size is a plane
 
 
 def clip_objects(scene) -> list:
-    """The objects of the scene's collection of clip objects, by name, but those that were deleted."""
+    """The clip objects of a scene, sorted by name, without deleted ones.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    list of bpy.types.Object
+        The objects in the scene's collection of clip objects.
+    """
     collection = scene.rle_splat.clip_objects
     members = [] if collection is None else collection.all_objects
     return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
 
 
 def read_clips(depsgraph) -> tuple[Clip, ...]:
-    """What the scene's clip objects cut at the depsgraph's time.
+    """The scene's clip objects as plain data at the depsgraph's time.
 
-    Raises RleSplatError for an object that can be neither a plane nor a box.
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    tuple of Clip
+        Planes and boxes in world space.
+
+    Raises
+    ------
+    RleSplatError
+        For an object that is neither a plane nor a box, or has a singular matrix.
     """
     found = []
     for one in clip_objects(depsgraph.scene):
@@ -46,7 +70,7 @@ def read_clips(depsgraph) -> tuple[Clip, ...]:
 
 
 def _shape(one, evaluated) -> tuple[str, np.ndarray]:
-    """(kind, (4, 4) from the clip's own space to the object's)."""
+    """(kind, (4, 4) float64 from the clip's unit space to the object's space)."""
     if one.type == "EMPTY" and one.empty_display_type == "CUBE":
         return "box", np.diag((*(one.empty_display_size,) * 3, 1.0))
     if one.type == "EMPTY" and one.empty_display_type in PLANES:
@@ -60,7 +84,7 @@ def _shape(one, evaluated) -> tuple[str, np.ndarray]:
 
 
 def _bounds(corners: np.ndarray) -> tuple[str, np.ndarray]:
-    """The box around a mesh, or the plane that it lies in where that is flat."""
+    """(kind, matrix) of the bounding box of a mesh, or of its plane if it is flat."""
     low, high = corners.min(axis=0), corners.max(axis=0)
     half, matrix = 0.5 * (high - low), np.eye(4)
     matrix[:3, 3] = 0.5 * (low + high)
@@ -68,12 +92,25 @@ def _bounds(corners: np.ndarray) -> tuple[str, np.ndarray]:
     if half[thin] > FLAT * half.max():
         matrix[:3, :3] = np.diag(half)
         return "box", matrix
-    matrix[:3, :3] = np.roll(np.eye(3), thin + 1, axis=0)  # +Z to the axis along which it is flat
+    matrix[:3, :3] = np.roll(np.eye(3), thin + 1, axis=0)  # maps +Z to the thin axis
     return "plane", matrix
 
 
 def check_can_add(scene, view_layer) -> None:
-    """Raise RleSplatError where an object added to the scene's clip objects would not be in the view layer."""
+    """Check that an object added to the scene's clip objects would be in the view layer.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    view_layer : bpy.types.ViewLayer
+        One of its view layers.
+
+    Raises
+    ------
+    RleSplatError
+        If the collection is excluded from the view layer, or not in the scene.
+    """
     given = scene.rle_splat.clip_objects
     holder = given if given is not None and linked.is_own(given) else scene.collection
     if not _is_included(view_layer.layer_collection, holder):
@@ -84,14 +121,14 @@ def check_can_add(scene, view_layer) -> None:
 
 
 def _is_included(layer_collection, collection) -> bool:
-    """Whether a view layer shows the collection in its Outliner, here or below, and has not excluded it."""
+    """Whether a collection is in a view layer, at this level or below, and is not excluded."""
     if layer_collection.collection == collection and not layer_collection.exclude:
         return True
     return any(_is_included(child, collection) for child in layer_collection.children)
 
 
 def ensure_collection(scene):
-    """The scene's collection of clip objects that takes more: made where there is none, or around a linked one."""
+    """The scene's collection of clip objects; a new one if there is none, or to hold a linked one."""
     settings = scene.rle_splat
     given = settings.clip_objects
     if given is None or not linked.is_own(given):
@@ -103,7 +140,24 @@ def ensure_collection(scene):
 
 
 def add_clip(scene, kind: str, keep: str, matrix) -> object:
-    """A new Empty in the scene's collection of clip objects.  ``matrix``: of a clip, to the world."""
+    """Add an Empty to the scene's collection of clip objects.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    kind : {"BOX", "PLANE"}
+        Shape of the cut.
+    keep : {"INSIDE", "OUTSIDE"}
+        The side that stays.
+    matrix : ndarray, shape (4, 4)
+        From the clip's unit space to the world.
+
+    Returns
+    -------
+    bpy.types.Object
+        The Empty.
+    """
     empty = bpy.data.objects.new(f"Clip {kind.title()}", None)
     empty.empty_display_type = "CUBE" if kind == "BOX" else "SINGLE_ARROW"
     empty.empty_display_size = 1.0

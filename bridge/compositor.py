@@ -1,11 +1,11 @@
-"""Our pictures in the user's compositor: an Image and an Alpha Over each, and out again.
+"""Insert our pictures into the user's compositor, an Image and an Alpha Over node each, and remove them again.
 
-One picture stands just before the output.  Where the output is made of several view layers of the scene, each has a
-picture of its own directly behind its Render Layers node, because a volume may be hidden in one and stand behind other
-meshes in the next.
+With one view layer, a picture is inserted directly before the output.  If the output combines several view layers of
+the scene, each gets its own picture directly after its Render Layers node, because the volume may be hidden in one
+layer and behind other meshes in another.
 
-Nodes of ours carry a custom property and nothing else is touched, so the user may move, mute, group or rewire them.
-A picture is the image that a node of ours holds: it is never looked for by name.
+Our nodes are marked with a custom property and no other node is changed, so the user may move, mute, group or rewire
+them.  A picture is found as the image of a marked node, never by name.
 """
 
 from __future__ import annotations
@@ -25,19 +25,37 @@ _AGAIN = "press Composite into Render again"
 
 @dataclass(frozen=True)
 class Picture:
-    """An image of ours that reaches the scene's render, and the names of the view layers that it is laid over; none
-    where it is laid over no view layer of the scene."""
+    """A picture that reaches the scene's render.
+
+    Attributes
+    ----------
+    image : bpy.types.Image
+        The image.
+    layers : frozenset of str
+        Names of the view layers that it is composited over; empty if it is over no view layer of the scene.
+    """
 
     image: bpy.types.Image
     layers: frozenset[str]
 
     def is_of(self, layer: str) -> bool:
-        """Whether the picture shows what a view layer shows."""
+        """Whether the picture belongs to the view layer of this name."""
         return not self.layers or layer in self.layers
 
 
 def check_editable(scene) -> None:
-    """Raise a RleSplatError when the scene's compositor may not be changed."""
+    """Check that the scene's compositor can be changed.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Raises
+    ------
+    RleSplatError
+        If the compositor is linked from another file.
+    """
     tree = versions.compositor_tree(scene)
     if tree is not None and not tree.is_editable:
         raise RleSplatError(
@@ -46,11 +64,20 @@ def check_editable(scene) -> None:
 
 
 def insert(scene, make_image) -> list[str]:
-    """Lay pictures over whatever the scene's compositor gives out; calling it again only exchanges their images.
+    """Composite pictures over the output of the scene's compositor; a second call only exchanges their images.
 
-    Creates a tree where there is none.  ``make_image``: called with the image that a picture had, or None, and the name
-    of its view layer, or None where one picture is laid over the whole output; returns the picture's image.  Returns
-    sentences on what else was changed.
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.  It gets a compositor tree if it has none.
+    make_image : callable
+        ``make_image(earlier, layer)`` returns the image of a picture.  ``earlier`` is the image that the picture had,
+        or None.  ``layer`` is the name of its view layer, or None for one picture over the whole output.
+
+    Returns
+    -------
+    list of str
+        Sentences on what else was changed.
     """
     remarks = []
     tree = versions.compositor_tree(scene)
@@ -59,17 +86,18 @@ def insert(scene, make_image) -> list[str]:
         tree = versions.switch_on_compositor(scene)
         before["tree"] = "off" if len(tree.nodes) else "none"
         remarks.append(
-            "The compositor was switched on, with the nodes it had." if len(tree.nodes) else "A compositor was made."
+            "The compositor was switched on with its nodes." if len(tree.nodes) else "A compositor was created."
         )
     elif versions.unshare_compositor(scene):
         tree = versions.compositor_tree(scene)
-        remarks.append("The compositor was shared with other scenes; this scene has its own copy now.")
+        remarks.append("The compositor was shared with other scenes; this scene now has its own copy.")
 
     earlier = images_of(scene)
     layers = _layer_nodes(tree, scene)
     names = {node.layer for node in layers}
     if not _is_laid_out(tree, scene, names):
-        for over in _marked(tree, _OVER):  # torn apart or muted, or of other layers: built anew, with the same past
+        # Our nodes are unlinked or muted, or the view layers have changed: rebuild them, keeping what ``remove`` needs.
+        for over in _marked(tree, _OVER):
             before = {key: over.get(f"was_{key}", value) for key, value in before.items()}
         _take_out(tree)
         for target in layers if len(names) > 1 else [None]:
@@ -88,19 +116,30 @@ def insert(scene, make_image) -> list[str]:
     for image in spare:
         drop(image)
     if len(names) > 1:
-        remarks.append(f"Each of the view layers {', '.join(sorted(names))} has a picture of its own.")
+        remarks.append(f"Each of the view layers {', '.join(sorted(names))} has its own picture.")
 
     if not scene.render.use_compositing:
         scene.render.use_compositing = True
         remarks.append("Compositing was switched on in the output properties.")
     if not scene.render.use_lock_interface:
         scene.render.use_lock_interface = True
-        remarks.append("Render > Lock Interface is on now: the volume is splatted while Blender renders.")
+        remarks.append("Render > Lock Interface is now on, because the volume is drawn while Blender renders.")
     return remarks
 
 
 def remove(scene) -> bool:
-    """Take our nodes out and link across the gaps; whether there was anything to remove."""
+    """Remove our nodes, reconnect the links across them, and restore the settings that ``insert`` changed.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    bool
+        Whether there were nodes to remove.
+    """
     tree = versions.compositor_tree(scene)
     if tree is None or not (_marked(tree, _OVER) or _marked(tree, _PICTURE)):
         return False
@@ -120,20 +159,39 @@ def remove(scene) -> bool:
 
 
 def is_inserted(scene) -> bool:
-    """Whether nodes of ours are in the scene's compositor."""
+    """Whether the scene's compositor holds nodes of ours."""
     tree = versions.compositor_tree(scene)
     return tree is not None and bool(_marked(tree, _OVER) or _marked(tree, _PICTURE))
 
 
 def images_of(scene) -> list:
-    """Every image of the scene's that nodes of ours hold, whether it reaches the render or not."""
+    """All pictures in the scene's compositor, whether they reach the render or not.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    list of bpy.types.Image
+        The images of our nodes that belong to the scene.
+    """
     tree = versions.compositor_tree(scene)
     nodes = [] if tree is None else _marked(tree, _PICTURE)
     return list(dict.fromkeys(node.image for node in nodes if _is_ours(node.image, scene)))
 
 
 def exchange_images(scene, exchange) -> None:
-    """Put ``exchange(image)`` in place of each picture, of whichever scene, that nodes of ours hold."""
+    """Replace the pictures in the scene's compositor, including those of other scenes.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    exchange : callable
+        ``exchange(image)`` returns the new image.
+    """
     tree = versions.compositor_tree(scene)
     nodes = [] if tree is None else [one for one in _marked(tree, _PICTURE) if one.image and images.MARK in one.image]
     new = {image: exchange(image) for image in {node.image for node in nodes}}
@@ -142,7 +200,18 @@ def exchange_images(scene, exchange) -> None:
 
 
 def pictures(scene) -> list[Picture]:
-    """The pictures that reach the scene's render."""
+    """The pictures that reach the scene's render.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    list of Picture
+        Each with the view layers that it is composited over.
+    """
     tree = versions.compositor_tree(scene)
     if tree is None or not scene.render.use_compositing:
         return []
@@ -154,7 +223,18 @@ def pictures(scene) -> list[Picture]:
 
 
 def problem(scene) -> str | None:
-    """Why a picture of ours does not reach the scene's render: a sentence, or None where all do."""
+    """Why one of our pictures does not reach the scene's render.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    str or None
+        One sentence for the user; None if all pictures reach the render.
+    """
     tree = versions.compositor_tree(scene)
     if not scene.render.use_compositing:
         return ("Compositing is switched off in the output properties, so the volume is not in the render; switch it "
@@ -163,10 +243,10 @@ def problem(scene) -> str | None:
         return f"The scene's compositor is switched off, so the volume is not in the render; {_AGAIN}."
     nodes, overs, reaching = _marked(tree, _PICTURE), _marked(tree, _OVER), _reaching(tree)
     if not nodes or not (overs or reaching):
-        return f"The volume's nodes were taken out of the compositor; {_AGAIN}."
+        return f"The volume's nodes were removed from the compositor; {_AGAIN}."
     for node in nodes:
         if node.image is None:
-            return f"The image of the compositor's node {_title(node)} was deleted or taken out; {_AGAIN}."
+            return f"The image of the compositor's node {_title(node)} was deleted or removed; {_AGAIN}."
         if not _is_ours(node.image, scene):
             return (f"The compositor's node {_title(node)} holds the image {node.image.name!r}, which is not the "
                     f"volume's picture; {_AGAIN}.")
@@ -186,13 +266,13 @@ def problem(scene) -> str | None:
 
 
 def drop(image) -> None:
-    """Delete an image of ours that nothing uses any more."""
+    """Delete one of our images if nothing uses it any more."""
     if image.users == 0:
         bpy.data.images.remove(image)
 
 
 def _is_ours(image, scene) -> bool:
-    """Whether an image is a picture that this extension made for the scene, or in version 0.1.0, for any."""
+    """Whether an image is a picture of this scene; pictures of version 0.1.0 name no scene and always count."""
     return image is not None and images.MARK in image and (
         images.OWNER not in image or images.owned_by(image, scene))
 
@@ -202,7 +282,7 @@ def _title(node) -> str:
 
 
 def _trees(tree) -> list:
-    """A tree and those of the node groups in it."""
+    """A tree and the trees of all node groups in it."""
     found = [tree]
     for one in found:
         inner = [node.node_tree for node in one.nodes if node.type == "GROUP" and node.node_tree is not None]
@@ -211,24 +291,23 @@ def _trees(tree) -> list:
 
 
 def _marked(tree, kind: str) -> list:
-    """Our nodes of a kind, also in node groups."""
+    """Our nodes of one kind in a tree and its node groups."""
     return [node for one in _trees(tree) for node in one.nodes if node.get(MARK) == kind]
 
 
 def _colors(node):
-    """The two colour inputs of an Alpha Over: background, foreground.  (Their names and places differ between
-    versions, their order among the colours does not.)"""
+    """The background and foreground inputs of an Alpha Over, found by order: names differ between versions."""
     background, foreground = [socket for socket in node.inputs if socket.type == "RGBA"][:2]
     return background, foreground
 
 
 def _factor(over):
-    """The number by which an Alpha Over fades its foreground."""
+    """The factor input of an Alpha Over."""
     return next(socket for socket in over.inputs if socket.type == "VALUE")
 
 
 def _results(tree) -> list:
-    """The inputs that leave the compositor: the colour of its output, and what goes to files."""
+    """The input sockets of the compositor's results: the color of its output, and of File Output nodes."""
     ends = [one for one in tree.nodes if one.bl_idname == versions.OUTPUT_NODE and not one.mute
             and getattr(one, "is_active_output", True)]
     found = [next((socket for socket in end.inputs if socket.type == "RGBA"), None) for end in ends]
@@ -237,13 +316,12 @@ def _results(tree) -> list:
 
 
 def _reaching(tree) -> set:
-    """Our Image nodes whose result leaves the compositor, through an Alpha Over or whatever the user put there."""
+    """Our Image nodes that are part of a result of the compositor."""
     return {node for node, _output, _holders in feeding(_results(tree)) if node.get(MARK) == _PICTURE}
 
 
 def _layers_of(tree, picture, scene) -> set[str]:
-    """The scene's view layers that a picture is laid over: those behind its Alpha Overs, or, where the user lays it
-    over by other means, those of the whole result."""
+    """Names of the view layers that a picture is composited over by our Alpha Overs, or else those of the result."""
     overs = [(node, holders) for node, _output, holders in feeding(_results(tree)) if node.get(MARK) == _OVER]
     beneath = []
     for over, holders in overs:
@@ -260,15 +338,14 @@ def _is_layer(node, scene) -> bool:
 
 
 def _layer_nodes(tree, scene) -> list:
-    """The Render Layers nodes whose Image is part of the result, in the order of their names."""
+    """The Render Layers nodes whose Image is part of the result, sorted by name."""
     found = {node for node, output, _holders in feeding(_results(tree))
              if _is_layer(node, scene) and output.identifier == "Image"}
     return sorted(found, key=lambda node: node.name)
 
 
 def _is_laid_out(tree, scene, names: set[str]) -> bool:
-    """Whether our nodes are as they would be made: one picture, or one for each of several view layers, and all of them
-    reach the result."""
+    """Whether our nodes are complete: one picture, or one for each view layer, and all reach the result."""
     nodes, overs = _marked(tree, _PICTURE), _marked(tree, _OVER)
     if not nodes or len(nodes) != len(overs) or set(nodes) != _reaching(tree):
         return False
@@ -279,7 +356,7 @@ def _is_laid_out(tree, scene, names: set[str]) -> bool:
 
 
 def _add_pair(tree, x: float, y: float):
-    """A new Alpha Over at a place, with its Image; not linked to anything else."""
+    """Add an Alpha Over with its Image node at (x, y), not linked to other nodes."""
     over = tree.nodes.new("CompositorNodeAlphaOver")
     picture = tree.nodes.new("CompositorNodeImage")
     over[MARK], picture[MARK] = _OVER, _PICTURE
@@ -288,13 +365,13 @@ def _add_pair(tree, x: float, y: float):
     over.location = (x, y)
     picture.location = (x - 220.0, y - 220.0)
     foreground = _colors(over)[1]
-    foreground.default_value = (0.0, 0.0, 0.0, 0.0)  # or the render would be white where the picture is unlinked
+    foreground.default_value = (0.0, 0.0, 0.0, 0.0)  # the default is white, which shows if the picture is unlinked
     tree.links.new(picture.outputs[0], foreground)
     return over
 
 
 def _put_before_output(tree, scene):
-    """An Alpha Over and its picture between the output and what feeds it."""
+    """Insert an Alpha Over and its picture before the output."""
     target = _result_socket(tree, scene)
     output = target.node
     over = _add_pair(tree, output.location.x - 20.0, output.location.y)
@@ -310,7 +387,7 @@ def _put_before_output(tree, scene):
 
 
 def _put_behind(layers):
-    """An Alpha Over and its picture between a Render Layers node's Image and all that it feeds."""
+    """Insert an Alpha Over and its picture after the Image output of a Render Layers node."""
     tree, source = layers.id_data, layers.outputs["Image"]
     targets = [link.to_socket for link in source.links]
     over = _add_pair(tree, layers.location.x + layers.width + 40.0, layers.location.y)
@@ -322,7 +399,7 @@ def _put_behind(layers):
 
 
 def _result_socket(tree, scene):
-    """The colour input of the tree's output node; both are made when missing, fed by the Render Layers."""
+    """The color input of the tree's output node; a missing output is created and linked to a Render Layers node."""
     outputs = [node for node in tree.nodes if node.bl_idname == versions.OUTPUT_NODE and not node.mute]
     outputs.sort(key=lambda node: not getattr(node, "is_active_output", True))
     versions.add_output_socket(tree)

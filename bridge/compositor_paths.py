@@ -1,13 +1,23 @@
-"""What feeds what in a compositor: back along its links, through muted nodes and into node groups and out again."""
+"""Follow the links of a compositor backward, through muted nodes and in and out of node groups."""
 
 from __future__ import annotations
 
 
 def feeding(sockets, holders=()):
-    """Yield (node, its output socket, holders) for every output whose result reaches one of the input ``sockets``.
+    """Find every output whose value reaches one of some input sockets.
 
-    Each output is yielded once for each way into its node group.  ``holders``: the group nodes, outermost first, whose
-    groups the sockets are in.
+    Parameters
+    ----------
+    sockets : iterable of bpy.types.NodeSocket
+        Input sockets.
+    holders : tuple of bpy.types.Node
+        The group nodes that contain the sockets, outermost first.
+
+    Yields
+    ------
+    node, output, holders
+        The node, its output socket, and the group nodes that contain it.  An output in a node group is yielded once
+        for each use of the group.
     """
     todo, seen = [(socket, holders) for socket in sockets], set()
     while todo:
@@ -27,7 +37,7 @@ def _sources(socket, holders):
 
 
 def _behind(output, holders):
-    """The outputs that an output socket stands for: itself, or what a muted node or a node group passes on."""
+    """The outputs behind an output socket: itself, or the sources of a muted node or of a node group."""
     node = output.node
     if node.mute:
         passed = [link.from_socket for link in node.internal_links if link.to_socket == output]
@@ -46,5 +56,5 @@ def _behind(output, holders):
 
 
 def _same(sockets, other) -> list:
-    """The socket of a group's other side."""
+    """The sockets that correspond to ``other`` on the other side of a group's boundary."""
     return [socket for socket in sockets if socket.identifier == other.identifier]

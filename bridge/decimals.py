@@ -1,4 +1,4 @@
-"""Blender keeps float properties in single precision; people type decimals.  One function between the two."""
+"""Conversion of Blender's single-precision properties to the decimals that a user typed."""
 
 import math
 
@@ -6,19 +6,41 @@ import numpy as np
 
 
 def typed(value) -> float:
-    """The shortest decimal that rounds to the same float32: 0.1 for the stored 0.10000000149, float64.
+    """The shortest decimal that rounds to the same float32, such as 0.1 for the stored 0.10000000149.
 
-    With it a picture made from properties equals the one made from the same numbers on the command line.
+    So a picture made from properties equals the one made from the same numbers on the command line.
+
+    Parameters
+    ----------
+    value : float
+        A number stored in single precision.
+
+    Returns
+    -------
+    float
+        The decimal in double precision.
     """
     return float(str(np.float32(value)))
 
 
 def typed_tuple(values) -> tuple:
+    """``typed`` for each of several values."""
     return tuple(typed(v) for v in values)
 
 
 def rounded_to_span(value: float, span: float) -> float:
-    """``value`` to a millionth of ``span`` or finer: what a position stored in single precision can tell."""
+    """Round a value to at most a millionth of a span, the precision of a position stored in single precision.
+
+    Parameters
+    ----------
+    value, span : float
+        The value and the length of its range; a span that is not above zero leaves the value unchanged.
+
+    Returns
+    -------
+    float
+        The rounded value.
+    """
     if not span > 0.0:
         return value
     return round(value, 6 - math.floor(math.log10(span)))

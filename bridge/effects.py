@@ -1,6 +1,6 @@
-"""The effects of a scene in Blender: what the user forces on or off, and the list as it was last made out.
+"""The effects of a scene: the user's overrides, and the list of effects last determined.
 
-Both are kept in the scene's settings, so undo, reloading and copies of the scene have them as they have all else.
+Both are properties of the scene, so undo, saving and copying a scene include them.
 """
 
 from __future__ import annotations
@@ -15,14 +15,25 @@ from ..rle_splat.effects.analyse import EFFECTS
 AUTO = "AUTO"
 STATES = {AUTO: None, "ON": True, "OFF": False}
 STATE_ITEMS = [
-    (AUTO, "Auto", "As the scene calls for it"),
-    ("ON", "On", "Forced on; refused where the scene gives nothing to do it with"),
-    ("OFF", "Off", "Forced off: it costs nothing, and the picture is that of a scene without it"),
+    (AUTO, "Auto", "Use the effect if the scene needs it"),
+    ("ON", "On", "Always use the effect. A picture is refused if the scene lacks what the effect needs"),
+    ("OFF", "Off", "Never use the effect. It then takes no time"),
 ]
 
 
 def property_of(name: str) -> str:
-    """The property of EffectOverrideProperties that holds an effect's override."""
+    """The name of the property of EffectOverrideProperties that overrides an effect.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect, such as "depth of field".
+
+    Returns
+    -------
+    str
+        Such as "depth_of_field".
+    """
     return name.replace(" ", "_").replace("-", "_")
 
 
@@ -34,7 +45,7 @@ _Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=_evalu
 
 
 class EffectOverrideProperties(bpy.types.PropertyGroup):
-    """One property for each effect of the table."""
+    """One enum property for each effect."""
 
     __annotations__ = {
         property_of(name): _Override(name=name.capitalize(), description=kind.text[0].upper() + kind.text[1:])
@@ -43,28 +54,57 @@ class EffectOverrideProperties(bpy.types.PropertyGroup):
 
 
 class EffectRowProperties(bpy.types.PropertyGroup):
-    """An effect as it was last made out; ``name`` is the effect's."""
+    """The last known state of an effect; ``name`` is the effect's name."""
 
-    on: BoolProperty(name="On")
-    reason: StringProperty(name="Reason", description="Why it is on or off")
-    is_timed: BoolProperty(name="Timed", description="Whether a picture was made and its own work can be told apart")
-    ms: FloatProperty(name="Time", description="Milliseconds of its own work in the last picture", min=0.0)
+    on: BoolProperty(name="On", description="The effect is on")
+    reason: StringProperty(name="Reason", description="Why the effect is on or off")
+    is_timed: BoolProperty(name="Timed", description="The effect's own time in the last picture is known")
+    ms: FloatProperty(name="Time", description="Milliseconds that the effect took in the last picture", min=0.0)
 
 
 def overrides_of(scene) -> dict[str, bool]:
-    """What ``scene`` forces: name of an effect -> on or off."""
+    """The effects that a scene forces on or off.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    dict of str to bool
+        Name of an effect to its forced state; effects left at Auto are missing.
+    """
     chosen = {name: STATES[getattr(scene.rle_splat.effect_overrides, property_of(name))] for name in EFFECTS}
     return {name: on for name, on in chosen.items() if on is not None}
 
 
 def note_report(settings, report: dict) -> None:
-    """Keep the effects of a finished picture, and what each took."""
-    note_effects(settings, report.get("effects", ()), "As in the last picture; milliseconds are of the work an effect "
-                 "has of its own.")
+    """Save the effects of a finished picture and their times.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        ``scene.rle_splat``.
+    report : dict
+        The report of the picture.
+    """
+    note_effects(settings, report.get("effects", ()), "For the last picture; the milliseconds are those of each "
+                 "effect's own work.")
 
 
 def note_effects(settings, listed, note: str) -> None:
-    """Keep ``listed``, entries of name, on and reason, and, of a picture, ms; ``note`` says what they are of."""
+    """Replace the list of effects.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        ``scene.rle_splat``.
+    listed : list of dict
+        ``name``, ``on`` and ``reason`` of each effect, and ``ms`` if a picture was made.
+    note : str
+        One sentence on what the list describes.
+    """
     settings.effect_rows.clear()
     for entry in listed:
         row = settings.effect_rows.add()

@@ -1,4 +1,4 @@
-"""What is worth knowing about a volume, as lines of text and a histogram that a panel can show without the voxels."""
+"""Facts, histogram and memory estimate of a volume, stored on its object so that panels need no voxels."""
 
 import json
 import os
@@ -16,7 +16,15 @@ BINS = 256
 
 
 def write_facts(volume_object, volume) -> None:
-    """Fill the object's facts, remarks, value range and histogram from its volume."""
+    """Store a volume's facts, remarks, value range, units and histogram on its object.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    volume : Volume
+        Its voxels.
+    """
     properties = volume_object.rle_splat
     counted = histogram(volume, BINS)
     low, high = volume.value_range
@@ -32,7 +40,20 @@ def write_facts(volume_object, volume) -> None:
 
 
 def fact_lines(volume, file_name: str) -> list[str]:
-    """"Name: value" lines on a volume's file, grid, size and values."""
+    """Lines "Name: value" on a volume's file, grid, size and values.
+
+    Parameters
+    ----------
+    volume : Volume
+        The volume.
+    file_name : str
+        Name of its file, without the folder.
+
+    Returns
+    -------
+    list of str
+        The lines.
+    """
     unit = volume.unit
     extent = (np.array(volume.shape_xyz) - 1) * volume.spacing
     low, high = volume.value_range
@@ -55,7 +76,7 @@ def _by(numbers) -> str:
 
 
 def memory_text(count: int) -> str:
-    """A number of bytes for people, in binary multiples."""
+    """A number of bytes as text in binary multiples, such as "1.5 MiB"."""
     size = float(count)
     for unit in ("bytes", "KiB", "MiB"):
         if size < 1024.0:
@@ -66,8 +87,19 @@ def memory_text(count: int) -> str:
 
 @dataclass(frozen=True)
 class StoredHistogram:
-    """Counts (n,) int64 over equal bins from ``low`` to ``high``, physical values, of a volume of ``shape_xyz`` and
-    ``dtype``, which files of former versions do not hold: None."""
+    """A histogram with equal bins, as stored on an object.
+
+    Attributes
+    ----------
+    counts : ndarray, shape (n,), int64
+        Voxels in each bin.
+    low, high : float
+        Physical values at the outer edges of the first and the last bin.
+    shape_xyz : tuple of int or None
+        Number of voxels along x, y and z; None in files of earlier versions.
+    dtype : str or None
+        Stored type of a voxel; None in files of earlier versions.
+    """
 
     counts: np.ndarray
     low: float
@@ -77,12 +109,23 @@ class StoredHistogram:
 
     @property
     def centers(self) -> np.ndarray:
-        """(n,) float64 the value in the middle of each bin."""
+        """(n,) float64: the value at the center of each bin."""
         return self.low + (self.high - self.low) * (np.arange(len(self.counts)) + 0.5) / len(self.counts)
 
 
 def stored_histogram(properties) -> StoredHistogram | None:
-    """The histogram kept on the object, or None before an import filled it."""
+    """The histogram stored on an object.
+
+    Parameters
+    ----------
+    properties : VolumeProperties
+        ``object.rle_splat``.
+
+    Returns
+    -------
+    StoredHistogram or None
+        None before an import stored one.
+    """
     if not properties.histogram:
         return None
     kept = json.loads(properties.histogram)
@@ -92,7 +135,7 @@ def stored_histogram(properties) -> StoredHistogram | None:
 
 @dataclass(frozen=True)
 class _LikelyPlane:
-    """What a base plane's memory depends on, for a volume that fills the frame along z."""
+    """The fields of a base plane that its memory depends on, for a volume that fills the frame, viewed along z."""
 
     width: int
     height: int
@@ -111,10 +154,25 @@ class _LikelyPlane:
 
 
 def picture_memory(properties, transfer_function, quality, width: int, height: int, meshes: bool = False) -> str:
-    """About how much memory a picture will take beside the voxels, in words; "" where that cannot be said.
+    """Estimate the memory of a picture, beside the voxels, from the stored histogram alone.
 
-    ``meshes``: whether it may have any, whose depths a picture of the volume alone does not need.
-    From what is kept on the object alone, so a panel may ask on every redraw.
+    Parameters
+    ----------
+    properties : VolumeProperties
+        ``object.rle_splat``.
+    transfer_function : TransferFunction
+        Decides which voxels are visible.
+    quality : Quality
+        The knobs.
+    width, height : int
+        Image size in pixels.
+    meshes : bool
+        Whether meshes may occlude the volume, which needs their depths.
+
+    Returns
+    -------
+    str
+        One sentence without a period; "" without a stored histogram.
     """
     counted = stored_histogram(properties)
     if counted is None or counted.dtype is None:
@@ -128,7 +186,7 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
         scratch = scratch_bytes(plane, shape, quality, limited)
         picture = picture_bytes(
             (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch,
-            traced=quality.rays > 0.0 and not meshes)  # single rays know of no meshes
+            traced=quality.rays > 0.0 and not meshes)  # single rays are not used with meshes
         return estimate_from_histogram(
             counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
             shaded=transfer_function.shade is not None, picture=picture)

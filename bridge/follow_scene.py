@@ -1,6 +1,6 @@
-"""The backdrop that follows the scene: a fresh picture whenever something it is made from has changed.
+"""The backdrop that follows the scene: it is rendered again whenever something it depends on has changed.
 
-The camera that shows it is the scene's active one, also where a marker of the timeline makes another camera active.
+It is shown by the scene's active camera, including a camera that a timeline marker makes active.
 """
 
 from __future__ import annotations
@@ -11,15 +11,23 @@ from .camera import camera_object, image_size
 from .held import Held
 from .settings import tolerance_of
 
-HIDDEN = freshness.MadeFrom("hidden", "", False)  # of a volume that is hidden from renders
+HIDDEN = freshness.MadeFrom("hidden", "", False)  # the volume is hidden from renders
 FAILED = freshness.MadeFrom("failed", "", False)
 
 
 def follow(scene, depsgraph, later: bool, camera=None) -> None:
-    """Bring the backdrop of the active camera up to date, if the scene's backdrop follows; a message on failure.
+    """Update the backdrop of the active camera if it follows the scene; a failure becomes a message in the panel.
 
-    ``later``: the picture may come from a timer, with previews until then if the scene wants them.  ``camera``: a
-    camera object that is about to become active.
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    later : bool
+        Whether the picture may be finished by a timer, with previews until then if the scene has them on.
+    camera : bpy.types.Object, optional
+        A camera object that is about to become active.
     """
     settings = scene.rle_splat
     volume_object = settings.backdrop_object
@@ -30,7 +38,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
         camera = camera or camera_object(depsgraph).original
         image = pictures.find(scene, volume_object, "backdrop", camera)
         if image is not None and backdrop.find(scene, camera) is None:
-            return  # the user took it out of the camera by hand
+            return  # the user removed the background image by hand
         if not render_scene.is_rendered(volume_object, depsgraph):
             _hide(scene, volume_object, image)
             return
@@ -51,12 +59,18 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
             following.begin(_refinement(steps, Held(scene), Held(image), made_from))
             return
         _finish(scene, image, drain(render_scene.steps(plain, quality, **wish)), made_from)
-    except Exception as problem:  # a traceback from every frame would help no one: one sentence
+    except Exception as problem:  # a handler runs for every frame: one sentence instead of many tracebacks
         _fail(scene, image, problem)
 
 
 def remove_deleted(scene) -> None:
-    """Take the backdrops of deleted volumes out of their cameras, and say so."""
+    """Remove the backdrops of deleted volumes from their cameras, with a message.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrops.
+    """
     settings = scene.rle_splat
     gone = {
         row.volume for row in settings.pictures
@@ -78,7 +92,7 @@ def remove_deleted(scene) -> None:
 
 
 def _refinement(steps, scene: Held, image: Held, made_from) -> following.Refinement:
-    """A backdrop's work for a timer: what it writes to is found anew each time, or left alone."""
+    """The work on a backdrop for a timer; scene and image are looked up again at each step, and may be gone."""
 
     def with_both(act):
         found = scene.find(), image.find()
@@ -95,7 +109,7 @@ def _refinement(steps, scene: Held, image: Held, made_from) -> following.Refinem
 
 
 def _finish(scene, image, rendering, made_from) -> None:
-    """Show the picture, and what it took."""
+    """Show the finished picture and its report."""
     pictures.show(image, rendering)
     freshness.note(image, made_from)
     scene.rle_splat.message = ""
@@ -103,7 +117,7 @@ def _finish(scene, image, rendering, made_from) -> None:
 
 
 def _hide(scene, volume_object, image) -> None:
-    """Show nothing of a volume that is hidden from renders, and say so."""
+    """Clear the backdrop of a volume that is hidden from renders, with a message."""
     if image is not None and freshness.made_from(image) != HIDDEN:
         following.stop()
         images.clear(image)
@@ -112,7 +126,7 @@ def _hide(scene, volume_object, image) -> None:
 
 
 def _fail(scene, image, problem) -> None:
-    """Show nothing rather than what is stale, and say why."""
+    """Clear the backdrop instead of showing an outdated picture, with a message."""
     following.stop()
     if image is not None:
         images.clear(image)
@@ -121,5 +135,5 @@ def _fail(scene, image, problem) -> None:
 
 
 def _say(scene, sentence: str) -> None:
-    if scene.rle_splat.message != sentence:  # once, not with every redraw
+    if scene.rle_splat.message != sentence:  # print it once, not at every redraw
         messages.complain(scene.rle_splat, sentence)

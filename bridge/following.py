@@ -1,8 +1,8 @@
-"""The work of a backdrop that follows the scene: a preview at once, refined from a timer when the scene rests.
+"""Runs the work of a backdrop that follows the scene: a preview at once, the rest from a timer.
 
-While the user plays, scrubs or edits, a picture that takes long would hold up the window.  There the scene gets the
-first preview, and a timer makes the rest, until something changes or the picture is there.  Scripts that set a frame,
-and background mode, get the picture at once.
+During playback, scrubbing and edits a slow picture would block the window.  So the first preview is shown at once and
+a timer continues until the picture is done or something changes.  Scripts that set a frame, and background mode, get
+the full picture at once.
 """
 
 from __future__ import annotations
@@ -16,14 +16,27 @@ import bpy
 from ..rle_splat.pipeline.previews import Preview
 from .canvas import redraw
 
-BITE = 0.03  # seconds of work in each tick of the timer, so that scrubbing stays smooth
-PAUSE, WAIT = 0.01, 0.2  # seconds between ticks, and between looks whether playing is over
+BITE = 0.03  # seconds of work per tick of the timer; short, so that scrubbing stays smooth
+PAUSE, WAIT = 0.01, 0.2  # seconds between ticks, and between checks whether playback has ended
 
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """``steps``: the work, a generator of Progress and Previews.  ``show(rendering)`` shows a preview of it,
-    ``finish(rendering)`` the picture, ``fail(problem)`` that there is none.  ``wish``: what it will be made from."""
+    """A picture in progress.
+
+    Attributes
+    ----------
+    steps : generator
+        The work: yields Progress and Preview, returns a Rendering.
+    show : callable
+        ``show(rendering)`` shows a preview.
+    finish : callable
+        ``finish(rendering)`` shows the finished picture.
+    fail : callable
+        ``fail(problem)`` is called with the exception that ended the work.
+    wish : MadeFrom
+        The inputs of the picture.
+    """
 
     steps: Generator
     show: Callable
@@ -32,7 +45,7 @@ class Refinement:
     wish: object
 
 
-_unfinished: list = []  # the one Refinement that is not done, if any
+_unfinished: list = []  # at most one Refinement in progress
 
 
 def is_playing() -> bool:
@@ -48,7 +61,7 @@ def is_moving() -> bool:
 
 
 def begin(work: Refinement) -> None:
-    """Work until something can be shown, and leave the rest to a timer."""
+    """Work until the first preview and leave the rest to a timer; earlier work is dropped."""
     stop()
     while (step := _advance(work)) is not None:
         if isinstance(step, Preview):
@@ -59,21 +72,21 @@ def begin(work: Refinement) -> None:
 
 
 def is_making(wish) -> bool:
-    """Whether a picture made from that is on its way."""
+    """Whether a picture with these inputs is in progress."""
     return any(work.wish == wish for work in _unfinished)
 
 
 def stop() -> None:
-    """Drop what is not done: its frame is no longer wanted.
+    """Drop the work in progress.
 
-    A render's own thread may ask for that in the middle of a step, which a generator cannot be closed in: it is let
-    go of, and ends with that step.
+    The render thread may call this during a step, when the generator cannot be closed.  So the generator is only
+    released, and ends after that step.
     """
     _unfinished.clear()
 
 
 def _tick():
-    """Blender calls this again after the seconds it returns, and no more after None."""
+    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
     if _unfinished and is_playing():
         return WAIT
     until = time.perf_counter() + BITE
@@ -87,7 +100,7 @@ def _tick():
 
 
 def _advance(work: Refinement):
-    """One step of the work, shown if it can be; None when it is over."""
+    """Do one step and show a preview if it is one; return the step, or None at the end."""
     try:
         try:
             step = next(work.steps)

@@ -1,7 +1,7 @@
-"""Whether a picture still shows the scene as it is: every picture knows what it was made from.
+"""Detects outdated pictures: the inputs of every picture are recorded and compared with the scene.
 
-Undo takes settings back but not pixels.  So what an image was made from is remembered beside the session, by the
-image's session id, and written into the image only when the file is saved.
+Undo restores settings but not pixels.  So the record is kept outside Blender's data, by the image's session id, and is
+written into the image only when the file is saved.
 """
 
 from __future__ import annotations
@@ -17,52 +17,88 @@ from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.volume.volume import Volume
 from . import backdrop, pictures, render_scene, settings, transfer, volumes
 
-MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: a MadeFrom as JSON
+MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: MadeFrom as JSON
 
 
 class MadeFrom(NamedTuple):
-    """What a picture was made from: ``digest`` of all of it, ``look`` of its transfer function alone, and whether
-    ``meshes`` hid the volume."""
+    """The inputs of a picture.
+
+    Attributes
+    ----------
+    digest : str
+        Hash of all inputs.
+    look : str
+        Hash of the transfer function alone.
+    meshes : bool
+        Whether meshes occluded the volume.
+    """
 
     digest: str
     look: str
     meshes: bool
 
 
-_made_from: dict[int, MadeFrom] = {}  # by the image's session id
-_out_of_date: set[int] = set()  # session ids of the images that were last found to be
+_made_from: dict[int, MadeFrom] = {}  # by session id of the image
+_out_of_date: set[int] = set()  # session ids of the images that the last ``judge`` found outdated
 
 
 def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> MadeFrom:
-    """What a picture of plain data is made from; ``meshes``: whether they were asked to hide the volume."""
-    plain = replace(plain, reasons_off={})  # words for reports
+    """The record of a picture's inputs.
+
+    Parameters
+    ----------
+    plain : Scene
+        The scene as plain data.
+    quality : Quality
+        The knobs.
+    tolerance : float or None
+        The maximum error in levels of 1/255.
+    meshes : bool
+        Whether meshes were to occlude the volume.
+
+    Returns
+    -------
+    MadeFrom
+        The record.
+    """
+    plain = replace(plain, reasons_off={})  # texts for the report, which change no pixel
     return MadeFrom(_digest((plain, quality, tolerance)), _digest(plain.transfer_function), meshes)
 
 
 def note(image, made_from: MadeFrom) -> None:
-    """Remember what an image's pixels were made from."""
+    """Record the inputs of an image's pixels."""
     _made_from[image.session_uid] = made_from
     _out_of_date.discard(image.session_uid)
 
 
 def made_from(image) -> MadeFrom | None:
-    """What an image was made from; None when it is not known, or its pixels were lost with their file."""
+    """The recorded inputs of an image; None if they are unknown, or its pixels were lost with their file."""
     if image.session_uid not in _made_from and MADE_FROM in image and image.size[0] > 0:
         _made_from[image.session_uid] = MadeFrom(*json.loads(image[MADE_FROM]))
     return _made_from.get(image.session_uid)
 
 
 def store(image) -> None:
-    """Write into the image what it was made from, for when the file is opened again."""
+    """Write the record of an image's inputs into the image, before the file is saved."""
     known = made_from(image)
     if known is not None:
         image[MADE_FROM] = json.dumps(known)
 
 
 def out_of_date(scene) -> list:
-    """The images of pictures that the scene shows and that no longer show the scene, as of the last ``judge``.
+    """The outdated pictures among those that the scene shows, as of the last ``judge``.
 
-    Reads properties only, so a panel may call it.
+    It reads properties only, so a panel may call it.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    list of bpy.types.Image
+        The images.
     """
     return [
         row.image for row in shown_rows(scene)
@@ -71,20 +107,32 @@ def out_of_date(scene) -> list:
 
 
 def have_new_looks(scene) -> bool:
-    """Whether a transfer function of a picture that the scene shows was edited, also by a script that told no one."""
+    """Whether the transfer function of a shown picture was edited, including edits by a script without an update."""
     return any(_has_new_look(row) for row in shown_rows(scene))
 
 
 def forget() -> None:
-    """Forget everything, for another file."""
+    """Drop all records, before another file is opened."""
     _made_from.clear()
     _out_of_date.clear()
 
 
 def judge(scene, depsgraph) -> bool:
-    """Hold the scene's last picture and its camera's backdrop against the scene; whether a judgement changed.
+    """Compare the scene's last picture and its camera's backdrop with the scene.
 
-    A picture whose volume is not in memory is not judged: reading it could take long.
+    A picture whose volume is not in memory is skipped, because reading the volume could take long.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    bool
+        Whether a picture became outdated, or is no longer outdated.
     """
     before = set(_out_of_date)
     for row in shown_rows(scene):
@@ -98,8 +146,18 @@ def judge(scene, depsgraph) -> bool:
 
 
 def shown_rows(scene) -> list:
-    """The rows of the last picture and of the active camera's backdrop, of which it is known what they were made
-    from."""
+    """The rows of the last picture and of the active camera's backdrop whose inputs are known.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    list of PictureProperties
+        The rows.
+    """
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
     entry = backdrop.find(scene, camera) if camera is not None else None
     images = {"color": scene.rle_splat.image, "backdrop": entry.image if entry is not None else None}
@@ -119,7 +177,7 @@ def _has_new_look(row) -> bool:
 
 
 def _made_now(volume_object, depsgraph, meshes: bool) -> MadeFrom | None:
-    """What a picture made now is made from; None where none can be made."""
+    """The inputs of a picture made now; None if none can be made."""
     try:
         plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=meshes)
         return made_of(plain, quality, settings.tolerance_of(depsgraph.scene_eval), meshes)
@@ -128,14 +186,14 @@ def _made_now(volume_object, depsgraph, meshes: bool) -> MadeFrom | None:
 
 
 def _digest(value) -> str:
-    """A hash of plain data."""
+    """Hash of plain data, as a hexadecimal string."""
     total = hashlib.blake2b(digest_size=16)
     _feed(total, value)
     return total.hexdigest()
 
 
 def _feed(total, value) -> None:
-    """Add a value of plain data to a hash."""
+    """Add plain data to a hash."""
     if isinstance(value, Volume):
         total.update(f"{value.key}{value.unit}".encode())
     elif is_dataclass(value):

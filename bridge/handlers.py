@@ -1,4 +1,4 @@
-"""The handlers of Blender's events that are not a single module's own, and the order in which all are registered."""
+"""All handlers of Blender's events, in the order in which they are registered."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _on_load_pre(*_arguments):
 
 HANDLERS = (
     *over_render.HANDLERS,
-    *migration.HANDLERS,  # on load before what looks after pictures
+    *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load
     *watch.HANDLERS,
     *picture_files.HANDLERS,
     ("load_pre", _on_load_pre),

@@ -1,7 +1,7 @@
-"""Datablocks held across a job or a timer.
+"""References to datablocks that survive undo and renaming during a job or a timer.
 
-No Python reference to a datablock survives undo, and names change.  Blender's session id does neither: it stays the
-same through undo and renaming until the file is closed.
+Undo invalidates Python references to datablocks, and names can change.  Blender's session id stays the same until the
+file is closed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,13 @@ from ..rle_splat.scene import RleSplatError
 
 
 class Held:
-    """One object, scene or image, found again by its session id."""
+    """A reference to one object, scene or image by its session id.
+
+    Parameters
+    ----------
+    datablock : bpy.types.Object, bpy.types.Scene or bpy.types.Image
+        The datablock.
+    """
 
     def __init__(self, datablock):
         self.name = datablock.name
@@ -20,12 +26,12 @@ class Held:
         self._session_uid = datablock.session_uid
 
     def find(self):
-        """The datablock, or None when it is gone."""
+        """The datablock, or None if it was removed."""
         return next((one for one in getattr(bpy.data, self._kind) if one.session_uid == self._session_uid), None)
 
     def get(self):
-        """The datablock.  Raises RleSplatError when it is gone."""
+        """The datablock; RleSplatError if it was removed."""
         found = self.find()
         if found is None:
-            raise RleSplatError(f"{self.name!r} is no longer there, so its picture was dropped.")
+            raise RleSplatError(f"{self.name!r} was removed meanwhile, so its picture was dropped; make it again.")
         return found

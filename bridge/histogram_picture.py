@@ -1,21 +1,32 @@
-"""The histogram under the opacity curve, as a small picture: what the values are, beside what is made of them."""
+"""A small picture of the histogram with the opacity curve and the colors of the transfer function."""
 
 import numpy as np
 
-TILES = 3  # squares side by side: Blender draws an icon in a square, a histogram is wide
-TILE, GAP = 96, 5  # pixels: a tile with the border that Blender leaves round an icon, and that border
+TILES = 3  # squares side by side, because Blender draws icons as squares and a histogram is wide
+TILE, GAP = 96, 5  # pixels: a tile with the border that Blender leaves around an icon, and that border
 WIDTH, HEIGHT = TILES * TILE, TILE - 2 * GAP
 GROUND = np.array((0.10, 0.10, 0.11))
 BAR = np.array((0.36, 0.36, 0.38))
 CURVE = np.array((1.0, 1.0, 1.0))
-RAMP_ROWS = 8  # pixels at the bottom that show the colours alone
+RAMP_ROWS = 8  # pixels at the bottom that show only the colors
 
 
 def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
-    """(HEIGHT, WIDTH, 4) float32 display RGBA, row 0 at the BOTTOM as Blender keeps pixels.
+    """Draw the histogram; the bars are logarithmic and tinted by the transfer function's colors where it is opaque.
 
-    ``stored``: StoredHistogram or None.  Columns are the values from ``low`` to ``high``, the window; bars are
-    logarithmic and take on the colour of the transfer function where it is opaque.
+    Parameters
+    ----------
+    stored : StoredHistogram or None
+        The histogram.
+    transfer_function : TransferFunction
+        Colors and opacities.
+    low, high : float
+        The window: physical values at the left and the right edge.
+
+    Returns
+    -------
+    ndarray, shape (HEIGHT, WIDTH, 4), float32
+        Display-encoded RGBA, row 0 at the bottom as in Blender's images.
     """
     values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
     table = transfer_function.table(values)
@@ -37,15 +48,27 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
 
 
 def tiles_of(picture: np.ndarray) -> list[np.ndarray]:
-    """The squares of a picture that Blender shows side by side; what would lie under their borders is left out, so
-    that values stand where they stand in the curve below."""
+    """Cut a picture into the squares that Blender shows side by side.
+
+    The columns under the icons' borders are left out, so that values line up with the curve below.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (HEIGHT, WIDTH, 4)
+        The result of ``draw``.
+
+    Returns
+    -------
+    list of ndarray
+        TILES arrays of HEIGHT by HEIGHT pixels.
+    """
     return [
         np.ascontiguousarray(picture[:, i * TILE + GAP : (i + 1) * TILE - GAP]) for i in range(TILES)
     ]
 
 
 def _bar_heights(stored, low: float, high: float) -> np.ndarray:
-    """(WIDTH,) float64 in [0, 1]: log counts of the values each column covers, the fullest column reaching 0.95."""
+    """(WIDTH,) float64 in [0, 1]: logarithm of the counts in each column, scaled to a maximum of 0.95."""
     if stored is None or not stored.counts.any():
         return np.zeros(WIDTH)
     edges = np.linspace(stored.low, stored.high, stored.counts.size + 1)

@@ -1,6 +1,6 @@
-"""Pictures of ours as Blender images: float, scene-linear, premultiplied.
+"""Our pictures as Blender images: float, scene-linear, premultiplied.
 
-This is the one place where rows are turned over: ours run from the top, Blender's from the bottom.
+Our row 0 is the top of a picture, Blender's is the bottom.  This module is the only place that flips rows.
 """
 
 from __future__ import annotations
@@ -8,28 +8,42 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-# Custom properties of an image of ours: what it holds, and the id of the scene whose picture it is.
+# Custom properties of our images: the kind of content, and the id of the scene that owns the picture.
 MARK, OWNER = "rle_splat_kind", "rle_splat_owner"
 
 
 def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = False):
-    """A float image of this size: ``wanted`` itself, blank where its size had to change, or a new one when it is None.
+    """Create a float image, or resize an existing one.
 
-    Color images are "Linear Rec.709" with premultiplied alpha, depth images "Non-Color".
+    Parameters
+    ----------
+    wanted : bpy.types.Image or None
+        The image to use; its pixels are cleared if its size changes.  None creates an image.
+    name : str
+        Name of a new image.
+    width, height : int
+        Size in pixels.
+    depth : bool
+        Whether the image holds numbers ("Non-Color") instead of colors ("Linear Rec.709", premultiplied alpha).
+
+    Returns
+    -------
+    bpy.types.Image
+        The image.
     """
     image = wanted
     if image is None:
         image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=depth)
-    # Setting either of these, even to what it was, makes Blender read the stored pixels again: before the size, and
-    # only where it differs.
+    # Setting either of these, even to the same value, makes Blender reload the stored pixels.  So they are set only if
+    # they differ, and before the size.
     alpha_mode, color_space = ("NONE", "Non-Color") if depth else ("PREMUL", "Linear Rec.709")
     if image.alpha_mode != alpha_mode:
         image.alpha_mode = alpha_mode
     if image.colorspace_settings.name != color_space:
         image.colorspace_settings.name = color_space
-    if tuple(image.size) != (width, height):  # of none, where its file is gone
-        # Not scaled: an image that Blender 5.2 read from a file keeps that file's display window when it is, and the
-        # compositor then shifts it by half the difference.
+    if tuple(image.size) != (width, height):  # (0, 0) if its file is missing
+        # Not image.scale: in Blender 5.2 a scaled image keeps the display window of its file, and the compositor then
+        # shifts it by half the difference.
         image.generated_color = (0.0, 0.0, 0.0, 0.0)
         image.source = "GENERATED"
         image.use_generated_float = True
@@ -39,17 +53,46 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
 
 
 def owned_by(image, scene) -> bool:
-    """Whether an image is a picture of this scene's."""
+    """Whether an image is a picture of this scene.
+
+    Parameters
+    ----------
+    image : bpy.types.Image or None
+        The image.
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    bool
+        False for None.
+    """
     return image is not None and bool(scene.rle_splat.scene_id) and image.get(OWNER) == scene.rle_splat.scene_id
 
 
 def write_color(image, rgba: np.ndarray) -> None:
-    """Put (H, W, 4) premultiplied scene-linear float, row 0 on top, into an image of the same size."""
+    """Write colors into an image of the same size.
+
+    Parameters
+    ----------
+    image : bpy.types.Image
+        The image.
+    rgba : ndarray, shape (height, width, 4)
+        Premultiplied scene-linear colors, row 0 on top.
+    """
     _write(image, rgba)
 
 
 def write_numbers(image, numbers: np.ndarray) -> None:
-    """Put (H, W) numbers, row 0 on top, into an image of the same size, as opaque gray."""
+    """Write numbers into an image of the same size as opaque gray.
+
+    Parameters
+    ----------
+    image : bpy.types.Image
+        The image.
+    numbers : ndarray, shape (height, width)
+        The numbers, row 0 on top.
+    """
     gray = np.empty((*numbers.shape, 4), dtype=np.float32)
     gray[..., :3] = numbers[..., np.newaxis]
     gray[..., 3] = 1.0
@@ -57,7 +100,18 @@ def write_numbers(image, numbers: np.ndarray) -> None:
 
 
 def read(image) -> np.ndarray:
-    """(H, W, 4) float32, row 0 on top: an image's pixels as they are."""
+    """The stored pixels of an image.
+
+    Parameters
+    ----------
+    image : bpy.types.Image
+        The image.
+
+    Returns
+    -------
+    ndarray, shape (height, width, 4), float32
+        The pixels, row 0 on top.
+    """
     width, height = image.size
     flat = np.empty(width * height * 4, dtype=np.float32)
     image.pixels.foreach_get(flat)
@@ -65,23 +119,35 @@ def read(image) -> np.ndarray:
 
 
 def copy_of(image):
-    """A new image of ours with the same pixels.  (Blender's own copy has none that were not saved.)"""
+    """A new image with the same pixels as one of ours; Blender's own copy loses unsaved pixels."""
     copy = ensure_image(None, image.name, *image.size, depth=image[MARK] == "depth")
     _write(copy, read(image))
     return copy
 
 
 def clear(image) -> None:
-    """Make every pixel transparent black, so that nothing stale is shown."""
+    """Make every pixel transparent black, so that no outdated picture is shown."""
     width, height = image.size
     _write(image, np.zeros((height, width, 4), dtype=np.float32))
 
 
 def write_file(image, path: str) -> None:
-    """Move the pixels to a 32-bit EXR file at ``path``, which the image then shows.  Raises RuntimeError or OSError.
+    """Write an image to a 32-bit EXR file and make it the image's source.
 
-    Blender converts what it saves to the file's color space, and so changes color pixels.  A copy that counts as
-    plain numbers is not converted: its file holds the pixels bit for bit.
+    Blender converts saved colors to the color space of the file, which changes them.  So a copy marked as plain numbers
+    is saved, which is not converted: the file holds the same bits.
+
+    Parameters
+    ----------
+    image : bpy.types.Image
+        One of our images.
+    path : str
+        Absolute path of the file.
+
+    Raises
+    ------
+    RuntimeError, OSError
+        If Blender or the system cannot write the file.
     """
     width, height = image.size
     numbers = bpy.data.images.new(image.name, width, height, alpha=True, float_buffer=True, is_data=True)

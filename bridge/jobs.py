@@ -1,8 +1,8 @@
-"""Long work as one generator of steps, driven to its end at once or a little at a time from a timer.
+"""Operators with long work, written as a generator of steps.
 
-``execute`` runs it at once: scripts and background mode need that.  ``invoke`` in a window works in small bites from
-a timer, shows progress, and previews if the scene wants them, and obeys Esc.  Success, failure and Esc all end in
-``_finish``; after failure and Esc everything is as before the first preview.
+``execute`` runs the work at once, for scripts and background mode.  ``invoke`` in a window works in short slices from a
+timer, shows progress and previews, and stops on Esc.  Success, failure and Esc all end in ``_finish``.  After failure
+and Esc everything is as it was before the first preview.
 """
 
 from __future__ import annotations
@@ -12,35 +12,39 @@ import time
 import bpy
 
 from ..rle_splat.pipeline.previews import Preview
+from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import Cancelled, RleSplatError
 from .canvas import redraw
 
-TIME_BUDGET = 0.1  # seconds of work in each tick of the timer; the window redraws and listens in between
+TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
 TICK = 0.01  # seconds between ticks
 
 
 class StepwiseOperator:
-    """Mix-in for operators whose work is a generator of Progress(fraction, message).
+    """Mix-in for operators whose work is a generator of Progress.
 
-    The operator brings ``prepare(context)``, which reads all that the work depends on and returns the generator (its
-    RleSplatErrors go to the user's report), and ``commit(context, result)``, which puts the result into the .blend.
-    Where ``wants_previews`` is true the generator may yield Previews too: the operator brings ``show_preview(context,
-    preview)`` and ``put_back(context)``, which undoes all that it showed.
+    A subclass defines
+
+    - ``prepare(context)``: read everything that the work depends on and return the generator.  A RleSplatError is
+      reported to the user.
+    - ``commit(context, result)``: write the result of the generator into the .blend.
+    - ``show_preview(context, preview)`` and ``put_back(context)``, if the generator may yield a Preview: show it, and
+      undo everything that was shown.
     """
 
-    bl_options = set()  # not REGISTER: F9 would do all the work again; undo steps as ``is_new`` says
+    bl_options = set()  # without REGISTER: Adjust Last Operation (F9) would repeat the work; for undo see ``is_new``
 
-    wants_previews = False  # whether there is a window to show previews in, and the user likes them
-    is_new = True  # whether ``commit`` made or changed more than pixels, which then is a step of undo
+    wants_previews = False  # whether there is a window for previews, and the user has them on
+    is_new = True  # whether ``commit`` changed more than pixels, so that it becomes an undo step
 
-    _running = False  # one job at a time, whatever the operator: they share the stages kept between pictures
+    _running = False  # one job at a time for all operators, because they share the stage cache
     _generator = None
     _timer = None
-    _shown = ""  # what the user is looking at meanwhile, in words
+    _shown = ""  # description of the preview that is shown, for the status bar
 
     @classmethod
     def is_running(cls) -> bool:
-        """Whether a job works in a window now."""
+        """Whether a job is in progress in a window."""
         return StepwiseOperator._running
 
     def execute(self, context):
@@ -50,28 +54,28 @@ class StepwiseOperator:
         if bpy.app.background or context.window is None:
             return self.execute(context)
         if StepwiseOperator._running:
-            self.report({"WARNING"}, "Another picture is being made; wait for it or press Esc there.")
+            self.report({"WARNING"}, "Another picture is in progress; wait for it, or press Esc to cancel it.")
             return {"CANCELLED"}
         return self._guarded(context, self._start)
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
             self._abandon(context)
-            self.report({"INFO"}, "Cancelled; nothing was changed.")
+            self.report({"INFO"}, "Canceled; nothing was changed.")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         return self._guarded(context, self._work_a_while)
 
     def cancel(self, context):
-        """Blender calls this when a file is loaded or the window is closed in the middle of the work.
+        """End the work without restoring the image; Blender calls this when a file is loaded or the window closes.
 
-        The .blend may be on its way out, so it is left alone: a preview that was shown stays.
+        The .blend may be unloading, so it is not changed: a preview stays.
         """
         self._finish(context)
 
     def _guarded(self, context, action):
-        """``action(context)``, with every way to fail ending in _abandon and one sentence."""
+        """Run ``action(context)``; every failure ends in ``_abandon`` and one sentence for the user."""
         try:
             return action(context)
         except RleSplatError as problem:
@@ -79,7 +83,7 @@ class StepwiseOperator:
             self.report({"ERROR"}, str(problem))
         except Cancelled:
             self._abandon(context)
-            self.report({"INFO"}, "Cancelled; nothing was changed.")
+            self.report({"INFO"}, "Canceled; nothing was changed.")
         except MemoryError:
             self._abandon(context)
             self.report({"ERROR"}, "There is not enough memory for this picture; make the image smaller.")
@@ -90,11 +94,7 @@ class StepwiseOperator:
 
     def _run_through(self, context):
         self._generator = self.prepare(context)
-        while True:
-            try:
-                next(self._generator)
-            except StopIteration as finished:
-                return self._succeed(context, finished.value)
+        return self._succeed(context, drain(self._generator))
 
     def _start(self, context):
         self.wants_previews = context.scene.rle_splat.use_previews
@@ -116,7 +116,7 @@ class StepwiseOperator:
                 return self._succeed(context, finished.value)
             if isinstance(progress, Preview):
                 self._show(context, progress)
-                return {"RUNNING_MODAL"}  # so that it is drawn
+                return {"RUNNING_MODAL"}  # let Blender draw it
         if progress is not None:
             context.window_manager.progress_update(progress.fraction)
             self._say(context, f"{progress.message} ({progress.fraction:.0%})")
@@ -136,12 +136,12 @@ class StepwiseOperator:
         self._finish(context)
         self.commit(context, result)
         redraw(context)
-        if in_window and self.is_new:  # a script's steps of undo are its own affair
+        if in_window and self.is_new:  # scripts push undo steps themselves
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"}
 
     def _abandon(self, context) -> None:
-        """End the work without its result; may be called twice."""
+        """End the work without a result and restore the image; safe to call twice."""
         if self._shown:
             self._shown = ""
             self.put_back(context)
@@ -149,7 +149,7 @@ class StepwiseOperator:
         self._finish(context)
 
     def _finish(self, context) -> None:
-        """Let go of timer, progress bar and generator; may be called twice."""
+        """Release timer, progress bar and generator; safe to call twice."""
         if self._generator is not None:
             self._generator.close()
             self._generator = None

@@ -1,6 +1,6 @@
-"""The labels of a volume object: the file they are in, and the rows that say what each looks like.
+"""The labels of a volume object: the label file, and one row per label with its look.
 
-As a volume's voxels, labels stay outside the .blend and are read when first needed.
+Like a volume's voxels, the label file stays outside the .blend and is read when it is first needed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import os
 import bpy
 import numpy as np
 
-from ..rle_splat.classify.label_looks import LabelLook, labels_of
+from ..rle_splat.classify.label_styles import LabelStyle, labels_of
 from ..rle_splat.read.formats import format_of
 from ..rle_splat.scene import Labels, RleSplatError
 from . import volumes
@@ -19,12 +19,12 @@ from .overridable import BoolProperty, EnumProperty, FloatVectorProperty, IntPro
 from .preset_items import IMPORT_ITEMS, SUGGESTED
 
 OWN = "OWN"
-LOOK_ITEMS = [(OWN, "As the Volume", "By the volume's own transfer function")] + [
+LOOK_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function")] + [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
-MOST_LABELS = 512  # rows in a panel; more are values, not labels
+MOST_LABELS = 512  # a file with more different values is a scan, not a label map
 
-_kept: dict = {}  # (path, size, time, shape) of the label file used last -> its Volume
+_kept: dict = {}  # (path, size, time, shape) of the last label file -> its Volume
 
 
 def _evaluate_anew(row, _context):
@@ -32,36 +32,56 @@ def _evaluate_anew(row, _context):
 
 
 class LabelProperties(bpy.types.PropertyGroup):
-    """What the voxels of one label look like.  Its ``name`` is the number as text, by which overrides find it."""
+    """The look of one label.  ``name`` is its number as text, because library overrides find rows by name."""
 
-    label: IntProperty(name="Label", description="The number that the label's voxels have")
-    label_name: StringProperty(name="Name", description="What the label stands for")
+    label: IntProperty(name="Label", description="Value of the label's voxels in the label file")
+    label_name: StringProperty(name="Name", description="Name of the label")
     show: BoolProperty(
-        name="Show", description="Whether the label's voxels are shown", default=True, update=_evaluate_anew)
+        name="Show", description="Show the voxels of this label", default=True, update=_evaluate_anew)
     use_color: BoolProperty(
-        name="Own Color", description="Give the label a colour in place of the transfer function's", default=False,
-        update=_evaluate_anew)
+        name="Own Color", description="Use one color for this label instead of the transfer function's colors",
+        default=False, update=_evaluate_anew)
     color: FloatVectorProperty(
-        name="Color", description="Colour of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
+        name="Color", description="Color of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
         default=(0.8, 0.3, 0.2), update=_evaluate_anew)
     look: EnumProperty(
-        name="Look", description="Opacity and colours of the label's voxels", items=LOOK_ITEMS, default=OWN,
+        name="Look", description="Transfer function for the voxels of this label", items=LOOK_ITEMS, default=OWN,
         update=_evaluate_anew)
 
-    def plain(self) -> LabelLook:
-        return LabelLook(
+    def plain(self) -> LabelStyle:
+        return LabelStyle(
             self.label, self.label_name, not self.show,
             tuple(typed(c) for c in self.color) if self.use_color else None, None if self.look == OWN else self.look,
         )
 
 
 def load_labels(owner, shape_xyz):
-    """The label volume of a volume object of that shape; bare voxels are on its grid."""
+    """The label map of a volume object, from memory or from its file.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    shape_xyz : tuple of int
+        Number of voxels of the volume along x, y and z; a raw label file is read with this shape.
+
+    Returns
+    -------
+    Volume
+        The label map.
+
+    Raises
+    ------
+    RleSplatError
+        If the file is missing, cannot be read, or a raw file has another size.
+    """
     path = volumes.resolved_path(owner, "label_file")
     try:
         status = os.stat(path)
     except OSError:
-        raise RleSplatError(f"The labels of {owner.name!r} are not at {path}; choose their file, or none.") from None
+        raise RleSplatError(
+            f"The label file of {owner.name!r} is not at {path}; choose the file, or clear the field."
+        ) from None
     key = (path, status.st_size, status.st_mtime_ns, tuple(shape_xyz))
     if key not in _kept:
         kind = format_of(path)
@@ -73,8 +93,7 @@ def load_labels(owner, shape_xyz):
                 raise
             grid = " x ".join(map(str, shape_xyz))
             raise RleSplatError(
-                f"{path} does not hold one whole number for each of the volume's {grid} voxels; choose the file of its "
-                "labels."
+                f"{path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
             ) from problem
         _kept.clear()
         _kept[key] = found
@@ -82,27 +101,63 @@ def load_labels(owner, shape_xyz):
 
 
 def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
-    """The Labels of a volume object at the depsgraph's time; None where it has no file of labels, or no rows."""
+    """The labels of a volume object as plain data at the depsgraph's time.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    volume : Volume
+        Its voxels.
+    transfer_function : TransferFunction
+        Its transfer function.
+
+    Returns
+    -------
+    Labels or None
+        None without a label file or without rows.
+    """
     properties = owner.evaluated_get(depsgraph).rle_splat
     if not owner.rle_splat.label_file or len(properties.labels) == 0:
         return None
-    looks = [row.plain() for row in properties.labels]
-    return labels_of(load_labels(owner, volume.shape_xyz), looks, volume, transfer_function)
+    styles = [row.plain() for row in properties.labels]
+    return labels_of(load_labels(owner, volume.shape_xyz), styles, volume, transfer_function)
 
 
 def list_labels(owner, volume) -> tuple[int, int]:
-    """Make a row for each label in the file, keeping what is said of those already listed.
+    """Update the list of labels from the label file; rows of labels already listed are kept.
 
-    Returns how many labels there are, and how many further rows stay: an override cannot drop its library's.
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    volume : Volume
+        Its voxels.
+
+    Returns
+    -------
+    count : int
+        Number of labels in the file.
+    further : int
+        Number of rows that are not in the file but belong to the library of an override, which cannot remove them.
+
+    Raises
+    ------
+    RleSplatError
+        If the file is no label map on the volume's grid.
     """
     found = load_labels(owner, volume.shape_xyz)
-    Labels(found)  # whole numbers, or a sentence
+    Labels(found)  # checks for whole numbers
     if found.shape_xyz != volume.shape_xyz:
-        raise RleSplatError("The file of labels has another number of voxels than the volume; choose one on its grid.")
+        mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
+        raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
     numbers = np.unique(found.voxels)
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
-            f"The file has {len(numbers)} different values; labels are at most {MOST_LABELS}, so it may be a scan."
+            f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
+            "label map, not a scan."
         )
     rows = owner.rle_splat.labels
     known = [row.label for row in rows]
@@ -117,7 +172,7 @@ def list_labels(owner, volume) -> tuple[int, int]:
 
 
 def remove_row(rows, index: int) -> bool:
-    """Remove a row of a collection property; False where the row is the library's, whose rows overrides keep."""
+    """Remove a row of a collection property; False if it belongs to the library of an override and must stay."""
     try:
         rows.remove(index)
     except TypeError:

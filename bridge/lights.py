@@ -1,4 +1,4 @@
-"""The scene's lights as plain data: strength, colour and place as the evaluated scene has them."""
+"""The lights of the evaluated scene as plain data."""
 
 from __future__ import annotations
 
@@ -10,10 +10,19 @@ from ..rle_splat.scene import LIGHT_TYPES, Light
 
 
 def read_lights(depsgraph) -> tuple[Light, ...]:
-    """The lights that take part in a render, instances included, in the depsgraph's order.
+    """The lights that a render would use, including instances, in the depsgraph's order.
 
-    Exposure and colour temperature are folded into energy and colour.  A light's shader nodes are not
-    evaluated: its own colour and power count.  The world's light is not a light object and is left out.
+    Exposure and color temperature are included in energy and color.  Shader nodes of a light are ignored.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    tuple of Light
+        Color scene-linear; energy in W, or W/m^2 for suns; the matrix to the world.
     """
     lights = []
     for instance in depsgraph.object_instances:
@@ -52,10 +61,7 @@ def _as_plain_light(data, energy: float, matrix_world: np.ndarray) -> Light:
 
 
 def _emitting_area(data, matrix_world: np.ndarray) -> float:
-    """Area by which a light that is not normalised ("Normalize" off) is brighter, in world units squared.
-
-    A light of size zero has no area to grow with and keeps its power.
-    """
+    """Factor on the energy of a light with Normalize off: its area in world units squared, 1 for size zero."""
     scale = np.linalg.norm(matrix_world[:3, :3], axis=0)
     if data.type == "AREA":
         width = data.size * scale[0]

@@ -1,4 +1,4 @@
-"""Linked data and library overrides: which file a value comes from, and whether edits of it are kept."""
+"""Linked data and library overrides: which file a value comes from, and whether edits are saved."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import os
 
 
 def is_own(block) -> bool:
-    """Whether all edits of a datablock are kept in the open file: it is neither linked nor an override."""
+    """Whether a datablock is local: neither linked nor an override, so that all edits are saved in the open file."""
     return block.library is None and block.override_library is None
 
 
 def own_copy(block):
-    """A copy of a datablock that is neither linked nor an override."""
+    """A local copy of a datablock, neither linked nor an override."""
     copy = block.copy()
     return copy if copy.override_library is None else copy.make_local(clear_liboverride=True)
 
 
 def own_action(block) -> None:
-    """Exchange the action of a datablock for a copy where it takes no keyframes, being another file's."""
+    """Replace a linked action of a datablock by a local copy, which can get keyframes."""
     animation = block.animation_data
     if animation is not None and animation.action is not None and not is_own(animation.action):
         animation.action = own_copy(animation.action)
@@ -29,7 +29,18 @@ def file_name(library) -> str:
 
 
 def why_not_editable(owner) -> str:
-    """A clause on why edits of an object are lost, and what to do; "" where they are kept."""
+    """Why edits of an object would be lost.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The object.
+
+    Returns
+    -------
+    str
+        A clause with the reason and what to do, without a period; "" if edits are saved.
+    """
     if owner.library is None:
         return ""
     return (f"{owner.name!r} is linked from {file_name(owner.library)}; make a library override (Object > Library "
@@ -37,7 +48,20 @@ def why_not_editable(owner) -> str:
 
 
 def library_of(owner, name: str):
-    """The library that the value of the volume's property ``name`` comes from; None for the open file."""
+    """The library that a property's value comes from.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object, which may be linked or an override.
+    name : str
+        A property of ``owner.rle_splat``.
+
+    Returns
+    -------
+    bpy.types.Library or None
+        None if the value comes from the open file.
+    """
     while owner.override_library is not None and not _is_overridden(owner, name):
         owner = owner.override_library.reference
     return owner.library
@@ -45,7 +69,7 @@ def library_of(owner, name: str):
 
 def _is_overridden(owner, name: str) -> bool:
     override = owner.override_library
-    if override.reference.is_missing:  # the library's file is away
+    if override.reference.is_missing:  # the library file is missing
         return any(entry.rna_path == f"rle_splat.{name}" for entry in override.properties)
-    # Blender lists an edit only when it saves, by the same comparison.
+    # Blender lists overridden properties only on saving, by the same comparison.
     return getattr(override.reference.rle_splat, name) != getattr(owner.rle_splat, name)

@@ -1,4 +1,4 @@
-"""What went wrong where no operator is there to report it: in the panel and on the console."""
+"""Messages from handlers, where no operator can report them: shown in the panel and printed on the console."""
 
 from __future__ import annotations
 
@@ -6,13 +6,21 @@ from ..rle_splat.scene import RleSplatError
 
 
 def sentence_of(problem: Exception) -> str:
-    """What a user reads of an exception."""
+    """The sentence that a user reads for an exception."""
     known = isinstance(problem, RleSplatError)
-    return str(problem) if known else f"The volume was not splatted: {problem!r}."
+    return str(problem) if known else f"The volume could not be rendered because of an internal error: {problem!r}."
 
 
 def complain(settings, sentence: str) -> None:
-    """Show a sentence in the panel of a scene's settings, and print it."""
+    """Show a sentence in the panel and print it.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        ``scene.rle_splat``.
+    sentence : str
+        The sentence.
+    """
     settings.message = sentence
     tell(sentence)
 
@@ -23,7 +31,7 @@ def tell(sentence: str) -> None:
 
 
 def as_ranges(frames) -> str:
-    """Ascending frame numbers in words: "2, 5-7"."""
+    """Ascending frame numbers as text, such as "2, 5-7"."""
     ranges: list[list[int]] = []
     for frame in frames:
         if ranges and frame == ranges[-1][1] + 1:

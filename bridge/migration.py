@@ -1,4 +1,4 @@
-""".blend files of version 0.1.0, which found pictures by their names: each is given the row and the owner it lacks."""
+"""Migration of .blend files of version 0.1.0, which found pictures by name: adds the rows and owners they lack."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HANDLERS = (("load_post", _on_load_post),)
 
 
 def _adopt(scene) -> None:
-    """Take over the pictures that the scene and its cameras show."""
+    """Add rows and owners for the pictures of a scene and its cameras."""
     settings = scene.rle_splat
     if settings.backdrop_object is not None:
         for camera in (one for one in scene.objects if one.type == "CAMERA"):

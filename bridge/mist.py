@@ -1,4 +1,5 @@
-"""The world's mist as plain data, where the scene's own switch asks for it: a view layer's Mist pass is a pass."""
+"""The world's mist as plain data.  It is switched on by the scene's own property; the Mist pass of a view layer is a
+render pass and changes no picture."""
 
 from __future__ import annotations
 
@@ -8,9 +9,18 @@ from .world import read_world
 
 
 def read_mist(depsgraph) -> Mist | None:
-    """The mist of the scene's world if Mist is on in ``scene.rle_splat``: what mixing the world's colour in by the
-    Mist pass would make of the volume, sheet by sheet.  None otherwise.  A world that is more than one colour counts as
-    black."""
+    """The mist of the scene's world; a world with more than one color counts as black.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    Mist or None
+        Start and depth in world units, falloff and scene-linear color; None if Mist is off in ``scene.rle_splat``.
+    """
     world = depsgraph.scene_eval.world
     if world is None or not depsgraph.scene_eval.rle_splat.use_mist:
         return None

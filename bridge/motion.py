@@ -1,9 +1,9 @@
-"""Where the camera and a volume are while the shutter is open, read from their keyframes.
+"""The poses of the camera and a volume while the shutter is open, read from their keyframes.
 
-Blender evaluates other times only by setting a frame.  That runs the frame-change handlers of every add-on, which move
-objects of theirs, and it takes back what is not keyed; a render's own thread cannot do it at all.  So F-curves are
-evaluated here, without Blender's help: those of an object, of its parents and of what its Track To constraints aim
-at.  Where anything else moves an object, it is said by name, and the picture is sharp.
+Blender evaluates another time only by setting the frame.  That runs the frame-change handlers of every add-on and
+resets values that are not keyframed, and the render thread cannot do it at all.  So the F-curves of an object, of its
+parents and of the targets of its Track To constraints are evaluated here.  If anything else moves an object, the
+picture has no motion blur, and the report names the cause.
 """
 
 from __future__ import annotations
@@ -14,33 +14,46 @@ from mathutils import Euler, Matrix, Quaternion, Vector
 from ..rle_splat.scene import Pose
 from .camera import camera_object, without_scale
 
-POSES = 5  # read while the shutter is open; between two of them things move straight on
-OPENS = {"START": 0.0, "CENTER": -0.5, "END": -1.0}  # when the shutter opens, in parts of the time it stays open
-NEAR = 1e-4  # world units, or parts of the largest number of a matrix: what is no further off is in its place
+POSES = 5  # while the shutter is open; motion is linear between two poses
+OPENS = {"START": 0.0, "CENTER": -0.5, "END": -1.0}  # when the shutter opens, in units of the shutter time
+NEAR = 1e-4  # largest difference of equal matrices, in world units or relative to the largest element
 
-# What of an object's own properties places it.
+# An object's own properties that transform it.
 TRANSFORMS = (
     "location", "rotation_mode", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale",
     "delta_location", "delta_rotation_euler", "delta_rotation_quaternion", "delta_scale",
 )  # fmt: skip
-# Constraints that move only with what they name as their target.
+# Constraints that depend on time only through their target.
 OF_THE_TARGET = (
     "COPY_LOCATION", "COPY_ROTATION", "COPY_SCALE", "COPY_TRANSFORMS", "LIMIT_DISTANCE", "LIMIT_LOCATION",
     "LIMIT_ROTATION", "LIMIT_SCALE", "MAINTAIN_VOLUME", "TRANSFORM", "DAMPED_TRACK", "LOCKED_TRACK", "TRACK_TO",
     "CHILD_OF", "FLOOR", "PIVOT",
 )  # fmt: skip
-AS_OBJECT = ("OBJECT", "ARMATURE", "LATTICE")  # kinds of parent that an object follows as a whole
+AS_OBJECT = ("OBJECT", "ARMATURE", "LATTICE")  # parent types that act as a plain object parent
 
 
 class _NotReadError(Exception):
-    """Something but keyframes places an object.  The message: what, as words that stand behind "depends on"."""
+    """Something other than keyframes moves an object; the message completes "the camera depends on"."""
 
 
 def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...], str]:
-    """(poses while the shutter is open about the depsgraph's frame, why there are none).
+    """The poses of the camera and a volume while the shutter is open.
 
-    ``camera``: a camera object in place of the active one.  Without motion there are no poses, and the reason stands
-    behind "off"; with poses it is "".
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene at the frame.
+    volume_object : bpy.types.Object
+        The volume object.
+    camera : bpy.types.Object, optional
+        A camera object to use instead of the active one.
+
+    Returns
+    -------
+    poses : tuple of Pose
+        Equally spaced in time from opening to closing; empty without motion.
+    reason : str
+        Why there are no poses, without a period; "" with poses.
     """
     scene, render = depsgraph.scene, depsgraph.scene.render
     if not render.use_motion_blur:
@@ -52,7 +65,7 @@ def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...]
     stretch = render.frame_map_old / render.frame_map_new
     times = [stretch * (opens + part * shutter) for part in np.linspace(0.0, 1.0, POSES)]
     places = []
-    # The camera of the frame itself: Cycles does not cut to another while the shutter is open either.
+    # One camera for the whole shutter time: Cycles does not switch cameras in it either.
     seen_through = camera_object(depsgraph) if camera is None else camera.evaluated_get(depsgraph)
     for who, one in (("camera", seen_through), ("volume", volume_object.evaluated_get(depsgraph))):
         try:
@@ -70,10 +83,7 @@ def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...]
 
 
 def _world(one, time: float, asking: tuple = ()) -> Matrix:
-    """(4, 4) of an evaluated object to the world at a time, in frames as F-curves count them.
-
-    ``asking``: the objects whose place rests on this one's.  Raises _NotReadError.
-    """
+    """(4, 4) of an evaluated object to the world at a time in frames; ``asking``: the objects that depend on it."""
     if one in asking:
         raise _NotReadError("a cycle of parents and constraints")
     asking = (*asking, one)
@@ -88,7 +98,7 @@ def _world(one, time: float, asking: tuple = ()) -> Matrix:
 
 
 def _is_still(one, asking: tuple) -> bool:
-    """Whether nothing in Blender moves the object as time goes by, so that it is where it is seen."""
+    """Whether nothing moves the object over time, so that its evaluated matrix holds at all times."""
     if one.rigid_body is not None or _curves(one) or _other_animation(one):
         return False
     on = [] if one.parent is None else [one.parent]
@@ -103,8 +113,7 @@ def _is_still(one, asking: tuple) -> bool:
 
 
 def _own_place(one, time: float) -> Matrix:
-    """(4, 4) of an object by its own properties, as its F-curves have them at a time: location, rotation and scale,
-    each with its delta."""
+    """(4, 4) of an object from its own location, rotation, scale and deltas, with F-curves evaluated at a time."""
     if one.rigid_body is not None:
         raise _NotReadError("physics")
     if cause := _other_animation(one):
@@ -137,7 +146,7 @@ def _own_place(one, time: float) -> Matrix:
 
 
 def _curves(one) -> dict:
-    """(property, index) -> the F-curve that counts, of those that have a part in the object's place."""
+    """(property, index) -> F-curve, for the F-curves that transform the object."""
     data = one.animation_data
     if data is None or data.action is None or data.action_slot is None:
         return {}
@@ -146,7 +155,7 @@ def _curves(one) -> dict:
         (curve.data_path, curve.array_index): curve
         for bag in bags if bag is not None
         for curve in bag.fcurves
-        if _places(curve) and not curve.is_empty  # that its group is muted is of no account to Blender
+        if _places(curve) and not curve.is_empty  # Blender evaluates F-curves of muted groups too
     }
 
 
@@ -161,12 +170,12 @@ def _other_animation(one) -> str:
 
 
 def _places(curve) -> bool:
-    """Whether an F-curve or driver is in force and of a property that has a part in an object's place."""
+    """Whether an F-curve or driver is active and animates a property that transforms an object."""
     return not curve.mute and (curve.data_path in TRANSFORMS or curve.data_path.startswith("constraints"))
 
 
 def _odd_parent(one) -> str:
-    """What of its parent the object follows, where that is not the parent as a whole; "" where it is."""
+    """The part of its parent that the object follows, such as a bone; "" for the parent as a whole."""
     if one.parent_type not in AS_OBJECT:
         return f"the {one.parent_type.rstrip('_3').lower()} that is its parent"
     if one.parent.type == "CURVE" and one.parent.data.use_path:
@@ -181,12 +190,12 @@ def _parent(one):
 
 
 def _constraints(one) -> list:
-    """The object's constraints that are in force."""
+    """The active constraints of an object."""
     return [each for each in one.constraints if not each.mute and each.influence > 0.0 and each.is_valid]
 
 
 def _aim(one, constraint):
-    """The object that a Track To constraint aims at; any other constraint is not read."""
+    """The target of a plain Track To constraint; _NotReadError for any other constraint."""
     plain = constraint.type == "TRACK_TO" and constraint.influence == 1.0 and not constraint.subtarget
     if not plain or {constraint.owner_space, constraint.target_space} != {"WORLD"}:
         name = constraint.bl_rna.properties["type"].enum_items[constraint.type].name
@@ -195,7 +204,7 @@ def _aim(one, constraint):
 
 
 def _tracked(place: Matrix, constraint, aim: Matrix) -> Matrix:
-    """(4, 4) of an object at ``place`` after its Track To constraint turned it, as Blender does."""
+    """(4, 4) of an object at ``place`` after a Track To constraint, by Blender's rules."""
     towards = constraint.track_axis
     axis, up = "XYZ".index(towards[-1]), "XYZ".index(constraint.up_axis[-1])
     if axis == up:

@@ -1,4 +1,4 @@
-"""From a volume that was read to an object in the scene."""
+"""Create the object of a volume that was read."""
 
 import os
 
@@ -11,34 +11,65 @@ from .transfer import write_transfer
 
 
 def add_volume(context, path: str, volume, options, transfer_function, at_cursor: bool = False):
-    """A new volume object, active and selected alone.  Returns (object, remark on the transfer function or "").
+    """Add a volume object to the scene; it becomes the active and only selected object.
 
-    ``options``: anything with the SourceOptions with which the file was read.  ``at_cursor``: move the middle of
-    the box to the 3D cursor instead of keeping the file's own coordinates.
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Gives scene, collection, view layer and 3D cursor.
+    path : str
+        The file that was read.
+    volume : Volume
+        Its voxels.
+    options : SourceOptions or PlainOptions
+        The options with which the file was read.
+    transfer_function : TransferFunction
+        Its first transfer function.
+    at_cursor : bool
+        Whether to place the center of the box at the 3D cursor instead of keeping the file's coordinates.
+
+    Returns
+    -------
+    owner : bpy.types.Object
+        The volume object.
+    remark : str
+        What of the transfer function could not be stored exactly, or "".
     """
     name = os.path.basename(path).split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
     source_options.copy(options, properties)
-    remark = fill_volume(context.scene, owner, path, volume)
-    remark = write_transfer(owner, transfer_function) or remark
+    fill_volume(context.scene, owner, path, volume)
+    remark = write_transfer(owner, transfer_function)
     home = context.collection if linked.is_own(context.collection) else context.scene.collection
     home.objects.link(owner)
     if at_cursor:
         corners = box.corners_of(volume.shape_xyz, volume.affine)
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) * scene_scale_of(context.scene, volume.unit)
         owner.location = [c - m for c, m in zip(context.scene.cursor.location, middle)]
-    context.view_layer.update()  # until then the layer does not list the new object
+    context.view_layer.update()  # otherwise the layer does not list the new object yet
     for other in context.view_layer.objects.selected[:]:
         other.select_set(False)
-    if owner.name in context.view_layer.objects:  # not so when the active collection is excluded from the layer
+    if owner.name in context.view_layer.objects:  # False if the active collection is excluded from the layer
         owner.select_set(True)
         context.view_layer.objects.active = owner
     return owner, remark
 
 
 def fill_volume(scene, owner, path: str, volume) -> None:
-    """Point a volume object at a file that was read into ``volume``: path, hash, facts, box, voxels in memory."""
+    """Set the path, hash, facts and box of a volume object, and keep its voxels in memory.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        Gives the scene scale.
+    owner : bpy.types.Object
+        The volume object.
+    path : str
+        The file that was read.
+    volume : Volume
+        Its voxels.
+    """
     properties = owner.rle_splat
     properties.is_volume = True
     source_paths.write_path(owner, "filepath", os.path.abspath(path), bpy.data.filepath)

@@ -1,12 +1,12 @@
-"""The volume in every render: fresh pictures for each rendered frame, laid over the render by the compositor.
+"""Renders the volume for every rendered frame; the compositor then puts it over the render.
 
-Blender calls ``frame_change_post`` once more for each view layer of every rendered frame, stills included, with the
-evaluated scene of that layer and before the compositor reads any image: that is where the volume is splatted, into the
-pictures of that view layer.  In a window this runs on the render's own thread.  There only the pixels of images that
-the Composite operator made beforehand are written, no datablock is created or removed, and ``use_lock_interface`` (set
-by that operator) keeps the interface from drawing them meanwhile.
+Blender calls ``frame_change_post`` for each view layer of every rendered frame, stills included, with the evaluated
+scene of that layer and before the compositor reads any image.  This handler renders the volume into the pictures of
+that view layer.  In a window it runs on the render thread.  So it only writes pixels of images that the Composite
+operator has created, it creates and removes no datablock, and ``use_lock_interface``, set by that operator, keeps the
+interface from drawing the images meanwhile.
 
-What goes wrong is kept for the whole render, an animation's too: see ``render_log.py``.
+Problems are recorded for the whole render or animation, see ``render_log.py``.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from .placeholder import placeholder
 from .render_log import RenderLog
 from .settings import tolerance_of
 
-LAST_FRAME = 1048574  # the largest frame number of Blender's
+LAST_FRAME = 1048574  # Blender's largest frame number
 
-# The scenes being rendered, by session_uid; the first is the one whose render was started, others are in its scene
-# strips.  Empty while nothing is rendered: exporters change frames with a render's depsgraph too.
+# The scenes that are being rendered, by session id.  The first is the one whose render was started, the others are in
+# its scene strips.  It is empty when nothing is rendered: exporters change frames with a render depsgraph too.
 _logs: dict[int, RenderLog] = {}
 
 
@@ -35,7 +35,7 @@ def _on_render_init(scene, *_arguments):
     following.stop()
     started = next(iter(_logs.values()), None)
     if started is not None and not started.is_in_frame:
-        _logs.clear()  # of a render that Blender gave up before its first frame, which has no event at its end
+        _logs.clear()  # a render that Blender aborted before its first frame sends no event at its end
     if scene.session_uid not in _logs:
         _logs[scene.session_uid] = RenderLog(scene)
 
@@ -51,7 +51,7 @@ def _on_frame_change_post(scene, depsgraph=None):
     if depsgraph is None or depsgraph.mode != "RENDER":
         return
     log = _logs.get(scene.session_uid)
-    # Motion blur visits subframes of a view layer after the frame itself, and comes back to it.
+    # Motion blur visits subframes of a view layer after the frame itself and then returns to it.
     if log is not None and log.is_in_force and log.begin_layer(depsgraph.view_layer.name):
         splat_over_render(scene, depsgraph)
 
@@ -64,10 +64,10 @@ def _on_render_post(scene, *_arguments):
 
 @persistent
 def _on_render_write(scene, *_arguments):
-    """End an animation after a frame that failed, if the user wishes it.
+    """End an animation after a failed frame if the user has chosen that.
 
-    Blender drops what a handler raises and has no call that cancels a render; but the frame number is what its loop
-    over an animation counts by, and it puts the number back at the end.  The frame's file is written already.
+    Blender ignores exceptions in handlers and has no call that cancels a render.  Its loop over an animation counts by
+    the scene's frame number and resets it at the end.  The file of the frame is already written here.
     """
     if not _logs or next(iter(_logs)) != scene.session_uid:
         return
@@ -80,10 +80,10 @@ def _on_render_write(scene, *_arguments):
 @persistent
 def _on_render_end(scene, *_arguments):
     if not _logs or next(iter(_logs)) != scene.session_uid:
-        return  # a scene strip is done: it comes again in the next frame
+        return  # the scene of a strip has ended; it is rendered again in the next frame
     started = _logs[scene.session_uid]
     if scene.frame_current == LAST_FRAME and started.stopped_at is not None:
-        scene.frame_current, started.stopped_at = started.stopped_at, None  # a still has no loop that puts it back
+        scene.frame_current, started.stopped_at = started.stopped_at, None  # a still has no loop that resets it
     for uid, log in _logs.items():
         owner = next((one for one in bpy.data.scenes if one.session_uid == uid), None)
         if owner is not None:
@@ -93,19 +93,21 @@ def _on_render_end(scene, *_arguments):
 
 @persistent
 def _on_save_pre(*_arguments):
-    """Have the file hold blank pictures: where this extension is missing, a render is without the volume, and not
-    with a volume of another frame laid over it.  In this session they stay as they are."""
+    """Save blank pictures in the file; in this session the images stay as they are.
+
+    A render without this extension then lacks the volume, instead of showing it as it was in another frame.
+    """
     made = dict.fromkeys(image for scene in bpy.data.scenes for image in compositor.images_of(scene))
     own = [image for image in made if image.is_editable]
     blank = _packed_blank() if own else b""
     for image in own:
         if image.is_dirty:
-            image.pack()  # or Blender asks about unsaved pictures when it is closed
+            image.pack()  # otherwise Blender asks about unsaved images when it is closed
         image.pack(data=blank, data_len=len(blank))
 
 
 def _packed_blank() -> bytes:
-    """The file of a transparent picture of one pixel."""
+    """The file content of a transparent image of one pixel."""
     image = images.ensure_image(None, "Blank", 1, 1)
     images.clear(image)
     image.pack()
@@ -127,8 +129,15 @@ HANDLERS = (
 
 
 def splat_over_render(scene, depsgraph) -> None:
-    """Bring the pictures that the compositor lays over a view layer up to date; a placeholder and a message on
-    failure."""
+    """Render the pictures that the compositor puts over a view layer; on failure a placeholder and a message.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that is being rendered.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene of the view layer.
+    """
     log, layer = _logs[scene.session_uid], depsgraph.view_layer.name
     found = compositor.pictures(scene)
     mine = [one for one in found if one.is_of(layer)]
@@ -139,7 +148,7 @@ def splat_over_render(scene, depsgraph) -> None:
             log.fail(scene, problem)
         for image in compositor.images_of(scene):
             if image not in [one.image for one in mine]:
-                images.clear(image)  # of an earlier frame; drawn when its own view layer's turn comes, if that has one
+                images.clear(image)  # shows an earlier frame; it is drawn with its own view layer, if that is rendered
     for picture in mine:
         if picture.image not in log.drawn:
             _draw(scene, depsgraph, picture.image, log)
@@ -170,7 +179,7 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             for remark in rendering.report["remarks"]:
                 if remark in EMPTY_REMARKS:
                     log.note(scene, remark)
-    except Exception as problem:  # a traceback from every frame of a render would help no one: one sentence, once
+    except Exception as problem:  # one sentence for the whole render instead of a traceback for every frame
         log.fail(scene, messages.sentence_of(problem))
         _show_placeholder(image, depsgraph.scene_eval.render)
     log.drawn.append(image)
@@ -183,11 +192,11 @@ def _show_placeholder(image, render) -> None:
 
 
 def _why_hidden(volume_object, depsgraph) -> str | None:
-    """Why a view layer does not show a volume, as Cycles decides on volumes of its own; None where it does."""
+    """Why a view layer does not show a volume, by the rules of Cycles; None if it shows it."""
     layer, scene = depsgraph.view_layer, depsgraph.scene
     where = f"view layer {layer.name!r}"
     if scene not in volume_object.users_scene:
-        return f"it is not itself in the scene {scene.name!r}, and instances of a volume are not splatted"
+        return f"it is not itself in the scene {scene.name!r}, and instances of a volume are not rendered"
     if not any(one == volume_object for one in layer.objects):
         return f"it is excluded from {where}"
     if not render_scene.is_rendered(volume_object, depsgraph):
@@ -195,7 +204,7 @@ def _why_hidden(volume_object, depsgraph) -> str | None:
     if volume_object.indirect_only_get(view_layer=layer) or not volume_object.visible_camera:
         return f"it is hidden from the camera in {where}"
     if volume_object.holdout_get(view_layer=layer) or volume_object.is_holdout:
-        return f"it is a holdout in {where}, which a splatted volume cannot be"
+        return f"it is a holdout in {where}, which RLE Splat does not support"
     if not layer.use_volumes:
-        return f"{where} leaves out volumes (Filter)"
+        return f"{where} has volumes switched off (Filter > Volumes)"
     return None

@@ -1,6 +1,6 @@
-"""The kinds of property for what a user edits of a volume: ``bpy.props``, kept on library overrides as well.
+"""The property functions of ``bpy.props`` with library overrides enabled, for everything a user edits on a volume.
 
-Blender drops every other value of an override when the file is read again, without a word.
+Without that option Blender silently drops an edited value of an override when the file is opened again.
 """
 
 from functools import partial
@@ -20,5 +20,5 @@ _KEPT = {"LIBRARY_OVERRIDABLE"}
     )
 )  # fmt: skip
 
-# Blender finds the items of a collection again by their ``name``: give each that is added one that no other has.
+# Overrides find the items of a collection by ``name``, so every item needs a unique name.
 CollectionProperty = partial(props.CollectionProperty, override={*_KEPT, "USE_INSERTION"})

@@ -1,7 +1,7 @@
-"""Where the extension may write: the folder Blender gives it, never its own.
+"""The folder where the extension may write: the one that Blender assigns to it.
 
-Imported before anything else of the bridge: kernels choose the folder of their compiled code when their module
-is imported, so the variable has to be set by then.
+This module is imported first.  Kernel modules choose the folder of their compiled code when they are imported, so the
+environment variable must be set before.
 """
 
 import os
@@ -14,7 +14,7 @@ CACHE_VARIABLE = "RLE_SPLAT_CACHE"
 
 
 def extension_folder() -> Path | None:
-    """The user's folder of this extension, not created; None when it runs outside an installed extension."""
+    """The extension's user folder, which may not exist yet; None outside an installed extension."""
     try:
         return Path(bpy.utils.extension_path_user(EXTENSION))
     except ValueError:
@@ -22,9 +22,9 @@ def extension_folder() -> Path | None:
 
 
 def choose_kernel_cache() -> None:
-    """Point the cache of compiled kernels at the extension's folder, unless the user chose another.
+    """Set the cache folder of compiled kernels to the extension's folder, unless the user has set one.
 
-    Outside an extension the variable stays unset: the renderer then takes the user's ordinary cache folder.
+    Outside an installed extension the variable stays unset, and the renderer uses the user's cache folder.
     """
     folder = extension_folder()
     if folder is not None:

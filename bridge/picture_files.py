@@ -1,6 +1,6 @@
-"""Pictures of ours when the .blend is saved: as EXR files in a folder beside it, or packed into it.
+"""Saves our pictures with the .blend, as EXR files in a folder beside it or packed into it.
 
-Until then they are pixels in memory alone.  So making a picture adds nothing to the memory of undo.
+Before that, pictures are only in memory, so that making one adds nothing to Blender's undo memory.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from . import compositor, freshness, images, messages, pictures, preferences
 
-FOLDER = "_rle_splat"  # ends the folder's name, after the .blend's
+FOLDER = "_rle_splat"  # the folder's name is that of the .blend with this suffix
 
 
 @persistent
@@ -22,7 +22,7 @@ def _before_save(blend_file, *_):
     taken: set[str] = set()
     composited = {image for scene in bpy.data.scenes for image in compositor.images_of(scene)}  # see over_render.py
     made = [one for one in bpy.data.images if images.MARK in one and one.library is None and one not in composited]
-    # Asking for its size reads an image in: a user's copy of a picture shows the file that is written over next.
+    # Reading the size loads an image.  That must happen before the file that a user's copy shows is overwritten.
     for image in [one for one in made if one.size[0] > 0]:
         freshness.store(image)
         _keep(image, blend_file, taken)
@@ -32,10 +32,7 @@ HANDLERS = (("save_pre", _before_save),)
 
 
 def _keep(image, blend_file: str, taken: set[str]) -> None:
-    """Write one picture beside the .blend that is about to be written, or pack it.
-
-    ``taken``: the file names that pictures of this .blend have already, in lower case.
-    """
+    """Write one picture beside the .blend that is being saved, or pack it; ``taken``: used file names, lower case."""
     if not blend_file or preferences.pictures_are_packed():
         if image.is_dirty or image.packed_file is None:
             image.pack()
@@ -53,15 +50,15 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
             for scene in bpy.data.scenes:
                 if pictures.owned_by(image, scene):
                     messages.complain(
-                        scene.rle_splat, f"{image.name!r} could not be written to {FOLDER[1:]} beside the .blend "
-                        f"({_reason(problem)}), so it was packed into it.")
+                        scene.rle_splat, f"{image.name!r} could not be written to the folder beside the .blend "
+                        f"({_reason(problem)}), so it was packed into the .blend.")
             return
-    if bpy.data.filepath:  # Blender makes it relative to the file that is written
+    if bpy.data.filepath:  # Blender adapts relative paths to the file that it writes
         image.filepath_raw = bpy.path.relpath(path) if _same_drive(path, bpy.data.filepath) else path
 
 
 def _file_name(name: str, taken: set[str]) -> str:
-    """A file name for a picture of that name, not yet taken, also where capital letters make no difference."""
+    """An unused file name for a picture, on file systems that ignore case too."""
     plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
     found, number = f"{plain}.exr", 1
     while found.lower() in taken:
@@ -76,5 +73,5 @@ def _same_drive(path: str, other: str) -> bool:
 
 
 def _reason(problem: Exception) -> str:
-    """What the system says, without the path."""
+    """The system's error message without the path."""
     return problem.strerror if isinstance(problem, OSError) and problem.strerror else "Blender could not write it"

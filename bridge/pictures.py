@@ -1,9 +1,9 @@
-"""Which image datablock holds which picture of a scene, and how a finished picture gets there.
+"""Records which image holds which picture of a scene, and writes finished pictures into their images.
 
-A scene keeps a row for each picture: its kind, its volume, for a backdrop its camera, and a pointer to its image.
-The image names the scene in turn, by the scene's id.  Both must agree.  So a renamed volume or image keeps its
-picture, an image of the user's is never taken for one of ours, and a copy of a scene, whose rows and id are copied
-too, gets an id and pictures of its own (``settle_copies``).
+A scene has a row for each picture with its kind, its volume, the camera of a backdrop, and a pointer to the image.
+The image stores the scene's id.  Both must agree.  So a picture survives renaming of volume and image, and an image of
+the user is never mistaken for one of ours.  A copy of a scene, which has copies of the rows and the id, gets its own
+id and pictures in ``settle_copies``.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ import uuid
 import bpy
 from bpy.props import PointerProperty, StringProperty
 
-from ..rle_splat.accuracy.planner.cost_of_accuracy import TRUTH_TEXTS
+from ..rle_splat.accuracy.planner.table import TRUTH_TEXTS
 from ..rle_splat.pipeline.single_rays import rays_lines
 from . import compositor, effects, images, versions
 from .images import OWNER, owned_by
 
-LONGEST_NAME = 40  # characters of the object's name in a new image's name; Blender 4.5 cuts names at 63
+LONGEST_NAME = 40  # characters of the object's name in an image's name; Blender 4.5 truncates names at 63
 SUFFIXES = {
     "color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite",
     "error": "Splat Error", "shadow": "Splat Shadow",
 }  # fmt: skip
-NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers, not colors
+NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers instead of colors
 
 
 class PictureProperties(bpy.types.PropertyGroup):
     """One picture of a scene."""
 
     kind: StringProperty(name="Kind", description="What the picture shows")
-    volume: PointerProperty(name="Volume", type=bpy.types.Object, description="Whose picture it is")
+    volume: PointerProperty(name="Volume", type=bpy.types.Object, description="The volume in the picture")
     camera: PointerProperty(name="Camera", type=bpy.types.Object, description="The camera that shows a backdrop")
     image: PointerProperty(name="Image", type=bpy.types.Image, description="The image that holds the picture")
 
 
 def scene_id(scene) -> str:
-    """The scene's own id, given when it is first asked for."""
+    """The scene's id; it is created on the first call."""
     settle_copies()
     if not scene.rle_splat.scene_id:
         scene.rle_splat.scene_id = uuid.uuid4().hex
@@ -45,12 +45,29 @@ def scene_id(scene) -> str:
 
 
 def own(image, scene) -> None:
-    """Mark an image as a picture of this scene's."""
+    """Mark an image as a picture of this scene."""
     image[OWNER] = scene_id(scene)
 
 
 def find(scene, volume_object, kind: str, camera=None):
-    """The scene's picture of that volume and kind, a key of SUFFIXES, or None."""
+    """Find a picture of a scene.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    volume_object : bpy.types.Object
+        The volume in the picture.
+    kind : str
+        A key of SUFFIXES.
+    camera : bpy.types.Object, optional
+        The camera of a backdrop.
+
+    Returns
+    -------
+    bpy.types.Image or None
+        The image.
+    """
     for row in scene.rle_splat.pictures:
         if (row.kind, row.volume, row.camera) == (kind, volume_object, camera) and owned_by(row.image, scene):
             return row.image
@@ -58,7 +75,20 @@ def find(scene, volume_object, kind: str, camera=None):
 
 
 def find_or_make(scene, volume_object, kind: str, width: int, height: int, camera=None):
-    """The scene's picture of that volume and kind, of this size: the one of last time, or a new one."""
+    """Find a picture of a scene and resize it, or create it.
+
+    Parameters
+    ----------
+    scene, volume_object, kind, camera
+        See ``find``.
+    width, height : int
+        Size in pixels.
+
+    Returns
+    -------
+    bpy.types.Image
+        The image; its pixels are cleared if its size changed.
+    """
     existing = find(scene, volume_object, kind, camera)
     name = f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
     image = images.ensure_image(existing, name, width, height, depth=kind in NUMBERS)
@@ -70,13 +100,28 @@ def find_or_make(scene, volume_object, kind: str, width: int, height: int, camer
 
 
 def add_row(scene, kind: str, volume_object, camera, image) -> None:
-    """Note that an image, which names the scene as its owner, is this picture."""
+    """Add the row of a picture whose image already names the scene as its owner."""
     row = scene.rle_splat.pictures.add()
     row.kind, row.volume, row.camera, row.image = kind, volume_object, camera, image
 
 
 def keep(scene, volume_object, rgba, depth, *, kind: str = "color", camera=None):
-    """Write a picture and its depth into the volume's images; returns (image, depth image)."""
+    """Write a picture and its depth into the scene's images.
+
+    Parameters
+    ----------
+    scene, volume_object, kind, camera
+        See ``find``.
+    rgba : ndarray, shape (height, width, 4)
+        Premultiplied scene-linear colors, row 0 on top.
+    depth : ndarray, shape (height, width)
+        Planar distance in world units.
+
+    Returns
+    -------
+    image, depth_image : bpy.types.Image
+        The two images.
+    """
     height, width = depth.shape
     image = find_or_make(scene, volume_object, kind, width, height, camera)
     images.write_color(image, rgba)
@@ -84,7 +129,22 @@ def keep(scene, volume_object, rgba, depth, *, kind: str = "color", camera=None)
 
 
 def keep_numbers(scene, volume_object, numbers, kind: str):
-    """Write (H, W) numbers into the volume's image of that kind, one of NUMBERS; returns the image."""
+    """Write numbers into a scene's image.
+
+    Parameters
+    ----------
+    scene, volume_object
+        See ``find``.
+    numbers : ndarray, shape (height, width)
+        The numbers, row 0 on top.
+    kind : str
+        One of NUMBERS.
+
+    Returns
+    -------
+    bpy.types.Image
+        The image.
+    """
     height, width = numbers.shape
     image = find_or_make(scene, volume_object, kind, width, height)
     images.write_numbers(image, numbers)
@@ -92,15 +152,15 @@ def keep_numbers(scene, volume_object, numbers, kind: str):
 
 
 def show(image, rendering) -> None:
-    """Write a rendering into an image of ours, resized to it where need be."""
+    """Write a Rendering into one of our images, which is resized if necessary."""
     height, width = rendering.depth.shape
     images.write_color(images.ensure_image(image, image.name, width, height), rendering.rgba)
 
 
 def settle_copies() -> None:
-    """Give each copy of a scene an id and pictures of its own.
+    """Give each copy of a scene its own id and pictures.
 
-    A copy has the id of its original.  The original is the older one, whose session id is the smaller.
+    A copy has the id of its original.  The original is the one with the smaller session id.
     """
     taken = set()
     for scene in sorted(bpy.data.scenes, key=lambda one: one.session_uid):
@@ -111,10 +171,7 @@ def settle_copies() -> None:
 
 
 def _become_own(scene) -> None:
-    """Make a copied scene's pictures its own.
-
-    Those that a camera of the copy's own shows are copied; the others are made when they are next wanted.
-    """
+    """Give a copied scene a new id; copy the pictures that its own cameras and compositor show, drop the others."""
     settings = scene.rle_splat
     settings.scene_id = uuid.uuid4().hex
     settings.image = settings.depth_image = settings.error_image = None
@@ -131,19 +188,27 @@ def _become_own(scene) -> None:
 
 
 def _own_copy(scene, image):
-    """A copy of another scene's picture that is this scene's."""
+    """A copy of another scene's picture, owned by this scene."""
     copy = images.copy_of(image)
     copy[OWNER] = scene.rle_splat.scene_id
     return copy
 
 
 def _copied_for(scene, row) -> bool:
-    """Whether a copied scene's row is of a camera that only this scene has."""
+    """Whether a row of a copied scene is a backdrop of a camera that only this scene has."""
     return row.kind == "backdrop" and row.camera is not None and row.camera.users_scene == (scene,)
 
 
 def release_deleted(scene, is_deleted) -> None:
-    """Let go of the pictures of volumes and cameras that were deleted; ``is_deleted(object)`` tells."""
+    """Drop the rows of deleted volumes and cameras.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    is_deleted : callable
+        ``is_deleted(object)`` returns whether an object was deleted.
+    """
     _forget_rows(scene, lambda row: any(one is not None and is_deleted(one) for one in (row.volume, row.camera)))
 
 
@@ -155,18 +220,26 @@ def _forget_rows(scene, unwanted) -> None:
 
 
 def _error_lines(report: dict) -> list[str]:
-    """What is known of a picture's error, and against which truth."""
+    """Lines on a picture's error and the truth that it is measured against."""
     error = report.get("error", {})
     if error.get("truth") not in TRUTH_TEXTS:
         return []
     against = f"against {error['truth']}, {TRUTH_TEXTS[error['truth']]}"
     if error["tolerance"] is None:
-        return [f"Not measured; its errors are {against}"]
+        return [f"Error not measured; it would be {against}"]
     return [f"Error in levels: {error['sentence']}, {against}", error.get("statement", ""), report["plan"]["name"]]
 
 
 def note_report(settings, report: dict) -> None:
-    """Keep what a picture took in the scene's settings, for people and for machines."""
+    """Store the report of a picture in the scene's settings, as text and as JSON, with the list of effects.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        ``scene.rle_splat``.
+    report : dict
+        ``Rendering.report``.
+    """
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float))]

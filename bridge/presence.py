@@ -1,4 +1,4 @@
-"""Whether an object is there: Blender's Delete only takes it out of its scenes, and our pointers keep it."""
+"""Detects deleted objects: Blender's Delete only unlinks an object from its scenes, and our pointers keep it alive."""
 
 from __future__ import annotations
 
@@ -6,19 +6,43 @@ import bpy
 
 
 def is_deleted(one) -> bool:
-    """Whether no scene reaches the object, neither directly nor through an instanced collection."""
+    """Whether an object is in no scene, neither directly nor through an instanced collection.
+
+    Parameters
+    ----------
+    one : bpy.types.Object
+        The object.
+
+    Returns
+    -------
+    bool
+        True if it was deleted.
+    """
     return not _reached(one, set())
 
 
 def is_kept_up(one, depsgraph) -> bool:
-    """Whether Blender evaluates the object at all: what is disabled in viewports keeps the place it once had there."""
+    """Whether Blender evaluates an object; one that is disabled in viewports keeps an outdated matrix.
+
+    Parameters
+    ----------
+    one : bpy.types.Object
+        The object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    bool
+        Always True in a render's depsgraph.
+    """
     if depsgraph.mode == "RENDER":
         return True
     return not one.hide_viewport and _is_enabled(one, depsgraph.view_layer.layer_collection)
 
 
 def _is_enabled(one, layer_collection) -> bool:
-    """Whether a view layer's collection, or one of its children, is enabled and holds the object."""
+    """Whether a collection of a view layer, or one of its children, is enabled and holds the object."""
     if layer_collection.collection.hide_viewport:
         return False
     held = not layer_collection.exclude and one in layer_collection.collection.objects.values()

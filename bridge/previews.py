@@ -1,5 +1,4 @@
-"""Pictures for panels, kept as icons: they belong to the session, not to the .blend, and are drawn anew when what
-they show has changed."""
+"""Histogram pictures for the panel, as icons that belong to the session and are redrawn when their content changes."""
 
 import bpy.utils.previews
 
@@ -21,10 +20,19 @@ def unregister():
 
 
 def histogram_icons(volume_object) -> list[int]:
-    """Icon ids of the tiles, left to right, of the object's histogram with its transfer function over it.
+    """The icons of a volume's histogram.
 
-    Empty when there is nothing to show.  Reads only what is kept on the object, so a panel may call it on every
-    redraw.
+    It reads only properties of the object, so a panel may call it at every redraw.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+
+    Returns
+    -------
+    list of int
+        Icon ids of the tiles, left to right; empty without a transfer function.
     """
     if not _collections:
         return []

@@ -1,8 +1,8 @@
-"""What is kept in the .blend: a property group on each object, and one on the scene.
+"""The properties saved in the .blend: a property group on each object and one on the scene.
 
-Voxels are not kept: ``VolumeProperties`` says how to read them again.  The curve and the colours of the transfer
-function are in the node group ``transfer`` points at (see ``transfer.py``); its window is here, so that it
-can be keyframed on the object.
+Voxels are not saved; ``VolumeProperties`` holds the file and the options to read them again.  The curve and the colors
+of the transfer function are in the node group ``transfer`` (see ``transfer.py``).  Its window is a property of the
+object, so that it can be keyframed.
 """
 
 from functools import partial
@@ -31,23 +31,23 @@ from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
 
 QUALITY_TEXTS = {
-    "draft": ("Draft", "A coarser sheet, fewer sheets: for moving about"),
-    "standard": ("Standard", "One sheet pixel per image pixel"),
-    "fine": ("Fine", "A denser sheet: for final pictures"),
-    "strict": ("Strict", "Several sheets a slice: where errors must be as small as they get"),
+    "draft": ("Draft", "Fast and coarse, for moving around"),
+    "standard": ("Standard", "A balance of time and accuracy"),
+    "fine": ("Fine", "More accurate, for final pictures"),
+    "strict": ("Strict", "As accurate as possible, and slow"),
 }
 CLASSIFICATION_TEXTS = {
-    "pre": ("Pre", "As in the paper: voxels are classified, and colours and opacities interpolated. Softer edges; "
-                   "every footprint, model and voxel record. Errors are against truth T1"),
-    "refined": ("Refined", "As pre, on a finer grid of interpolated values: sharper edges, much more memory. Errors "
-                           "are against truth T2"),
-    "post": ("Post", "Values are interpolated, and classified in every sheet pixel: edges as sharp as a ray caster's. "
-                     "Errors are against truth T2"),
+    "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
+                              "are softer. Errors are measured against truth T1"),
+    "refined": ("Refined Grid", "As Pre-Classified, on a finer grid of interpolated values. Edges are sharper; it "
+                                "needs much more memory. Errors are measured against truth T2"),
+    "post": ("Post-Classified", "Interpolate the values, then look up color and opacity. Edges are as sharp as with "
+                                "ray casting. Errors are measured against truth T2"),
 }
 CLASSIFICATION_ITEMS = [(name, *CLASSIFICATION_TEXTS[name]) for name in tables.CLASSIFICATIONS]
 QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name in tables.QUALITY_PRESETS] + [
-    ("paper", "Paper", "The paper's literal pipeline: opacities added in slice planes, one sheet pixel per voxel"),
-    ("custom", "Custom", "Every knob by hand"),
+    ("paper", "Paper", "The algorithm exactly as published, for comparison"),
+    ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
 RECORD_ITEMS = [(str(size), f"{size} Bytes", "") for size in tables.RECORDS]
 REFINEMENT_ITEMS = [(str(times), f"{times} Times", "") for times in tables.REFINEMENTS]
@@ -56,21 +56,18 @@ MODE_ITEMS = [
     for name, text in tables.MODE_TEXTS.items()
 ]
 LIGHTING_ITEMS = [
-    ("SCENE", "Scene Lights", "The lights of the scene; a headlight when there are none"),
-    ("HEADLIGHT", "Headlight", "One white parallel light along the camera's axis"),
-    ("NONE", "Unlit", "The colours of the transfer function, unshaded"),
+    ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
+    ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
+    ("NONE", "Unlit", "Show the colors of the transfer function without lights"),
 ]
-
-
 CLIP_ITEMS = [
-    ("INSIDE", "Inside", "What is in the box stays, or what is behind the plane: its +Z points at what is cut away"),
-    ("OUTSIDE", "Outside", "What is around the box stays, or what is before the plane"),
+    ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane. The arrow points to what is removed"),
+    ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the plane"),
 ]
 
 
 def _evaluate_anew(group, _context):
-    """Pictures are made from evaluated copies; Blender refreshes them by itself when a user edits a property of an
-    extension, but not when a script does."""
+    """Tag the datablock for an update: Blender does so for a user's edit of these properties, not for a script's."""
     group.id_data.update_tag()
 
 
@@ -84,16 +81,16 @@ def _classification_chosen(settings, context):
     _evaluate_anew(settings, context)
 
 
-# Properties that decide a picture.
+# Property kinds for the inputs of a picture.
 LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, LiveString = (
     partial(kind, update=_evaluate_anew)
     for kind in (BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
 )
 
 
-# Those whose values not every classification has.
+# For knobs with values that some classifications do not support.
 KnobEnum = partial(EnumProperty, update=_knob_chosen)
-USUAL = tables.Quality()  # knobs' values where nobody chose any
+USUAL = tables.Quality()  # the default values of the knobs
 
 
 def _knob(name: str) -> str:
@@ -106,65 +103,71 @@ def _items(names):
 
 
 class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
-    """The source, the facts and the window of one volume object."""
+    """The source, facts, transfer function and shading of one volume object."""
 
-    is_volume: BoolProperty(name="Is a Volume", default=False, options={"HIDDEN"})
+    is_volume: BoolProperty(
+        name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"})
     filepath: StringProperty(
-        name="File", description="The volume's file, relative to the .blend where it can be", subtype="FILE_PATH",
+        name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"})
-    data_key: StringProperty(name="Data Hash", description="Hash of the voxels when they were imported")
-    facts: StringProperty(name="Facts", description="What the volume is, one fact a line")
-    remarks: StringProperty(name="Remarks", description="What is odd about the data, one sentence a line")
-    histogram: StringProperty(name="Histogram", description="Counts of the voxels' values, JSON")
-    length_unit: StringProperty(name="Length Unit", description="Unit of the volume's own space", default="mm")
+    data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
+    facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
+    remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
+    histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
+    length_unit: StringProperty(name="Length Unit", description="Unit of length of the file", default="mm")
     value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
     label_file: LiveString(
-        name="Labels", description="A volume of whole numbers on the same grid: what each voxel belongs to. With "
-        "labels that are hidden or have a look of their own, pictures are classified by pre", subtype="FILE_PATH",
+        name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
+        "If a label is hidden or has its own look, the volume is drawn pre-classified", subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"})
-    labels: CollectionProperty(type=LabelProperties, name="Labels", description="What each label looks like")
+    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and look of each label")
     channels: CollectionProperty(
-        type=ChannelProperties, name="Channels", description="Further volumes on the same grid that are added")
+        type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
     clip_keep: LiveEnum(
-        name="Keep", description="Which side of this clip object stays", items=CLIP_ITEMS)
+        name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
-        description="Node group that holds the colours and the opacity curve; shared by copies of the object")
+        description="Colors and opacity curve, stored in a node group. Copies of the object share it")
     transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
     transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
     window_center: LiveFloat(
-        name="Level", description="Value in the middle of the colours and the curve", default=0.5, precision=2)
+        name="Level", description="Value at the center of the colors and the opacity curve", default=0.5, precision=2)
     window_width: LiveFloat(
-        name="Window", description="Span of values that the colours and the curve cover", default=1.0, min=1e-6,
-        precision=2)
+        name="Window", description="Width of the range of values that the colors and the opacity curve cover",
+        default=1.0, min=1e-6, precision=2)
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
     opacity_unit_distance: LiveFloat(
-        name="Opacity Distance", description="Length, in the volume's unit, to which the curve's opacities "
-        "refer; zero for the smallest spacing of the voxels", default=0.0, min=0.0, precision=4)
-    use_shading: LiveBool(name="Shading", description="Light the volume by its gradients", default=True)
-    ambient: LiveFloat(name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Unlit share of the colour")
-    diffuse: LiveFloat(name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Share that faces the light")
+        name="Opacity Distance", description="Thickness of material that has the opacity of the curve; 0 uses the "
+        "smallest voxel spacing", default=0.0, min=0.0, precision=4)
+    use_shading: LiveBool(
+        name="Shading", description="Light the volume like a surface where its values change", default=True)
+    ambient: LiveFloat(
+        name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Brightness that does not depend on the lights")
+    diffuse: LiveFloat(
+        name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
     use_gradient_opacity: LiveBool(
         name="Surfaces Only", default=False,
-        description="Multiply the opacity by how steep the values are, so that surfaces stay and what is even goes")
+        description="Make regions of nearly constant values transparent, so that surfaces remain")
     gradient_low: LiveFloat(
         name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Values per unit of the volume's length, such as HU per mm, up to which nothing is opaque")
+        description="Change of the values per unit of length, such as HU per mm, below which everything is transparent")
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Values per unit of length from which the opacity curve holds in full")
-    specular: LiveFloat(name="Specular", default=0.2, min=0.0, soft_max=1.0, description="White highlight")
+        description="Change of the values per unit of length above which the opacity curve is used unchanged")
+    specular: LiveFloat(
+        name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
     shininess: LiveFloat(
-        name="Shininess", default=20.0, min=1.0, soft_max=100.0, description="Exponent of the highlight")
+        name="Shininess", default=20.0, min=1.0, soft_max=100.0,
+        description="Sharpness of the highlights; higher is smaller and sharper")
     highlight: LiveEnum(
-        name="Highlight", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Blinn-Phong", "By the direction half-way between light and eye"),
-               ("PHONG", "Phong", "By the light's mirror image in the surface")))
+        name="Highlight", description="Formula of the highlights", default="BLINN_PHONG",
+        items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
+               ("PHONG", "Phong", "Use the mirror direction of the light")))
     two_sided: LiveBool(
-        name="Two-Sided", default=True, description="Light surfaces from behind as well, as noisy scans need it")
+        name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans")
 
 
 def _rescale_boxes(settings, context):
@@ -175,7 +178,7 @@ def _rescale_boxes(settings, context):
 
 
 def _place_backdrop(settings, context):
-    """Show an existing backdrop at its new place at once."""
+    """Move an existing backdrop behind or in front of the objects at once."""
     scene = settings.id_data
     entry = backdrop.find(scene, scene.camera) if scene.camera is not None and scene.camera.type == "CAMERA" else None
     if entry is not None:
@@ -184,17 +187,17 @@ def _place_backdrop(settings, context):
 
 
 class SceneSettings(bpy.types.PropertyGroup):
-    """How the pictures of a scene are made, and what the last one reported."""
+    """The settings of a scene's pictures, and the report of the last one."""
 
     scene_scale: FloatProperty(
-        name="Scene Scale", description="World units for each millimetre: 0.001 shows millimetres in metres",
-        default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
+        name="Scene Scale", description="World units per millimeter; with 0.001 a millimeter has its real size in "
+        "meters", default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
     quality: KnobEnum(
-        name="Quality", description="How much time is spent on accuracy", items=QUALITY_ITEMS, default=USUAL.name)
+        name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name)
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest error of any channel, in levels of 1/255: the quickest plan that keeps it is chosen, and "
-        "the picture is measured against the truth. Of Quality only the classification counts then. Zero for none")
+        description="Largest allowed error of a color, in levels of 1/255. The fastest settings that keep it are "
+        "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")
     classification: EnumProperty(
         name="Classification", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)
@@ -224,85 +227,86 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Axis Fade", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
     rays: LiveFloat(
         name="Single Rays", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
-    threads: LiveInt(name="Threads", description="Zero for one per core", default=0, min=0, soft_max=64)
+    threads: LiveInt(
+        name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64)
     backend: LiveEnum(
         name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),
         default=USUAL.backend)
-    mode: LiveEnum(name="Mode", description="What a pixel shows of its ray", items=MODE_ITEMS)
-    lighting: LiveEnum(name="Lighting", description="What lights the volume", items=LIGHTING_ITEMS)
+    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
+    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_shadows: LiveBool(
         name="Shadows", default=True,
-        description="Lights of the scene whose own Shadow is on cast shadows in the volume: its own, and those of the "
-        "meshes that occlude it. Not with a Maximum Error")
+        description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
+        "Not used with a Maximum Error")
     use_world: LiveBool(
         name="World Light", default=True,
-        description="The world's colour shines from everywhere, beside the lights of the scene")
+        description="Light the volume from all sides with the world's color, in addition to the lights")
     use_mist: LiveBool(
         name="Mist", default=False,
-        description="Fade the volume's colours towards the world's colour with their distance, by the world's Mist "
-        "settings. The Mist pass of a view layer changes no picture; turn this on in files that relied on it")
+        description="Fade the volume toward the world's color with distance, by the Mist settings of the world. The "
+        "Mist pass of a view layer has no effect on the volume")
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
-        description="How much of the light from everywhere is taken away where the volume or a mesh hides the sky. Not "
-        "with a Maximum Error")
+        description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
+        "Not used with a Maximum Error")
     clip_objects: LivePointer(
         name="Clip Objects", type=bpy.types.Collection,
-        description="Objects that cut the volume: meshes and cube Empties as boxes, flat meshes and arrow Empties as "
-        "planes. What all of them keep is shown")
+        description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
+        "arrow Empties as planes. The part that all of them keep is shown")
     meshes_occlude: LiveBool(
-        name="Meshes Occlude", description="Stop each ray at the first mesh surface, also inside the volume",
+        name="Meshes Occlude", description="Let meshes hide the part of the volume behind them, also inside the volume",
         default=True)
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera shows the backdrop", update=_place_backdrop,
-        items=[("BACK", "Behind", "Behind the scene's objects"), ("FRONT", "In Front", "In front of them")])
+        name="Place", description="Where the camera view shows the backdrop", update=_place_backdrop,
+        items=[("BACK", "Behind", "Show the backdrop behind the objects"),
+               ("FRONT", "In Front", "Show the backdrop in front of the objects")])
     backdrop_object: PointerProperty(
-        name="Backdrop Volume", type=bpy.types.Object, description="The volume whose picture the camera shows")
+        name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop")
     backdrop_follows: BoolProperty(
         name="Follow Scene", default=False, update=_evaluate_anew,
-        description="Make the backdrop anew when the frame, the camera, the volume, a light, a clip object or a "
-        "setting changes")
+        description="Update the backdrop when the frame, the camera, the volume, a light, a clip object or a setting "
+        "changes")
     composite_object: PointerProperty(
-        name="Composite Volume", type=bpy.types.Object, description="The volume that is laid over renders")
+        name="Composite Volume", type=bpy.types.Object, description="Volume that is composited into renders")
     deleted_volume: StringProperty(
-        name="Deleted Volume", description="What the composited volume was called that was deleted",
-        options={"HIDDEN"})
+        name="Deleted Volume", description="Name of the composited volume that was deleted", options={"HIDDEN"})
     composite_image: PointerProperty(
-        name="Composite Picture", type=bpy.types.Image, description="The picture that is laid over renders")
+        name="Composite Picture", type=bpy.types.Image, description="Picture that is composited into renders")
     use_previews: BoolProperty(
         name="Progressive Preview", default=True,
-        description="While a picture is made in a window, or a backdrop follows the timeline, show coarse ones "
-        "first, with a bound on their error where the classification is pre, if it is likely to take more than 0.15 "
-        "seconds from when the volume is classified. The picture stays the same; Esc brings the former one back. "
-        "Takes up to 100 MB of memory; scripts and renders have no previews")
-    message: StringProperty(name="Message", description="What went wrong in the last render or frame change")
+        description="Show coarse pictures first if a picture in a window takes more than about 0.15 seconds. The final "
+        "picture is the same, and Esc restores the previous one. Needs up to 100 MB of memory; scripts and renders "
+        "show no previews")
+    message: StringProperty(name="Message", description="Problem of the last render or frame change")
     render_problem: StringProperty(
-        name="Problem of the Render", description="What the last render does not show and why: its first error, with "
-        "the frames that failed")
+        name="Problem of the Render", description="First problem of the last render, with the frames that failed")
     failed_frames: StringProperty(
         name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7")
     on_failed_frame: EnumProperty(
-        name="If a Frame Fails", description="What becomes of a rendered frame in which the volume cannot be drawn",
-        items=[("PLACEHOLDER", "Placeholder", "Magenta stripes stand in for the volume, and the render goes on"),
-               ("STOP", "Stop", "Magenta stripes stand in for the volume, and an animation ends after that frame. "
-                "Blender counts it as finished, since an extension cannot cancel a render. A script that renders one "
-                "still after the other goes on")])
+        name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
+        items=[("PLACEHOLDER", "Placeholder", "Show magenta stripes instead of the volume and continue"),
+               ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
+                "Blender reports the animation as finished. A script that renders single frames continues")])
     use_composite: BoolProperty(
-        name="Composite into Render", description="Splat anew for every rendered frame and lay it over the render",
+        name="Composite into Render", description="Render the volume with every frame and composite it",
         default=False)
     scene_id: StringProperty(
-        name="Id", description="Names this scene in the images that are its pictures", options={"HIDDEN"})
-    pictures: CollectionProperty(type=PictureProperties, name="Pictures", description="The images of this scene")
+        name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"})
+    pictures: CollectionProperty(type=PictureProperties, name="Pictures", description="Pictures of this scene")
     image: PointerProperty(name="Picture", type=bpy.types.Image, description="The last picture")
-    depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="The depth of the last picture")
-    last_report: StringProperty(name="Report", description="What the last picture took, one line each")
-    last_report_json: StringProperty(name="Report as JSON", description="The machine-readable report")
-    effect_overrides: PointerProperty(type=EffectOverrideProperties, name="Effects by Hand")
-    effect_rows: CollectionProperty(type=EffectRowProperties, name="Effects")
-    effects_note: StringProperty(name="Effects of", description="What the list of effects was made out from")
-    accuracy_rows: CollectionProperty(type=AccuracyRowProperties, name="Measured Plans")
-    accuracy_note: StringProperty(name="Measurement", description="What the measured plans were measured on")
-    error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last map of errors")
-    error_note: StringProperty(name="Errors", description="What the last map of errors holds")
+    depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="Depth of the last picture")
+    last_report: StringProperty(name="Report", description="Report of the last picture, one fact per line")
+    last_report_json: StringProperty(name="Report as JSON", description="Report of the last picture as JSON")
+    effect_overrides: PointerProperty(
+        type=EffectOverrideProperties, name="Effects by Hand", description="Effects that are forced on or off")
+    effect_rows: CollectionProperty(
+        type=EffectRowProperties, name="Effects", description="State of each effect")
+    effects_note: StringProperty(name="Effects of", description="What the list of effects describes")
+    accuracy_rows: CollectionProperty(
+        type=AccuracyRowProperties, name="Measured Plans", description="Measured time and error of each plan")
+    accuracy_note: StringProperty(name="Measurement", description="Volume, camera and size of the measurement")
+    error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last error map")
+    error_note: StringProperty(name="Errors", description="Summary of the last error map")
 
 
 CLASSES = (

@@ -1,6 +1,6 @@
-"""What became of a render's frames, kept from its first frame to its last and shown in panel, console and report.
+"""The record of a render's problems over all its frames, shown in the panel, on the console and in the report.
 
-The success of a frame clears nothing of what went wrong in an earlier one.
+A frame that succeeds does not clear the problem of an earlier frame.
 """
 
 from __future__ import annotations
@@ -9,10 +9,25 @@ from . import messages, pictures
 
 
 class RenderLog:
-    """One scene's part of the render in progress.
+    """The record of one scene in the render in progress.
 
-    ``pictures``: those of the frame; ``drawn``: their images that are done; ``hidden``: why view layers do not show the
-    volume; ``report``: of the last picture; ``stopped_at``: the frame after which an animation was ended.
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene; messages of an earlier render are cleared.
+
+    Attributes
+    ----------
+    pictures : list of compositor.Picture
+        The pictures of the current frame.
+    drawn : list of bpy.types.Image
+        Their images that are finished.
+    hidden : list of str
+        Why view layers do not show the volume.
+    report : dict
+        The report of the last picture.
+    stopped_at : int or None
+        The frame after which the animation was ended.
     """
 
     def __init__(self, scene):
@@ -20,11 +35,11 @@ class RenderLog:
         self.stopped_at = None
         self.report = {}
         self.is_in_frame = self._stops = False  # in a frame: between Blender's render_pre and render_post
-        self._layers: list[str] = []  # of the frame, as they are begun
+        self._layers: list[str] = []  # view layers of the current frame that have begun
         self._frames: list[int] = []
         self._failed: list[int] = []
-        self._first = ""  # problem
-        self._notes: dict[str, list[int]] = {}  # what is odd and no failure -> its frames
+        self._first = ""  # the first problem
+        self._notes: dict[str, list[int]] = {}  # a remark that is no failure -> its frames
         self._told: set[str] = set()
         if self.is_in_force:
             settings = scene.rle_splat
@@ -33,16 +48,16 @@ class RenderLog:
 
     @property
     def wants_stop(self) -> bool:
-        """Whether the frame just rendered failed and the user wishes to go no further."""
+        """Whether the last frame failed and the user has chosen to stop then."""
         return bool(self._failed) and self._failed[-1] == self._frames[-1] and self._stops
 
     @property
     def is_first_layer(self) -> bool:
-        """Whether the view layer just begun is the frame's first."""
+        """Whether the current view layer is the first of its frame."""
         return len(self._layers) == 1
 
     def begin_frame(self, scene) -> None:
-        """A frame is rendered from here on."""
+        """Begin a frame."""
         self._stops = scene.rle_splat.on_failed_frame == "STOP"
         self.is_in_frame = True
         self._frames.append(scene.frame_current)
@@ -50,14 +65,14 @@ class RenderLog:
         self.pictures, self.drawn, self.hidden = [], [], []
 
     def begin_layer(self, layer: str) -> bool:
-        """Whether a view layer is rendered that was not yet begun in this frame."""
+        """Begin a view layer; False if it had begun in this frame already, or no frame is rendered."""
         if not self.is_in_frame or layer in self._layers:
             return False
         self._layers.append(layer)
         return True
 
     def fail(self, scene, sentence: str) -> None:
-        """The frame does not show the volume as it should."""
+        """Record that the current frame does not show the volume because of an error."""
         frame = self._frames[-1]
         self._first = self._first or sentence
         if frame not in self._failed:
@@ -66,7 +81,7 @@ class RenderLog:
         self._show(scene)
 
     def note(self, scene, sentence: str) -> None:
-        """The frame shows nothing of the volume, and that may be meant."""
+        """Record that the current frame does not show the volume, which may be intended."""
         frames = self._notes.setdefault(sentence, [])
         if self._frames[-1] not in frames:
             frames.append(self._frames[-1])
@@ -74,7 +89,7 @@ class RenderLog:
         self._show(scene)
 
     def end_frame(self, scene) -> None:
-        """The frame is rendered: say so where none of its view layers shows the volume."""
+        """End the current frame; add a remark if none of its view layers shows the volume."""
         self.is_in_frame = False
         if not (self.is_in_force and self._layers):
             return
@@ -87,7 +102,7 @@ class RenderLog:
         self._keep_report(scene)
 
     def end(self, scene, stopped_at) -> None:
-        """The whole render is done, or was cancelled; ``stopped_at``: the frame after which it was stopped."""
+        """End the render, finished or canceled; ``stopped_at``: the frame after which it was stopped, or None."""
         if not (self.is_in_force and self._frames):
             return
         stopped = "" if stopped_at is None else f" The render was stopped after frame {stopped_at}."
@@ -102,7 +117,7 @@ class RenderLog:
             messages.tell(f"Frame {self._frames[-1]}: {sentence}")
 
     def _summary(self) -> str:
-        """The first failure, or else every note; with its frames, if there was more than one frame."""
+        """The first problem, or else all remarks, with frame numbers if there was more than one frame."""
         if self._failed:
             if len(self._frames) == 1:
                 return self._first

@@ -1,6 +1,6 @@
-"""From Blender's evaluated scene to the renderer's plain data, and the stages kept between its pictures.
+"""Reads Blender's evaluated scene as plain data and starts the renderer, with one stage cache for all pictures.
 
-Everything is read before the first step of the work, so that what the user does meanwhile changes nothing.
+Everything is read before the first step of the work, so that edits during the work do not affect the picture.
 """
 
 from __future__ import annotations
@@ -25,13 +25,11 @@ from .motion import read_motion
 from .presence import is_kept_up
 from .world import read_world
 
-KEPT = StageCache()  # keyed by content, so it may outlive files and undo
-
-# What a picture to a maximum error is made without, as the truths have none of it, and why.
+KEPT = StageCache()  # keyed by content, so it stays valid across files and undo
 
 
 def forget_stages() -> None:
-    """Let go of everything kept between pictures."""
+    """Clear the stage cache."""
     KEPT.clear()
 
 
@@ -39,19 +37,44 @@ def read_scene(
     volume_object, depsgraph, *, with_meshes: bool, with_shadows: bool = True, in_region: bool = False,
     moving: bool = True, camera=None, warn=None,
 ):
-    """Everything a picture of ``volume_object`` depends on at the depsgraph's time: (Scene, Quality).
+    """Read everything that a picture of a volume depends on, at the depsgraph's time.
 
-    ``with_meshes``: stop each ray at the first mesh surface.  ``with_shadows``: if the scene wants them.
-    ``in_region``: only what a cropped render region keeps of the frame.
-    ``moving``: blur what moves while the shutter is open, if the scene wants it and no maximum error is set.
-    ``camera``: a camera object in place of the active one.  ``warn``: called with a sentence for what is odd.
-    Raises RleSplatError for every mistake the user can mend.
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    with_meshes : bool
+        Whether meshes occlude the volume.
+    with_shadows : bool
+        Whether shadows and ambient occlusion are used, if they are on in the scene.
+    in_region : bool
+        Whether to render only the cropped render region, if there is one.
+    moving : bool
+        Whether motion blur is used, if it is on in the scene and no maximum error is set.
+    camera : bpy.types.Object, optional
+        A camera object to use instead of the active one.
+    warn : callable, optional
+        Called with one sentence for each warning.
+
+    Returns
+    -------
+    plain : Scene
+        The scene as plain data.
+    quality : Quality
+        The knobs.
+
+    Raises
+    ------
+    RleSplatError
+        For everything that the user can correct.
     """
     scene = depsgraph.scene_eval
     if not is_kept_up(volume_object, depsgraph):
         raise RleSplatError(
-            f"{volume_object.name!r} is disabled in viewports or left out of this view layer, so Blender does not know "
-            "where it is now; enable it in the Outliner."
+            f"{volume_object.name!r} is disabled in viewports or excluded from this view layer, so Blender does not "
+            "update its place; enable it in the Outliner."
         )
     view, width, height = read_camera(depsgraph, camera)
     volume = volumes.load_volume(volume_object, warn)
@@ -84,7 +107,7 @@ def read_scene(
         effects=overrides_of(scene),
         reasons_off={"motion blur": still_because} if still_because else {},
         volume_shadows=with_shadows and bool(lights) and scene.rle_splat.use_shadows,
-        # A headlight stands for all the light of a scene that has none.
+        # In a scene without lights the headlight replaces the world light too.
         world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,
         ambient_occlusion=scene.rle_splat.ambient_occlusion if with_shadows else 0.0,
     )
@@ -92,7 +115,20 @@ def read_scene(
 
 
 def is_rendered(volume_object, depsgraph) -> bool:
-    """Whether a render of this depsgraph shows the object: it and its collections are not hidden from renders."""
+    """Whether a render shows an object: neither it nor its collections are hidden from renders.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    bool
+        Whether it is shown.
+    """
     for instance in depsgraph.object_instances:
         if not instance.is_instance and instance.object.original == volume_object:
             return not instance.object.hide_render
@@ -102,11 +138,30 @@ def is_rendered(volume_object, depsgraph) -> bool:
 def steps(
     plain: Scene, quality, *, tolerance: float | None = None, refuse_empty_view: bool = True, previews: bool = False
 ):
-    """The work as a generator of Progress that returns a Rendering.
+    """Make a picture, as a generator.
 
-    ``tolerance``: the largest error, levels, by a plan in place of the quality's; see ``tolerance.py``.
-    ``previews``: it also yields a Preview now and then, when the picture takes long; see ``progressive.py``.  A picture
-    to a tolerance has none.
+    Parameters
+    ----------
+    plain : Scene
+        The scene.
+    quality : Quality
+        The knobs.
+    tolerance : float, optional
+        The largest allowed error in levels of 1/255; the planner then chooses the knobs, and shadows are left out.
+    refuse_empty_view : bool
+        Whether a view that shows nothing of the volume raises RleSplatError.
+    previews : bool
+        Whether a slow picture yields previews; ignored with a tolerance.
+
+    Yields
+    ------
+    Progress or Preview
+        The steps.
+
+    Returns
+    -------
+    Rendering
+        The picture.
     """
     if tolerance is not None:
         return tolerance_steps(

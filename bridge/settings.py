@@ -1,19 +1,33 @@
-"""The settings of a Blender scene as the renderer's plain data."""
+"""The settings of a Blender scene as plain data."""
 
 from ..rle_splat.scene import DEFAULT_QUALITY, NO_RAYS, POST_ONLY, Quality, preintegrated_of, preset_knobs
 from .decimals import typed
 
-# A VDB states no unit; Blender takes its world units as metres.
-MILLIMETRES = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
+# Millimeters per unit.  A VDB states no unit; Blender takes its world units as meters.
+MILLIMETERS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
 KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
-OF_PRE = ("record", "kernel", "minification", "model")  # what post has one value of
+OF_PRE = ("record", "kernel", "minification", "model")  # knobs that have only one value with post-classification
 
 
 def quality_of(scene) -> Quality:
-    """The ``Quality`` chosen in ``scene.rle_splat``: the classification goes with all but the paper's, the other knobs
-    count only under "custom".
+    """The quality chosen in a scene.
 
-    Raises RleSplatError for a knob out of its range, or one that the classification does not have.
+    The classification counts with every quality but "paper".  The other knobs count only with "custom".
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    Quality
+        The knobs.
+
+    Raises
+    ------
+    RleSplatError
+        For a knob out of range, or one that the classification does not support.
     """
     settings = scene.rle_splat
     common = dict(threads=settings.threads, backend=settings.backend, record=int(settings.record))
@@ -31,16 +45,16 @@ def quality_of(scene) -> Quality:
 
 
 def not_in_post(settings, name: str) -> bool:
-    """Whether a knob of OF_PRE counts, and has a value that the classification post does not have."""
+    """Whether a knob of OF_PRE counts and has a value that post-classification does not support."""
     counts = name == "record" or settings.quality == "custom"
     return counts and getattr(settings, name) != str(POST_ONLY[name])
 
 
-_suited: list = []  # settings whose knobs are being changed one after the other, which choose nothing meanwhile
+_suited: list = []  # settings that ``suit_knobs`` is changing, so that ``suit_classification`` ignores them
 
 
 def suit_knobs(settings) -> None:
-    """After the classification was chosen: knobs that it does not have as they are take a value that it has."""
+    """After a change of the classification: set knobs that it does not support to values that it supports."""
     if settings.classification == "post":
         _suited.append(settings)
         for name in OF_PRE:
@@ -51,7 +65,7 @@ def suit_knobs(settings) -> None:
 
 
 def suit_classification(settings) -> None:
-    """After a knob was chosen: one that only another classification has, means that one."""
+    """After a change of a knob: choose the classification that supports its value."""
     if _suited:
         return
     if settings.classification == "post":
@@ -62,13 +76,23 @@ def suit_classification(settings) -> None:
 
 
 def tolerance_of(scene) -> float | None:
-    """The largest error that is allowed, in levels; None where the quality decides."""
+    """The maximum error of a scene in levels of 1/255; None if it is 0, when the quality counts."""
     return typed(scene.rle_splat.max_error) or None
 
 
 def scene_scale_of(scene, unit: str = "mm") -> float:
-    """World units for each unit of a volume: the scene's factor for a millimetre times the unit's millimetres.
+    """World units per length unit of a volume.
 
-    ``unit``: a volume's own unit of length; one that is not known counts as a millimetre.
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        Gives the world units per millimeter.
+    unit : str
+        The volume's unit of length; an unknown one counts as a millimeter.
+
+    Returns
+    -------
+    float
+        The factor.
     """
-    return typed(scene.rle_splat.scene_scale) * MILLIMETRES.get(unit, 1.0)
+    return typed(scene.rle_splat.scene_scale) * MILLIMETERS.get(unit, 1.0)

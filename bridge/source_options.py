@@ -1,4 +1,4 @@
-"""How a volume's file is read: the same properties on a volume object, on the import dialog and on Relocate."""
+"""The options for reading a volume's file, shared by volume objects, the import dialog and Relocate."""
 
 import math
 from dataclasses import dataclass, fields
@@ -17,21 +17,21 @@ from .overridable import (
     StringProperty,
 )
 
-FILE_SAYS = ("AUTO", "As the File Says", "Taken from the file, or guessed from its size and name")
+FILE_SAYS = ("AUTO", "From File", "Use what the file says, or a guess from its size and name")
 DTYPE_ITEMS = [FILE_SAYS] + [(name, name, "") for name in STORED_TYPES]
 BYTE_ORDER_ITEMS = [
-    FILE_SAYS, ("little", "Little Endian", "Least significant byte first, as on most machines"),
-    ("big", "Big Endian", "Most significant byte first, as on older workstations and scanners"),
+    FILE_SAYS, ("little", "Little Endian", "Least significant byte first, as on most computers"),
+    ("big", "Big Endian", "Most significant byte first, as on some older workstations and scanners"),
 ]
 MODALITY_ITEMS = [
-    FILE_SAYS, ("CT", "CT", "Computed tomography, values in HU where the file is calibrated"),
+    FILE_SAYS, ("CT", "CT", "Computed tomography, values in HU if the file is calibrated"),
     ("MR", "MR", "Magnetic resonance, values without a unit"), ("XA", "X-Ray Angiography", "Rotational angiography"),
     ("SMOKE", "Smoke", "Simulated density"),
 ]
 
 @dataclass
 class PlainOptions:
-    """The options as plain data, with the defaults that leave everything to the file."""
+    """The options as plain data; the defaults leave everything to the file."""
 
     shape: tuple = (0, 0, 0)
     dtype: str = "AUTO"
@@ -50,32 +50,45 @@ NAMES = tuple(entry.name for entry in fields(PlainOptions))
 
 
 class SourceOptions:
-    """Mixed into property groups and operators; what is left at its default the file says itself."""
+    """Mix-in for property groups and operators; an option at its default is taken from the file."""
 
     shape: IntVectorProperty(
-        name="Shape", description="Voxels along x, y and z; zero where the file says it", size=3, min=0)
-    dtype: EnumProperty(name="Type", description="How a voxel is stored", items=DTYPE_ITEMS)
-    byte_order: EnumProperty(name="Byte Order", description="Order of a voxel's bytes", items=BYTE_ORDER_ITEMS)
+        name="Shape", description="Number of voxels along x, y and z; 0 uses the file's", size=3, min=0)
+    dtype: EnumProperty(name="Type", description="Number type of a stored voxel", items=DTYPE_ITEMS)
+    byte_order: EnumProperty(name="Byte Order", description="Order of the bytes in a voxel", items=BYTE_ORDER_ITEMS)
     header_bytes: IntProperty(
-        name="Header Bytes", description="Bytes before the first voxel; -1 where the file says it", default=-1, min=-1)
-    # No lower limit here: a negative spacing is refused in a sentence, not silently made zero.
+        name="Header Bytes", description="Number of bytes before the first voxel; -1 uses the file's", default=-1,
+        min=-1)
+    # Without a lower limit, so that a negative spacing gets an error message instead of silently becoming zero.
     spacing: FloatVectorProperty(
-        name="Spacing", description="Distance of voxel centres along x, y and z in the volume's unit; "
-        "zero where the file says it", size=3, precision=4)
+        name="Spacing", description="Distance between voxel centers along x, y and z in the volume's unit; 0 uses the "
+        "file's", size=3, precision=4)
     use_calibration: BoolProperty(
-        name="Calibrate", description="Use slope and intercept in place of what the file says", default=False)
-    slope: FloatProperty(name="Slope", description="Physical value of one stored unit", default=1.0)
-    intercept: FloatProperty(name="Intercept", description="Physical value of a stored zero", default=0.0)
+        name="Calibrate", description="Compute values with this slope and intercept instead of the file's",
+        default=False)
+    slope: FloatProperty(name="Slope", description="Value per stored unit", default=1.0)
+    intercept: FloatProperty(name="Intercept", description="Value of a stored zero", default=0.0)
     value_unit: StringProperty(
-        name="Value Unit", description="Unit of the physical values, such as HU; empty if they have none")
+        name="Value Unit", description="Unit of the values, such as HU; empty if they have none")
     grid: StringProperty(
-        name="Grid", description="Name of the grid inside a VDB file; name[1] for the second grid of that name; "
-        "empty for density, or else the first grid of numbers")
-    modality: EnumProperty(name="Modality", description="What made the data", items=MODALITY_ITEMS)
+        name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
+        "the grid density, or else the first grid of numbers")
+    modality: EnumProperty(name="Modality", description="Kind of scanner or simulation", items=MODALITY_ITEMS)
 
 
 def read_options(source) -> dict:
-    """The options of ``read_volume`` that are set on anything with these properties."""
+    """The options that differ from their defaults.
+
+    Parameters
+    ----------
+    source : SourceOptions or PlainOptions
+        The options.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of ``read_volume``.
+    """
     options = {}
     if any(source.shape):
         options["shape"] = tuple(source.shape)
@@ -95,12 +108,20 @@ def read_options(source) -> dict:
 
 
 def bytes_of(source) -> int:
-    """The memory that the voxels of a stated shape and type take."""
+    """Bytes of the voxels for the given shape and type."""
     return math.prod(source.shape) * np.dtype(source.dtype).itemsize
 
 
 def fill_from_guess(target, guess) -> None:
-    """Set the layout of a raw file from a ``RawGuess``; what it does not know stays."""
+    """Set the layout of a raw file from a RawGuess.
+
+    Parameters
+    ----------
+    target : SourceOptions or PlainOptions
+        The options to set.
+    guess : RawGuess
+        The guess; fields that are None leave an option unchanged.
+    """
     if guess.shape is not None:
         target.shape = guess.shape
     if guess.dtype is not None:
@@ -112,12 +133,12 @@ def fill_from_guess(target, guess) -> None:
 
 
 def copy(source, target) -> None:
-    """Everything from one bearer of these options to another; arrays become tuples."""
+    """Copy all options from ``source`` to ``target``; arrays become tuples."""
     for name in NAMES:
         value = getattr(source, name)
         setattr(target, name, tuple(value) if name in ("shape", "spacing") else value)
 
 
 def clear(target) -> None:
-    """Back to what the file says."""
+    """Reset all options to their defaults."""
     copy(PlainOptions(), target)

@@ -1,11 +1,11 @@
-"""Paths of volume files, relative to the .blend where they can be, and where they lead.
+"""Paths of volume files: stored relative to the .blend if possible, and resolved to absolute paths.
 
-A relative path counts from the file that its value comes from.  That is the library for linked data, and for what an
-override leaves as it is.
+A relative path is relative to the file that its value comes from.  For linked data and for properties that an override
+leaves unchanged that file is the library.
 
-Blender remakes its own paths where the .blend is saved elsewhere or data change files, but not those in property
-groups.  Two handlers do it on saving and one on Append.  Make Local and Duplicate tell no handler: it is remembered
-where the paths of linked volumes lead, so that local copies of them find their files, and saving keeps that.
+Blender adapts its own paths when the .blend is saved elsewhere or data move between files, but not paths in property
+groups.  Two handlers adapt them on saving and one on Append.  Make Local and Duplicate call no handler.  So the
+resolved paths of linked volumes are remembered: local copies find their files, and saving then stores the path.
 """
 
 import os
@@ -15,25 +15,51 @@ from bpy.app.handlers import persistent
 
 from . import linked
 
-PATHS = ("filepath", "label_file")  # of a volume's properties
+PATHS = ("filepath", "label_file")  # properties of a volume
 
 _leads_to: dict = {}  # (property, relative path, hash of the voxels) from a library -> absolute path
-_written_here: set = set()  # (session uid, property, relative path) of volumes whose paths count from the open file
-_while_saving: dict = {}  # object's session uid -> absolute paths by property, from before a save to after it
+_written_here: set = set()  # (session id, property, path) of paths that are relative to the open file
+_while_saving: dict = {}  # session id -> absolute paths by property, during a save
 
 
 def kept_path(path: str, blend_file: str) -> str:
-    """``path`` (absolute) as kept in a .blend at ``blend_file``; absolute while that is "" or on another drive."""
+    """The form of a path that is stored in a .blend.
+
+    Parameters
+    ----------
+    path : str
+        Absolute path.
+    blend_file : str
+        Path of the .blend, or "" before its first save.
+
+    Returns
+    -------
+    str
+        A path relative to the .blend; the absolute path before the first save or for another drive.
+    """
     if not blend_file:
         return path
     try:
         return bpy.path.relpath(path, start=os.path.dirname(blend_file))
-    except ValueError:  # Windows: no relative path leads to another drive
+    except ValueError:  # on Windows there is no relative path to another drive
         return path
 
 
 def resolved_path(owner, name: str = "filepath") -> str:
-    """The absolute path of a volume object's file, or of another that the property ``name`` holds."""
+    """The absolute path of a volume object's file.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    name : str
+        The property that holds the path, one of PATHS.
+
+    Returns
+    -------
+    str
+        Absolute path.
+    """
     path = getattr(owner.rle_splat, name)
     key = (name, path, owner.rle_splat.data_key)
     library = linked.library_of(owner, name)
@@ -46,10 +72,22 @@ def resolved_path(owner, name: str = "filepath") -> str:
 
 
 def write_path(owner, name: str, path: str, blend_file: str) -> None:
-    """Set a path property of a volume that is not linked to ``path`` (absolute), as kept in ``blend_file``."""
+    """Set a path property of a local or overridden volume.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    name : str
+        One of PATHS.
+    path : str
+        Absolute path.
+    blend_file : str
+        The .blend that the stored path is relative to.
+    """
     kept = kept_path(path, blend_file)
     if owner.override_library is not None and kept.startswith("//"):
-        kept = "//./" + kept[2:]  # never the library's text, which Blender would take for no override at all
+        kept = "//./" + kept[2:]  # must differ from the library's text, or Blender drops the override
     if kept != getattr(owner.rle_splat, name):
         setattr(owner.rle_splat, name, kept)
     _written_here.add((owner.session_uid, name, kept))
@@ -60,12 +98,12 @@ def _volumes() -> list:
 
 
 def _own_paths(owner) -> list[str]:
-    """The path properties of a volume that are set, and whose values come from the open file."""
+    """The path properties of a volume that are set and whose values come from the open file."""
     return [name for name in PATHS if getattr(owner.rle_splat, name) and linked.library_of(owner, name) is None]
 
 
 def _remember(owner) -> None:
-    """Remember which paths of a volume count from the open file, and where those from libraries lead."""
+    """Remember which paths of a volume are relative to the open file, and the absolute paths of the others."""
     own = _own_paths(owner)
     _written_here.update((owner.session_uid, name, getattr(owner.rle_splat, name)) for name in own)
     for name in set(PATHS) - set(own):
@@ -74,7 +112,7 @@ def _remember(owner) -> None:
 
 @persistent
 def before_save(blend_file, *_):
-    """Make every path of this file's own relative to the file about to be written."""
+    """Handler: make the paths of local volumes relative to the file that is being written."""
     if not blend_file:  # the startup file
         return
     for owner in _volumes():
@@ -86,7 +124,7 @@ def before_save(blend_file, *_):
 
 @persistent
 def after_save(*_):
-    """The file that is open now may be another than the one written (Save Copy)."""
+    """Handler: make the paths relative to the open file again, which Save Copy does not change."""
     for owner in _volumes():
         for name, path in _while_saving.get(owner.session_uid, {}).items():
             write_path(owner, name, path, bpy.data.filepath)
@@ -95,7 +133,7 @@ def after_save(*_):
 
 @persistent
 def after_load(*_):
-    """Of the file just opened, remember every path; forget those of the last one."""
+    """Handler: forget the paths of the previous file and remember those of the opened one."""
     _leads_to.clear()
     _written_here.clear()
     for owner in _volumes():
@@ -104,7 +142,7 @@ def after_load(*_):
 
 @persistent
 def after_import(imported, *_):
-    """File > Append and Link: an appended path is remade from the file it comes from, a linked one remembered."""
+    """Handler: adapt the paths of appended volumes to the open file, and remember those of linked volumes."""
     for item in imported.import_items:
         owner = item.id
         if item.id_type != "OBJECT" or owner is None or not owner.rle_splat.is_volume:

@@ -1,8 +1,8 @@
-"""The transfer function of a volume object: plain data on one side, the .blend on the other.
+"""Conversion of a volume object's transfer function between plain data and the .blend.
 
-Positions 0 to 1 of the ramp and the curve stand for the values of the window on the object.  Moving the window
-moves all points, as window and level do on a scanner's console.  A copy of an object shares the node group,
-as copies share a material, and has a window of its own.
+Positions 0 to 1 of the color ramp and the opacity curve cover the values of the window, a property of the object.
+Moving the window moves all points, like window and level on a scanner's console.  A copy of an object shares the node
+group, as copies share a material, but has its own window.
 """
 
 from ..rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
@@ -13,22 +13,44 @@ from .decimals import rounded_to_span, typed
 
 
 def window_of(properties) -> tuple[float, float]:
-    """The values at positions 0 and 1 of the ramp and the curve, float64."""
+    """The window of a volume.
+
+    Parameters
+    ----------
+    properties : VolumeProperties
+        ``object.rle_splat``.
+
+    Returns
+    -------
+    low, high : float
+        Physical values at positions 0 and 1 of ramp and curve.
+    """
     center, width = typed(properties.window_center), typed(properties.window_width)
     return center - 0.5 * width, center + 0.5 * width
 
 
 def write_transfer(volume_object, transfer_function: TransferFunction, window=None) -> str:
-    """Put a transfer function into the object's node group (made if there is none), window and shading.
+    """Store a transfer function in a volume object: its node group, window and shading.
 
-    ``window``: (low, high) values to spread the curves over; left out, the span of the function's points.
-    Returns a sentence on what could not be kept exactly, or "".
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object; it gets a node group if it has no local one.
+    transfer_function : TransferFunction
+        The transfer function.
+    window : tuple of float, optional
+        Low and high value of the window; default is the range of the function's points.
+
+    Returns
+    -------
+    str
+        A sentence on what could not be stored exactly, or "".
     """
     properties = volume_object.rle_splat
     low, high = _usable_window(transfer_function, properties) if window is None else window
     properties.window_center = 0.5 * (low + high)
     properties.window_width = high - low
-    low, high = window_of(properties)  # as rounded by the properties, so that values come back as they were
+    low, high = window_of(properties)  # rounded by the properties, so that reading gives the same values
     tree = properties.transfer
     if tree is None or not nodes.is_transfer_tree(tree) or not linked.is_own(tree):  # overrides of curves are lost
         properties.transfer = nodes.new_tree(volume_object.name)
@@ -54,13 +76,24 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     if steep is not None:
         properties.gradient_low, properties.gradient_high = steep.low, steep.high
     if len(kept) < len(color):
-        return (f"The transfer function has {len(color)} colours and a ramp in Blender holds {nodes.MOST_STOPS}; "
-                f"the {nodes.MOST_STOPS} that matter most were kept.")
+        return (f"The transfer function has {len(color)} colors, but a color ramp in Blender holds {nodes.MOST_STOPS}; "
+                f"the {nodes.MOST_STOPS} that keep it closest to the original were stored.")
     return ""
 
 
 def why_unusable(volume_object) -> str:
-    """A clause on why the object has no transfer function, and what to do; "" where it has one."""
+    """Why a volume object has no usable transfer function.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+
+    Returns
+    -------
+    str
+        A clause with the reason and what to do, without a period; "" if it has one.
+    """
     tree = volume_object.rle_splat.transfer
     if tree is None or not nodes.is_marked(tree):
         return f"{volume_object.name!r} has no transfer function; apply a preset in the RLE Splat tab"
@@ -72,9 +105,24 @@ def why_unusable(volume_object) -> str:
 
 
 def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
-    """The object's transfer function; with a depsgraph, as animated at its frame.
+    """Read the transfer function of a volume object.
 
-    Raises RleSplatError when the object has none.
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        The evaluated scene, for the animated values at its frame.
+
+    Returns
+    -------
+    TransferFunction
+        The transfer function in physical values.
+
+    Raises
+    ------
+    RleSplatError
+        If the object has no usable transfer function.
     """
     source = volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)
     properties = source.rle_splat
@@ -82,7 +130,7 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     problem = why_unusable(source)
     if problem:
         raise RleSplatError(f"{problem}.")
-    # Blender evaluates a script's edits of the points only when the tree is tagged; the tree itself has them at once.
+    # A script's edits of the points are evaluated only after a tag; the original tree has them at once.
     curve_of, ramp_of = (
         tree.original.evaluated_get(depsgraph) if depsgraph is not None and _is_animated(tree.original, name)
         else tree.original for name in (nodes.OPACITY_NODE, nodes.COLOR_NODE))
@@ -111,7 +159,7 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
 
 
 def evaluate_anew(volume_object) -> None:
-    """Have Blender take over what scripts changed of the transfer functions of a volume and its channels."""
+    """Update the curves, and tag animated trees, of a volume and its channels after edits by scripts."""
     channels = [row.source for row in volume_object.rle_splat.channels if row.source is not None]
     for one in (volume_object, *channels):
         tree = one.rle_splat.transfer
@@ -122,7 +170,7 @@ def evaluate_anew(volume_object) -> None:
 
 
 def _is_animated(tree, name: str) -> bool:
-    """Whether keyframes, drivers or strips change anything of a node of the tree."""
+    """Whether keyframes, drivers or NLA strips animate a node of the tree."""
     data = tree.animation_data
     if data is None or data.nla_tracks:
         return data is not None
@@ -134,14 +182,28 @@ def _is_animated(tree, name: str) -> bool:
 
 
 def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:
-    """Set level and window.  ``keep_values`` redraws the curves so that every value keeps its look: the widget
-    then shows another range of the same function.  Returns write_transfer's remark."""
+    """Set level and window of a volume object.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    center, width : float
+        Level and window in physical values.
+    keep_values : bool
+        Whether to redraw the curves so that every value keeps its color and opacity.
+
+    Returns
+    -------
+    str
+        The remark of ``write_transfer``.
+    """
     properties = volume_object.rle_splat
     if not keep_values:
         properties.window_center, properties.window_width = center, width
         return ""
     opacity_scale = properties.opacity_scale
-    properties.opacity_scale = 1.0  # kept beside the curve, not drawn into it
+    properties.opacity_scale = 1.0  # so that it is not multiplied into the curve
     before = read_transfer(volume_object)
     remark = write_transfer(volume_object, before, (center - 0.5 * width, center + 0.5 * width))
     properties.opacity_scale = opacity_scale
@@ -149,13 +211,13 @@ def move_window(volume_object, center: float, width: float, keep_values: bool = 
 
 
 def is_shared(volume_object) -> bool:
-    """Whether the object's node group is another's too, or a library's, where edits would be lost."""
+    """Whether the node group has other users or is linked, so that edits would affect others or be lost."""
     tree = volume_object.rle_splat.transfer
     return tree.users > 1 or not linked.is_own(tree)
 
 
 def own_tree(volume_object) -> None:
-    """Give the object a node group that no other object shares."""
+    """Give the object its own copy of the node group."""
     properties = volume_object.rle_splat
     properties.transfer = linked.own_copy(properties.transfer)
     linked.own_action(properties.transfer)
@@ -169,9 +231,21 @@ KEYED = (
 
 
 def keyframe(volume_object, frame: float) -> int:
-    """Insert keyframes on everything of the transfer function at ``frame``; returns how many values were keyed.
+    """Insert keyframes on all values of the transfer function.
 
-    Blender makes no path to a curve's point by itself, so the path is spelt out from the node group.
+    Blender cannot build the data path of a curve's point, so the paths are written out.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    frame : float
+        The frame.
+
+    Returns
+    -------
+    int
+        Number of keyed values.
     """
     properties = volume_object.rle_splat
     if not linked.is_own(properties.transfer):
@@ -201,7 +275,7 @@ def _usable_window(transfer_function, properties) -> tuple[float, float]:
 
 
 def _without_inner_repeats(points) -> list:
-    """At a repeated value only the first and the last point can matter."""
+    """The points without those between the first and the last at a repeated value, which have no effect."""
     return [
         p for i, p in enumerate(points)
         if not (0 < i < len(points) - 1 and points[i - 1][0] == p[0] == points[i + 1][0])
@@ -209,7 +283,7 @@ def _without_inner_repeats(points) -> list:
 
 
 def _cropped(points, low: float, high: float, evaluate) -> list:
-    """The points within [low, high], with one at each end where the curve goes on beyond it."""
+    """The points within [low, high], with an added point at an end where the curve continues beyond it."""
     tolerance = 1e-6 * (high - low)
     inside = [p for p in points if low - tolerance <= p[0] <= high + tolerance]
 

@@ -1,7 +1,7 @@
-"""The node group that holds a transfer function's colours and opacity curve, over positions from 0 to 1.
+"""The node group that stores the colors and the opacity curve of a transfer function, over positions 0 to 1.
 
-A property group cannot own a colour ramp or a curve, so both live in nodes of a shader node group: Blender
-then saves, undoes, appends and animates them like anything else.  The group is never wired into a material.
+A property group cannot own a color ramp or a curve.  So both are stored in nodes of a shader node group, which Blender
+saves, undoes, appends and animates like other data.  The group is never used in a material.
 """
 
 from itertools import pairwise
@@ -13,29 +13,30 @@ COLOR_NODE = "Color"
 OPACITY_NODE = "Opacity"
 _KINDS = {COLOR_NODE: "ShaderNodeValToRGB", OPACITY_NODE: "ShaderNodeFloatCurve"}
 MARK = "rle_splat_transfer"
-MOST_STOPS = 32  # Blender's limit on the stops of a colour ramp
-# A repeated position is a step.  Blender may swap points at one position when it sorts, so the second stands this
-# far to the right: thirty times the spacing of float32 below 1, a five-hundredth of a 12-bit grey level.
+MOST_STOPS = 32  # Blender's limit on the stops of a color ramp
+# A repeated position is a step.  Blender may swap points at the same position when it sorts them, so the second point
+# is stored this far to the right: thirty times the spacing of float32 below 1, 1/500 of a 12-bit gray level.
 STEP = 2e-6
-TABLE = 256  # Blender evaluates a curve through a table of this many intervals
+TABLE = 256  # intervals of the lookup table by which Blender evaluates a curve
 
 
 def is_transfer_tree(tree) -> bool:
+    """Whether a node tree is a complete transfer function."""
     return is_marked(tree) and not missing_nodes(tree)
 
 
 def is_marked(tree) -> bool:
-    """Whether a tree was made for a transfer function, even where a user has deleted nodes of it since."""
+    """Whether a tree was made for a transfer function, even if the user has deleted some of its nodes."""
     return bool(tree.get(MARK))
 
 
 def missing_nodes(tree) -> list[str]:
-    """Names of the nodes of a transfer function that a tree lacks: a user can delete and rename them."""
+    """Names of the nodes that a transfer function needs and the tree lacks."""
     return [name for name, kind in _KINDS.items() if name not in tree.nodes or tree.nodes[name].bl_idname != kind]
 
 
 def new_tree(name: str):
-    """A new node group; the leading dot hides it from menus of node groups."""
+    """Create a node group with default nodes; the leading dot in its name hides it from menus."""
     tree = bpy.data.node_groups.new(f".RLE Splat {name}", "ShaderNodeTree")
     tree[MARK] = True
     for label, kind in _KINDS.items():
@@ -45,17 +46,27 @@ def new_tree(name: str):
 
 
 def color_ramp(tree):
+    """The color ramp of a transfer function's node tree."""
     return tree.nodes[COLOR_NODE].color_ramp
 
 
 def opacity_mapping(tree):
+    """The curve mapping of the opacity of a transfer function's node tree."""
     return tree.nodes[OPACITY_NODE].mapping
 
 
 def steps_apart(positions) -> list[float]:
-    """Ascending positions in [0, 1] with the second of each equal pair moved right (at 1, the first left).
+    """Separate equal positions by STEP.
 
-    Of more than two equal positions only the first and the last may be given.
+    Parameters
+    ----------
+    positions : iterable of float
+        Ascending positions in [0, 1], at most two of them equal.
+
+    Returns
+    -------
+    list of float
+        The second of two equal positions is moved right; at 1 the first is moved left.
     """
     apart = [float(p) for p in positions]
     for i in range(1, len(apart)):
@@ -68,7 +79,7 @@ def steps_apart(positions) -> list[float]:
 
 
 def steps_together(positions) -> list[float]:
-    """The inverse of ``steps_apart``: a pair closer than two steps shares one position."""
+    """The inverse of ``steps_apart``: positions closer than 1.5 STEP become equal."""
     together = [float(p) for p in positions]
     for i in range(1, len(together)):
         if together[i] - together[i - 1] < 1.5 * STEP:
@@ -78,14 +89,22 @@ def steps_together(positions) -> list[float]:
 
 
 def write_curve(mapping, points) -> None:
-    """Control points ((position, height), ...) ascending in [0, 1], joined by straight lines."""
+    """Replace the points of a curve.
+
+    Parameters
+    ----------
+    mapping : bpy.types.CurveMapping
+        The curve mapping.
+    points : sequence of (position, height)
+        Control points with ascending positions in [0, 1], connected by straight lines.
+    """
     if len(points) == 1:
         points = ((0.0, points[0][1]), (1.0, points[0][1]))
     curve = mapping.curves[0]
     while len(curve.points) > 2:
         curve.points.remove(curve.points[1])
     positions = steps_apart([p for p, _ in points])
-    # The two remaining ends go far apart first, so that points added between them keep their order.
+    # The two end points are placed first, so that points added between them keep their order.
     curve.points[0].location = (positions[0], points[0][1])
     curve.points[-1].location = (positions[-1], points[-1][1])
     for position, (_, height) in zip(positions[1:-1], points[1:-1]):
@@ -98,7 +117,18 @@ def write_curve(mapping, points) -> None:
 
 
 def read_curve(mapping) -> list[tuple[float, float]]:
-    """Points whose straight joins are the curve: its own where its handles are vectors, its table elsewhere."""
+    """Read a curve as a polyline.
+
+    Parameters
+    ----------
+    mapping : bpy.types.CurveMapping
+        The curve mapping.
+
+    Returns
+    -------
+    list of (position, height)
+        The control points, with samples of Blender's table between points that do not have vector handles.
+    """
     mapping.initialize()
     curve = mapping.curves[0]
     own = [(float(p.location[0]), float(p.location[1]), p.handle_type) for p in curve.points]
@@ -115,7 +145,15 @@ def read_curve(mapping) -> list[tuple[float, float]]:
 
 
 def write_ramp(ramp, points) -> None:
-    """Stops ((position, r, g, b), ...) ascending in [0, 1], at most MOST_STOPS, joined by straight lines."""
+    """Replace the stops of a color ramp.
+
+    Parameters
+    ----------
+    ramp : bpy.types.ColorRamp
+        The color ramp.
+    points : sequence of (position, r, g, b)
+        At most MOST_STOPS stops with ascending positions in [0, 1], interpolated linearly.
+    """
     ramp.color_mode = "RGB"
     ramp.interpolation = "LINEAR"
     while len(ramp.elements) > 1:
@@ -143,9 +181,21 @@ def read_ramp(ramp) -> list[tuple[float, float, float, float]]:
 
 
 def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
-    """Indices of at most ``most`` of the colour points, both ends among them, that keep the largest error small.
+    """Choose color points whose polyline stays close to all of them.
 
-    Points are added where the polyline through those chosen so far is farthest from the others.
+    Greedy: the point farthest from the polyline through the chosen ones is added next.
+
+    Parameters
+    ----------
+    points : sequence of (value, r, g, b)
+        Color points in ascending order.
+    most : int
+        Largest number of points to choose.
+
+    Returns
+    -------
+    list of int
+        Ascending indices of the chosen points, both ends included.
     """
     if len(points) <= most:
         return list(range(len(points)))
@@ -162,6 +212,6 @@ def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
 
 
 def _between(left: float, right: float) -> list[float]:
-    """Positions of the evaluation table strictly between two control points."""
+    """Positions of Blender's table strictly between two control points."""
     first, last = int(np.floor(left * TABLE)) + 1, int(np.ceil(right * TABLE)) - 1
     return [i / TABLE for i in range(first, last + 1) if left < i / TABLE < right]

@@ -1,4 +1,4 @@
-"""Every difference between the Blender versions this extension runs in (4.5 LTS, 5.0, 5.2 LTS), and nothing else."""
+"""All differences between the supported Blender versions (4.5 LTS, 5.0, 5.2 LTS)."""
 
 import ctypes
 import sys
@@ -7,34 +7,45 @@ import bpy
 
 from ..rle_splat.scene import RleSplatError
 
-# From 5.0 on the compositor of a scene is a node group of its own, ended by a Group Output; before, it is embedded
-# in the scene and ended by a Composite node.
+# From 5.0 on, the compositor of a scene is a separate node group that ends in a Group Output.  Before, it is embedded
+# in the scene and ends in a Composite node.
 GROUP_COMPOSITOR = bpy.app.version >= (5, 0, 0)
 OUTPUT_NODE = "NodeGroupOutput" if GROUP_COMPOSITOR else "CompositorNodeComposite"
 
 
 def compositor_tree(scene):
-    """The node tree that ``scene`` composites its renders with, or None."""
+    """The active compositor tree of a scene, or None."""
     if GROUP_COMPOSITOR:
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
 
 
 def switch_on_compositor(scene):
-    """The compositor tree of a scene that has none in force; new and empty unless the user had one switched off."""
+    """Activate a compositor tree for a scene without an active one.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    bpy.types.NodeTree
+        The user's tree if it was switched off, else a new empty one.
+    """
     if GROUP_COMPOSITOR:
         tree = bpy.data.node_groups.new(f"{scene.name} Compositing", "CompositorNodeTree")
         scene.compositing_node_group = tree
         return tree
     had_tree = scene.node_tree is not None
-    scene.use_nodes = True  # fills a new tree with default nodes of its own
+    scene.use_nodes = True  # Blender adds default nodes to a new tree
     if not had_tree:
         scene.node_tree.nodes.clear()
     return scene.node_tree
 
 
 def switch_off_compositor(scene, *, discard: bool) -> None:
-    """Undo ``switch_on_compositor``; ``discard`` also drops what is in the tree."""
+    """Undo ``switch_on_compositor``; ``discard`` also deletes the nodes in the tree."""
     if GROUP_COMPOSITOR:
         tree = scene.compositing_node_group
         scene.compositing_node_group = None
@@ -47,7 +58,7 @@ def switch_off_compositor(scene, *, discard: bool) -> None:
 
 
 def add_output_socket(tree) -> None:
-    """Give a compositor tree the colour output without which it has no result."""
+    """Add a color output to a compositor tree that has none; without it the tree has no result."""
     if GROUP_COMPOSITOR and not any(
         item.item_type == "SOCKET" and item.in_out == "OUTPUT" and item.socket_type == "NodeSocketColor"
         for item in tree.interface.items_tree
@@ -56,7 +67,7 @@ def add_output_socket(tree) -> None:
 
 
 def unshare_compositor(scene) -> bool:
-    """Give the scene a compositor tree of its own when other scenes use the same; whether that was needed."""
+    """Give the scene its own copy of a compositor tree that other scenes use too; return whether it was shared."""
     if not GROUP_COMPOSITOR:
         return False
     tree = scene.compositing_node_group
@@ -67,10 +78,20 @@ def unshare_compositor(scene) -> bool:
 
 
 def check_compositor_can_run(scene) -> None:
-    """Raise a RleSplatError where a render with a compositor would abort the whole process.
+    """Check that a render with a compositor does not abort the process.
 
-    From 5.2 on the compositor runs on the graphics card unless told otherwise; a Linux machine without a window
-    reaches it through libEGL, and Blender gives up without it.
+    From 5.2 on the compositor runs on the GPU by default.  On Linux without a window Blender needs libEGL for that, and
+    aborts if it is missing.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Raises
+    ------
+    RleSplatError
+        If libEGL is missing and needed.
     """
     if not (bpy.app.background and sys.platform == "linux" and scene.render.compositor_device == "GPU"):
         return
@@ -78,11 +99,11 @@ def check_compositor_can_run(scene) -> None:
         ctypes.CDLL("libEGL.so.1")
     except OSError:
         raise RleSplatError(
-            "The compositor is set to the graphics card, which Blender cannot reach without libEGL.so.1; install "
-            "the package libegl1 or set the compositor's device to CPU in the render properties."
+            "The compositor is set to run on the GPU, which Blender cannot use here without libEGL.so.1; install the "
+            "package libegl1, or set the compositor's device to CPU in the render properties."
         ) from None
 
 
 def world_is_nodes(world) -> bool:
-    """Whether a world is what its nodes say, which from 5.0 on it always is; else it is its colour."""
+    """Whether a world uses its nodes (from 5.0 on always) instead of its plain color."""
     return world.node_tree is not None and (bpy.app.version >= (5, 0) or world.use_nodes)

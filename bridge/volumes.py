@@ -1,7 +1,7 @@
 """Volume objects and their voxels.
 
-Voxels stay outside the .blend.  They are read when first needed and kept in memory under what decides them: the
-file, its size and time, and the options.  No reference to a Blender datablock is kept.
+Voxels stay outside the .blend.  They are read when first needed and cached in memory.  The key of the cache is the
+file, its size, its modification time and the options.  No reference to a Blender datablock is stored.
 """
 
 import os
@@ -17,13 +17,23 @@ _kept: dict = {}  # source key -> (Volume, hash of its voxels)
 
 
 def volume_objects(scene) -> list:
-    """The volume objects of a scene, by name."""
+    """The volume objects of a scene, sorted by name."""
     return sorted((o for o in scene.objects if o.rle_splat.is_volume), key=lambda o: o.name)
 
 
 def volume_object(context):
-    """The volume the user means: the active object, else the only selected one, else the scene's only one, or
-    None."""
+    """The volume that an operator or a panel works on.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        The context.
+
+    Returns
+    -------
+    bpy.types.Object or None
+        The active object if it is a volume, else the only selected volume, else the only volume of the scene.
+    """
     active = context.view_layer.objects.active
     if active is not None and active.rle_splat.is_volume:
         return active
@@ -36,16 +46,30 @@ def volume_object(context):
 
 
 def read_file(path: str, options: dict):
-    """``read_volume`` with Blender's OpenVDB module within reach.  Raises RleSplatError."""
+    """``read_volume`` with Blender's bundled OpenVDB module made importable."""
     bpy.utils.expose_bundled_modules()
     return read_volume(path, **options)
 
 
 def load_volume(owner, warn=None):
-    """The Volume of a volume object, from memory or from its file.
+    """The voxels of a volume object, from memory or from its file.
 
-    ``warn``: called with a sentence when the voxels are not those that were imported.  Raises RleSplatError when
-    the file is missing or cannot be read.
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    warn : callable, optional
+        Called with one sentence if the voxels differ from those that were imported.
+
+    Returns
+    -------
+    Volume
+        The voxels.
+
+    Raises
+    ------
+    RleSplatError
+        If the object is no volume, or its file is missing or cannot be read.
     """
     properties = owner.rle_splat
     if not properties.is_volume:
@@ -55,7 +79,7 @@ def load_volume(owner, warn=None):
         status = os.stat(path)
     except OSError:
         raise RleSplatError(
-            f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to say where it is now."
+            f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
         ) from None
     options = read_options(properties)
     key = _source_key(path, status, options)
@@ -65,12 +89,13 @@ def load_volume(owner, warn=None):
         _kept[key] = (volume, volume.voxel_key)
     volume, voxel_hash = _kept[key]
     if warn is not None and properties.data_key and voxel_hash != properties.data_key:
-        warn(f"The voxels of {owner.name!r} are not those that were imported: {path} has changed since.")
+        warn(f"The voxels of {owner.name!r} are not those that were imported, because {path} has changed; import it "
+             "again, or press Relocate to choose the original file.")
     return volume
 
 
 def is_at_hand(owner) -> bool:
-    """Whether the voxels of a volume object are in memory, so that ``load_volume`` takes no time."""
+    """Whether the voxels of a volume object are in memory, so that ``load_volume`` returns at once."""
     path = resolved_path(owner)
     try:
         return _source_key(path, os.stat(path), read_options(owner.rle_splat)) in _kept
@@ -79,13 +104,13 @@ def is_at_hand(owner) -> bool:
 
 
 def keep_volume(owner, volume) -> None:
-    """Remember a volume that was just read for the object."""
+    """Cache a volume that was read for an object."""
     path = resolved_path(owner)
     _kept[_source_key(path, os.stat(path), read_options(owner.rle_splat))] = (volume, owner.rle_splat.data_key)
 
 
 def forget_all() -> None:
-    """Let go of all voxels."""
+    """Clear the cache."""
     _kept.clear()
 
 
@@ -94,7 +119,7 @@ def _source_key(path: str, status, options: dict) -> tuple:
 
 
 def _forget_unused() -> None:
-    """Let go of voxels that no object reads any more."""
+    """Remove the voxels of files that no object uses any more."""
     used = {resolved_path(o) for o in bpy.data.objects if o.rle_splat.is_volume}
     for key in [key for key in _kept if key[0] not in used]:
         del _kept[key]

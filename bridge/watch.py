@@ -1,7 +1,7 @@
-"""Looks after our pictures when the scene has changed: edits, frames, undo, deleted objects, copied scenes.
+"""Updates our pictures after changes of the scene: edits, frame changes, undo, deleted objects, copied scenes.
 
-In a window this waits until the edits pause, so that dragging stays smooth.  In background mode, where no timer
-ever runs, it is done at once.
+In a window this waits for a pause in the edits, so that dragging stays smooth.  In background mode, where timers never
+run, it is done at once.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from . import follow_scene, following, freshness, jobs, pictures, presence
 from .camera import marked_camera
 from .canvas import redraw
 
-PAUSE = 0.15  # seconds without a change before the scene is looked at
-POLL = 0.5  # seconds between looks at the transfer function of a followed backdrop: a script's edit is no event
+PAUSE = 0.15  # seconds without a change before the scene is checked
+POLL = 0.5  # seconds between checks of a followed backdrop's transfer function, as a script's edits send no event
 
-_due = [0.0]  # when, on the performance counter
-_seen = [0.0]  # what ``_due`` was when the scene was last looked at
-_attending: list = []  # not empty while the scene is looked at: what that changes is no new event
+_due = [0.0]  # time of the next check, on the performance counter
+_seen = [0.0]  # ``_due`` at the last check
+_attending: list = []  # not empty during a check, whose own changes must not start another one
 
 
 @persistent
@@ -37,7 +37,7 @@ def _on_change(scene=None, depsgraph=None):
 
 @persistent
 def _on_frame_change_post(scene, depsgraph=None):
-    """Follow the timeline at once: what comes after the pause would lag behind a playing animation."""
+    """Handler: follow the timeline without the pause, so that a backdrop keeps up with playback."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
         follow_scene.follow(scene, depsgraph, following.is_moving(), marked_camera(scene))
 
@@ -52,7 +52,15 @@ HANDLERS = (
 
 
 def attend(scene, depsgraph) -> None:
-    """Settle copies, let go of what was deleted, follow, and judge what is out of date."""
+    """Check a scene: copies of scenes, deleted objects, the followed backdrop, and outdated pictures.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    """
     _attending.append(scene)
     try:
         pictures.settle_copies()
@@ -69,7 +77,7 @@ def attend(scene, depsgraph) -> None:
 
 
 def _release_composited(scene) -> None:
-    """Let go of a composited volume that was deleted, so that a purge removes it; its name stays for the message."""
+    """Drop the pointer to a deleted composited volume so that a purge can remove it; keep its name for messages."""
     settings = scene.rle_splat
     if settings.composite_object is not None and presence.is_deleted(settings.composite_object):
         settings.deleted_volume = settings.composite_object.name
@@ -77,7 +85,7 @@ def _release_composited(scene) -> None:
 
 
 def stop() -> None:
-    """Look at nothing any more."""
+    """Stop the timer."""
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
 
@@ -88,13 +96,13 @@ def _concerns_us() -> bool:
 
 
 def _followed() -> list:
-    """The scenes of open windows whose backdrop follows."""
+    """The scenes of open windows whose backdrop follows the scene."""
     scenes = (window.scene for window in bpy.context.window_manager.windows)
     return [one for one in scenes if one.rle_splat.backdrop_follows and one.rle_splat.backdrop_object is not None]
 
 
 def _tick():
-    """Blender calls this again after the seconds it returns, and no more after None."""
+    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
     left = _due[0] - time.perf_counter()
     if left > 0.0:
         return left

@@ -1,4 +1,4 @@
-"""The world's light as plain data: one radiance from everywhere."""
+"""The world's light as plain data: one radiance from all directions."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ import numpy as np
 from . import versions
 
 TOO_MUCH = (
-    "The world is more than one colour, which its light cannot be read from here: it is left out; give its Background "
-    "a plain colour and strength, or turn World Light off."
+    "The world has more than one color, so its light is left out; give its Background a plain color and strength, or "
+    "turn World Light off."
 )
 
 
 def read_world(scene, warn=None) -> tuple | None:
-    """(r, g, b) scene-linear radiance of an evaluated scene's world; None when it has none, or is black.
+    """The radiance of a scene's world.
 
-    Of a world of nodes the Background at the output counts, when its colour and strength are plain numbers; for any
-    other world ``warn`` is called with a sentence, and None returned.
+    With nodes, the world's output must be a Background with a plain color and strength.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The evaluated scene.
+    warn : callable, optional
+        Called with one sentence if the nodes are anything else.
+
+    Returns
+    -------
+    tuple of float or None
+        Scene-linear red, green and blue; None without a world, for black, and after a warning.
     """
     world = scene.world
     if world is None:
@@ -33,7 +44,7 @@ def read_world(scene, warn=None) -> tuple | None:
 
 
 def _background(tree) -> np.ndarray | None:
-    """(3,) radiance of the plain Background that the active output shows, zeros where it shows nothing, else None."""
+    """(3,) radiance of the plain Background at the active output; zeros for an unlinked output; else None."""
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     links = output.inputs["Surface"].links if output is not None else ()
     if not links:

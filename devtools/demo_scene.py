@@ -11,6 +11,7 @@ import math
 import os
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -32,6 +33,14 @@ def enable(zip_path: str, install: bool) -> None:
         bpy.ops.preferences.addon_enable(module=MODULE)
     if MODULE not in bpy.context.preferences.addons:
         raise RuntimeError("The extension could not be enabled in Blender; its words are above.")
+
+
+def prepare_kernels() -> None:
+    """Compile ahead what a first picture needs, as the extension does in a window, in a process of its own."""
+    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
+    while (seconds := ahead.advance()) is not None:
+        print(ahead.text(), flush=True)
+        time.sleep(seconds)
 
 
 def material(name: str, color, roughness=0.5, metallic=0.0, glow=0.0):
@@ -218,6 +227,7 @@ def main(job: dict) -> int:
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     timed("enable", lambda: enable(job["zip"], job["install"]))
+    timed("prepare_kernels", prepare_kernels)
     scene = bpy.context.scene
     blend = str(folder / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=blend)  # first, so that the volume's path is kept relative to it

@@ -1,16 +1,19 @@
-"""Virtual environments of this clone, from pinned and hashed requirements; made once, checked in a blink."""
+"""Virtual environments of this clone, made and completed by uv from pinned and hashed requirements.
+
+nox can make environments too, but a session of nox has one environment and ends when that cannot be made.  A job here
+uses up to six.  It goes on without those that cannot be made, and reports them.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import shutil
-import subprocess
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from .places import BPY_PYTHON, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, clean_environ, executable, say
-from .pythons import find_python, works_as
-from .system_libraries import apt_install, can_apt, ensure_bpy_libraries, try_peer_libraries
+from .places import BPY_PYTHON, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, executable, say
+from .system_libraries import ensure_bpy_libraries, try_peer_libraries
+from .uv import find_python, installed_python, uv
 
 STAMP = "ready.sha256"
 
@@ -28,9 +31,19 @@ class Environment:
     def python(self) -> Path:
         return executable(self.folder)
 
-    def digest(self, version: str) -> str:
-        """What the stamp holds: the Python version and every byte of the requirements."""
-        total = hashlib.sha256(version.encode())
+    @property
+    def version(self) -> str | None:
+        """The version of its Python, or None where there is no environment or its Python is gone."""
+        facts = self.folder / "pyvenv.cfg"
+        if not (facts.is_file() and self.python.exists()):
+            return None
+        found = re.search(r"^version(?:_info)? = (\d+\.\d+)", facts.read_text(encoding="utf-8"), re.MULTILINE)
+        return found[1] if found else None
+
+    @property
+    def digest(self) -> str:
+        """What the stamp holds: a hash of the Python version and of every byte of the requirements."""
+        total = hashlib.sha256(str(self.version).encode())
         for name in self.files:
             total.update((REQUIREMENTS / name).read_bytes())
         return total.hexdigest()
@@ -45,72 +58,49 @@ BPY = {
 }
 
 
-def _version_in_place(environment: Environment) -> str | None:
-    """The version of the environment's Python if it still works and is one that will do."""
-    if not environment.python.exists() or not next(environment.folder.glob("[lL]ib*/**/site-packages/pip"), None):
-        return None  # absent, or left half made
-    return next((version for version in environment.pythons if works_as(environment.python, version)), None)
+def is_made(environment: Environment) -> bool:
+    """Whether the environment is there with a Python that will do; its packages may still be incomplete."""
+    return environment.version in environment.pythons
 
 
-def _is_ready(environment: Environment) -> bool:
-    stamp = environment.folder / STAMP
-    if not (stamp.is_file() and environment.python.exists()):
-        return False
-    return stamp.read_text() in [environment.digest(version) for version in environment.pythons]
-
-
-def _create(environment: Environment) -> str:
-    """A new, empty environment; returns the version of its Python."""
-    found = None
-    for attempt in range(2):
-        found = next(((v, p) for v in environment.pythons if (p := find_python(v))), None)
-        if found or attempt or not can_apt():
-            break
-        apt_install(["python3-venv"])  # Debian's python3 comes without ensurepip, which venv needs
-    if not found:
-        raise Failure(
-            f"The environment for {environment.name} needs Python {' or '.join(environment.pythons)} with its venv "
-            "module, and none was found on PATH or under pyenv; install it and run this again."
-        )
-    version, python = found
-    if environment.folder.exists():
-        shutil.rmtree(environment.folder)
-    environment.folder.parent.mkdir(parents=True, exist_ok=True)
-    done = subprocess.run(
-        [python, "-m", "venv", str(environment.folder)], env=clean_environ(), capture_output=True, text=True
+def without_python(*versions: str) -> str:
+    """Say that no interpreter of these versions was found, and what to do."""
+    return (
+        f"Python {' or '.join(versions)} is neither on PATH nor under pyenv, and uv could not download it: "
+        "install it and run this again"
     )
-    if done.returncode != 0:
-        say(done.stdout + done.stderr)
-        raise Failure(f"{python} could not make the virtual environment {environment.folder}; its words are above.")
-    return version
 
 
-def pip(python: Path, arguments, sentence: str) -> None:
-    """Run an environment's pip quietly; its output is shown only when it fails."""
-    command = [str(python), "-m", "pip", "--disable-pip-version-check", "--no-input", *map(str, arguments)]
-    done = subprocess.run(command, env=clean_environ(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    if done.returncode != 0:
-        say(done.stdout[-3000:])
-        raise Failure(f"{sentence} Check the network and the disk, then run the same command again: it goes on.")
+def _create(environment: Environment) -> None:
+    python = find_python(*environment.pythons)
+    if python is None:
+        raise Failure(f"The environment for {environment.name}: {without_python(*environment.pythons)}.")
+    uv(
+        f"uv could not make {environment.folder.relative_to(ROOT)}.",
+        "venv", "--quiet", "--clear", "--no-project", "--python", python, environment.folder,
+    )  # fmt: skip
 
 
 def ensure(environment: Environment) -> Path:
     """The environment's Python, after making or completing the environment where needed.
 
-    The stamp is written last, so an interrupted set-up is taken up again at the next run.
+    The stamp is written last, so the next run takes up an interrupted set-up.  uv alone could not tell that bpy 4.5 and
+    5.0 are in place: their metadata name Python 3.9, and uv installs them again at each call.
     """
-    if _is_ready(environment):
+    stamp = environment.folder / STAMP
+    if not is_made(environment):
+        _create(environment)
+    if stamp.is_file() and stamp.read_text() == environment.digest:
         return environment.python
-    version = _version_in_place(environment) or _create(environment)
-    (environment.folder / STAMP).unlink(missing_ok=True)
-    say(f"Setting up {environment.folder.relative_to(ROOT)} (Python {version}) from {', '.join(environment.files)}")
-    wanted = [part for name in environment.files for part in ("-r", REQUIREMENTS / name)]
-    pip(
-        environment.python,
-        ["install", "--quiet", "--progress-bar", "off", "--require-hashes", "--only-binary=:all:", *wanted],
-        f"pip could not install the pinned packages for {environment.name}.",
-    )
-    (environment.folder / STAMP).write_text(environment.digest(version))
+    stamp.unlink(missing_ok=True)
+    where = environment.folder.relative_to(ROOT)
+    say(f"Setting up {where} (Python {environment.version}) from {', '.join(environment.files)}")
+    uv(
+        f"uv could not install the pinned packages for {environment.name}.",
+        "pip", "sync", "--quiet", "--python", environment.python, "--require-hashes", "--no-build",
+        *(REQUIREMENTS / name for name in environment.files),
+    )  # fmt: skip
+    stamp.write_text(environment.digest)
     return environment.python
 
 
@@ -128,9 +118,13 @@ def ensure_bench() -> Path:
 
 
 def any_bpy() -> str:
-    """A version of bpy that this machine can set up: an environment already there, else one with a Python."""
-    ready = [version for version, environment in BPY.items() if _is_ready(environment)]
-    possible = ready or [version for version, python in BPY_PYTHON.items() if find_python(python)]
-    if not possible:
-        raise Failure("Blender's Python module needs Python 3.11 or 3.13 with its venv module; install one of them.")
-    return "5.0" if "5.0" in possible else possible[-1]
+    """A version of bpy that this machine can set up: one whose environment is there, else one with a Python."""
+    ways = (
+        lambda version: is_made(BPY[version]),
+        lambda version: installed_python(BPY_PYTHON[version]),
+        lambda version: find_python(BPY_PYTHON[version]),  # downloads it
+    )
+    found = next((version for way in ways for version in ("5.0", *reversed(BPY)) if way(version)), None)
+    if found is None:
+        raise Failure(f"Blender's Python module: {without_python(*PYTHONS)}.")
+    return found

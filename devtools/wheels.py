@@ -1,4 +1,7 @@
-"""The wheels that go into the extension: numba and llvmlite, complete for every platform and Python, unmodified."""
+"""The wheels that go into the extension: numba and llvmlite, complete for every platform and Python, unmodified.
+
+pip downloads them, the one of .venvs/tools: uv installs packages, and has no command that keeps their wheels.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,16 @@ import re
 import sys
 from pathlib import Path
 
-from .environments import pip
-from .lock import PLATFORMS
-from .places import PYTHONS, REQUIREMENTS, WHEELS, Failure, say
+from .places import AGAIN, PYTHONS, REQUIREMENTS, TOOLS, WHEELS, Failure, executable, run_quietly, say
 
 WHEEL_PINS = REQUIREMENTS / "wheels.txt"
+
+# What pip calls the platforms; several tags where a package's wheels carry an older one.
+PLATFORMS = {
+    "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
+    "windows-x64": ("win_amd64",),
+    "macos-arm64": ("macosx_12_0_arm64", "macosx_11_0_arm64", "macosx_10_13_universal2"),
+}
 
 # A Blender platform -> how the platform tag of its wheels looks (blender: linux-x64, PEP 425: manylinux_2_27_x86_64).
 TAG_PATTERNS = {
@@ -53,25 +61,25 @@ def missing(names, platforms, pythons=PYTHONS) -> list[str]:
     ]
 
 
-def wheels_for(installer: Path, platforms, pythons=PYTHONS) -> list[Path]:
-    """The wheel files, downloaded into build/wheels/ where they are not there yet.
+def _download(where: str, python: str, folder: Path) -> None:
+    """Download the wheels for a platform and a Python; pip checks them against the hashes of the pins."""
+    say(f"Downloading the wheels for {where}, Python {python}")
+    command = [executable(TOOLS), "-m", "pip", "--disable-pip-version-check", "--no-input", "download", "--quiet"]
+    command += ["--progress-bar", "off", "--require-hashes", "--only-binary=:all:", "--no-deps"]
+    command += ["--python-version", python, *(word for tag in PLATFORMS[where] for word in ("--platform", tag))]
+    command += ["-r", WHEEL_PINS, "-d", folder]
+    run_quietly(command, f"pip could not download the wheels for {where}, Python {python}. {AGAIN}")
 
-    ``installer``: a Python whose pip does it; it checks every file against the hashes of requirements/wheels.txt.
-    """
+
+def wheels_for(platforms, pythons=PYTHONS) -> list[Path]:
+    """The wheel files, downloaded into build/wheels/ where they are not there yet."""
     chosen: list[Path] = []
     for where in platforms:
         for python in pythons:
             folder = WHEELS / where / python
             names = [path.name for path in folder.glob("*.whl")]
             if missing(names, [where], [python]):
-                say(f"Downloading the wheels for {where}, Python {python}")
-                tags = [part for tag in PLATFORMS[where] for part in ("--platform", tag)]
-                pip(
-                    installer,
-                    ["download", "--quiet", "--progress-bar", "off", "--require-hashes", "--only-binary=:all:",
-                     "--no-deps", "--python-version", python, *tags, "-r", WHEEL_PINS, "-d", folder],
-                    f"pip could not download the wheels for {where}, Python {python}.",
-                )  # fmt: skip
+                _download(where, python, folder)
             pinned = tuple(f"{package}-{version}-" for package, version in packages().items())
             chosen += sorted(path for path in folder.glob("*.whl") if path.name.startswith(pinned))
     gaps = missing([path.name for path in chosen], platforms, pythons)

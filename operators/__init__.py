@@ -1,4 +1,4 @@
-"""What a user can do, one file an action."""
+"""The operators, one file for each action."""
 
 import bpy
 

@@ -1,4 +1,4 @@
-"""Add Clip Object: an Empty that cuts the volume, a box around it or a plane through its middle."""
+"""Add Clip Object: add an Empty that cuts the volume, a box around it or a plane through its center."""
 
 import bpy
 import numpy as np
@@ -9,25 +9,25 @@ from ..bridge.settings import scene_scale_of
 from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
 
-PLANE_SIZE = 0.5  # length of the arrow, as a part of the volume's height
+PLANE_SIZE = 0.5  # length of the arrow, as a fraction of the volume's half sides
 
 
 class RLE_SPLAT_OT_add_clip(bpy.types.Operator):
-    """Add an Empty that cuts the volume: a box fitted to it, or an arrow in its middle that points at what is cut
-    away"""
+    """Add an Empty that cuts the volume: a box fitted to it, or an arrow at its center that points to the side that
+    is removed"""
 
     bl_idname = "rle_splat.add_clip"
     bl_label = "Add Clip Object"
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
-        name="Kind", description="What it cuts by",
-        items=[("BOX", "Box", "The volume inside or outside it stays"),
-               ("PLANE", "Plane", "The volume behind it stays: the arrow points at what is cut away")])
+        name="Kind", description="Shape of the cut",
+        items=[("BOX", "Box", "Keep the part of the volume inside or outside a box"),
+               ("PLANE", "Plane", "Keep one side of a plane. The arrow points to the side that is removed")])
     keep: EnumProperty(
-        name="Keep", description="Which side of it stays",
-        items=[("INSIDE", "Inside", "What is in the box, or behind the arrow"),
-               ("OUTSIDE", "Outside", "What is around the box, or before the arrow")])
+        name="Keep", description="Part of the volume that stays visible",
+        items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
+               ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])
 
     @classmethod
     def poll(cls, context):
@@ -53,7 +53,8 @@ class RLE_SPLAT_OT_add_clip(bpy.types.Operator):
         empty.select_set(True)
         context.view_layer.objects.active = empty
         if not empty.visible_get():
-            self.report({"WARNING"}, f"{empty.name} cuts the volume unseen: its collection is hidden in the viewport.")
+            self.report({"WARNING"}, f"{empty.name} cuts the volume but is not visible, because its collection is "
+                                     "hidden in the viewport; show the collection in the Outliner to move it.")
         return {"FINISHED"}
 
 

@@ -1,4 +1,4 @@
-"""A built-in transfer function, or the one the data suggest."""
+"""Apply Preset: replace the transfer function by a built-in one, or by one suggested from the values."""
 
 import bpy
 from bpy.props import EnumProperty
@@ -10,7 +10,7 @@ from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_apply_preset(bpy.types.Operator):
-    """Replace the volume's transfer function by a built-in one"""
+    """Replace the volume's colors and opacities by a built-in transfer function"""
 
     bl_idname = "rle_splat.apply_preset"
     bl_label = "Apply Preset"

@@ -1,4 +1,4 @@
-"""Add Channels and Remove Channel: further volumes in the active one's picture."""
+"""Add Selected Volumes and Remove Channel: volumes that are added to the picture of the active one."""
 
 import bpy
 from bpy.props import IntProperty
@@ -9,7 +9,7 @@ from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
-    """Add the other selected volumes to the picture of the active one, each by its own transfer function"""
+    """Add the other selected volumes to the picture of the active one, each with its own transfer function"""
 
     bl_idname = "rle_splat.add_channels"
     bl_label = "Add Selected Volumes"
@@ -21,7 +21,7 @@ class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
             return False
         owner = volumes.volume_object(context)
         if not any(channels.can_be_added(owner, one) for one in context.selected_objects):
-            cls.poll_message_set("Select another volume on the same grid, and the first one last")
+            cls.poll_message_set("Select another volume on the same grid, then Shift-click this volume")
             return False
         return True
 
@@ -37,13 +37,13 @@ class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
-    """Take a volume out of the picture; the volume itself stays"""
+    """Remove this volume from the picture and keep its object"""
 
     bl_idname = "rle_splat.remove_channel"
     bl_label = "Remove Channel"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Number", description="Which one, from 0", min=0)
+    index: IntProperty(name="Number", description="Row in the list of channels, from 0", min=0)
 
     @classmethod
     def poll(cls, context):

@@ -1,4 +1,4 @@
-"""Composite into Render: every render, still or animation, gets the volume splatted anew and laid over it."""
+"""Composite into Render and Remove from Render: add the volume to every render through the compositor."""
 
 import bpy
 
@@ -13,7 +13,7 @@ from .through_camera import has_volume_and_camera
 class RLE_SPLAT_OT_composite(bpy.types.Operator):
     bl_idname = "rle_splat.composite"
     bl_label = "Composite into Render"
-    bl_description = "Lay the volume over every render of this scene, with the meshes standing inside it"
+    bl_description = "Render the volume with every frame of this scene and composite it with the meshes inside it"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -48,15 +48,15 @@ class RLE_SPLAT_OT_composite(bpy.types.Operator):
         settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
-            remarks.append(f"Only {volume_object.name} is composited; not {', '.join(others)}.")
-        self.report({"INFO"}, " ".join([f"{volume_object.name} is laid over every render from now on.", *remarks]))
+            remarks.append(f"Only {volume_object.name} is composited, not {', '.join(others)}.")
+        self.report({"INFO"}, " ".join([f"{volume_object.name} is now composited into every render.", *remarks]))
         return {"FINISHED"}
 
 
 class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
     bl_idname = "rle_splat.remove_composite"
     bl_label = "Remove from Render"
-    bl_description = "Take the volume out of the compositor and leave everything else there as it is"
+    bl_description = "Remove the volume's nodes from the compositor and keep all other nodes"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

@@ -1,4 +1,4 @@
-"""File > Import > Volume (RLE Splat), and files dropped into the window."""
+"""Import Volume: the entry in File > Import, the import dialog, and files dropped into the window."""
 
 import os
 import textwrap
@@ -15,15 +15,15 @@ from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
 from .refusal import refuse
 
-# Blender looks only at a name's last suffix, so .raw.gz is offered as .gz and judged again when it is opened.
+# Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
 RAW = FORMATS[0]
-LETTERS = 46  # in a line of the dialog: labels do not wrap
-DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to learn a size while a dialog waits; about a second
+LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
+DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to find a file's size while the dialog opens; about a second
 
 
 class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operator, ImportHelper):
-    """Import a volume to be splatted; its voxels stay in the file"""
+    """Import a volume for RLE Splat. Its voxels stay in the file"""
 
     bl_idname = "rle_splat.import_volume"
     bl_label = "Import Volume"
@@ -33,10 +33,10 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
     directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
     preset: EnumProperty(
-        name="Transfer Function", description="Colours and opacities to start with", items=IMPORT_ITEMS)
+        name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
     at_cursor: BoolProperty(
-        name="Center at Cursor", description="Move the middle of the volume to the 3D cursor instead of keeping the "
-        "file's own coordinates", default=False)
+        name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
+        "coordinates of the file", default=False)
     guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
@@ -48,19 +48,19 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         return True
 
     def paths(self) -> list[str]:
-        """The files to import: those named in the dialog or dropped, else the one path."""
+        """Absolute paths to import: the files chosen in the dialog or dropped, else ``filepath``."""
         names = [entry.name for entry in self.files if entry.name]
         if self.directory and names:
             return [os.path.join(self.directory, name) for name in names]
         return [bpy.path.abspath(self.filepath)] if self.filepath else []
 
     def invoke(self, context, event):
-        source_options.clear(self)  # what the last import guessed must not pass for this file's
+        source_options.clear(self)  # Blender keeps the options of the last import, guesses included
         self.check(context)
         return self.invoke_popup(context)
 
     def check(self, _context):
-        """Fill the dialog's layout with a guess when another file is picked; whether anything changed."""
+        """Guess the raw layout when another file is picked; return whether the dialog changed."""
         paths = self.paths()
         path = paths[0] if len(paths) == 1 else ""
         if path == self.guessed_for:
@@ -84,7 +84,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         paths = self.paths()
         kind = format_of(paths[0]) if paths else None
         if len(paths) > 1:
-            layout.label(text=f"{len(paths)} files, each read by its own guess")
+            layout.label(text=f"{len(paths)} files; each layout is guessed")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
@@ -116,7 +116,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
     def execute(self, context):
         paths = self.paths()
         if not paths:
-            return refuse(self, "No file was chosen; give filepath, or directory and files.")
+            return refuse(self, "No file was chosen; set filepath, or directory and files.")
         explicit = len(paths) == 1
         try:
             read = [self._read(path, explicit) for path in paths]
@@ -132,7 +132,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         return {"FINISHED"}
 
     def _read(self, path: str, explicit: bool):
-        """(path, its options, Volume, TransferFunction, why that one); nothing in the .blend is touched."""
+        """Return (path, options, Volume, TransferFunction, reason for it) without changing the .blend."""
         options = source_options.PlainOptions()
         if explicit:
             source_options.copy(self, options)
@@ -144,7 +144,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         return path, options, volume, transfer_function, reason
 
     def _complete(self, path: str, options) -> None:
-        """Guess what a raw file's layout lacks, saying so; a RleSplatError when nothing fits its size."""
+        """Guess the missing layout of a raw file and report it; raise RleSplatError when nothing fits its size."""
         if any(options.shape) and options.dtype != "AUTO":
             return
         known = {name: value for name, value in source_options.read_options(options).items()
@@ -153,10 +153,11 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         if guess.shape is None or guess.dtype is None or not guess.candidates:
             size = "too many" if guess.size is None else guess.size
             raise RleSplatError(
-                f"No shape and type can be guessed for {os.path.basename(path)} with its {size} bytes; "
-                "give Shape and Type in the import dialog.")
+                f"No shape and type can be guessed for {os.path.basename(path)} from its {size} bytes; "
+                "set Shape and Type in the import dialog.")
         if not guess.certain:
-            self.report({"WARNING"}, f"{os.path.basename(path)} was read as {guess.candidates[0]}, which is a guess.")
+            self.report({"WARNING"}, f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; "
+                                     "if it looks wrong, import it again with its Shape and Type.")
         spacing = tuple(options.spacing)
         source_options.fill_from_guess(options, guess)
         if any(spacing):
@@ -164,7 +165,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
 
 
 class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
-    """Volumes dropped into the 3D view or the outliner"""
+    """Import volumes that are dropped into the 3D view or the outliner"""
 
     bl_idname = "RLE_SPLAT_FH_volume"
     bl_label = "Volume (RLE Splat)"

@@ -1,4 +1,4 @@
-"""Keyframes on a whole transfer function: Blender offers none on the points of a curve."""
+"""Keyframe Transfer Function: Blender itself offers no keyframes on the points of a curve."""
 
 import bpy
 
@@ -7,7 +7,7 @@ from .refusal import has_editable_transfer
 
 
 class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
-    """Insert keyframes on the colours, the opacity curve, the window and the shading at the current frame"""
+    """Insert keyframes on the colors, the opacity curve, the window and the shading at the current frame"""
 
     bl_idname = "rle_splat.keyframe_transfer"
     bl_label = "Keyframe Transfer Function"
@@ -19,8 +19,8 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
 
     def execute(self, context):
         count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)
-        self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}; "
-                              "keep the number of points the same between keyframes.")
+        self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}. "
+                              "Keep the number of points the same at all keyframes.")
         return {"FINISHED"}
 
 

@@ -1,4 +1,4 @@
-"""List Effects: which effects the scene calls for as it is now, and why, without making a picture."""
+"""List Effects: show which effects the scene needs now, and why, without making a picture."""
 
 import bpy
 
@@ -14,7 +14,7 @@ from .through_camera import has_volume_and_camera
 class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
     bl_idname = "rle_splat.list_effects"
     bl_label = "List Effects"
-    bl_description = "Say which effects the scene calls for as it is now, and why, without making a picture"
+    bl_description = "Show which effects the scene needs now, and why, without making a picture"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -34,8 +34,8 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         except RleSplatError as problem:
             return refuse(self, problem)
         listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
-        effects.note_effects(settings, listed, "As the scene is now; not rendered yet.")
-        freshness.judge(context.scene, context.evaluated_depsgraph_get())  # the file may have been read anew
+        effects.note_effects(settings, listed, "For the scene as it is now; not rendered yet.")
+        freshness.judge(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
         self.report({"INFO"}, f"On: {', '.join(found.on) or 'none'}.")
         return {"FINISHED"}
 

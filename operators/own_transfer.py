@@ -1,4 +1,4 @@
-"""Stop sharing a transfer function with copies of the volume."""
+"""Make Single User: give a volume its own copy of a shared transfer function."""
 
 import bpy
 
@@ -7,7 +7,7 @@ from .refusal import has_editable_transfer
 
 
 class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
-    """Give this volume colours and a curve of its own, to be edited alone; copies of an object share them until then"""
+    """Give this volume its own copy of the transfer function, so that edits no longer change other volumes"""
 
     bl_idname = "rle_splat.own_transfer"
     bl_label = "Make Single User"

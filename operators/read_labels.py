@@ -1,4 +1,4 @@
-"""Read Labels: list what the volume's file of labels holds."""
+"""Read Labels: list the labels in the volume's label file."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
-    """List the labels of the volume's file of labels, each to be shown or hidden, with a look of its own"""
+    """List the labels in the label file. Each can be hidden, or get its own color and opacity"""
 
     bl_idname = "rle_splat.read_labels"
     bl_label = "Read Labels"
@@ -19,7 +19,7 @@ class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
         if not has_editable_volume(cls, context):
             return False
         if not volumes.volume_object(context).rle_splat.label_file:
-            cls.poll_message_set("Choose the file of labels first")
+            cls.poll_message_set("Choose a label file first")
             return False
         return True
 
@@ -30,7 +30,7 @@ class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
         except RleSplatError as problem:
             return refuse(self, problem)
         self.report({"INFO"}, f"{count} labels" + (
-            f"; {further} rows of the library stay, without voxels" if further else ""))
+            f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))
         return {"FINISHED"}
 
 

@@ -1,19 +1,32 @@
-"""How an operator says no, and which volume it works on."""
+"""What operators share: reporting an error, and ``poll`` checks that say why a button is disabled."""
 
 from ..bridge import linked, transfer, volumes
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
-WHICH_VOLUME = "Select one of the scene's volumes"
+WHICH_VOLUME = "Select one of the volumes in the scene"
 
 
 def refuse(operator, problem) -> set:
-    """Show the sentence of a RleSplatError as the operator's error, changing nothing."""
+    """Report an error and cancel the operator.
+
+    Parameters
+    ----------
+    operator : bpy.types.Operator
+        The operator that reports.
+    problem : RleSplatError or str
+        One sentence for the user.
+
+    Returns
+    -------
+    set of str
+        ``{"CANCELLED"}``, the result for ``execute``.
+    """
     operator.report({"ERROR"}, str(problem))
     return {"CANCELLED"}
 
 
 def has_volume(cls, context) -> bool:
-    """For ``poll``: whether it is clear which volume is meant; the button's tooltip says why not."""
+    """For ``poll``: whether one volume is meant; otherwise the button's tooltip says what to select."""
     if volumes.volume_object(context) is not None:
         return True
     cls.poll_message_set(WHICH_VOLUME if volumes.volume_objects(context.scene) else NO_VOLUME)
@@ -21,12 +34,12 @@ def has_volume(cls, context) -> bool:
 
 
 def has_editable_volume(cls, context) -> bool:
-    """For ``poll``: whether it is clear which volume is meant, and edits of it are kept in the .blend."""
+    """For ``poll``: as ``has_volume``, and edits of the volume are saved in the .blend."""
     return has_volume(cls, context) and _is_no_problem(cls, linked.why_not_editable(volumes.volume_object(context)))
 
 
 def has_editable_transfer(cls, context) -> bool:
-    """For ``poll``: whether the volume has a transfer function, and edits of the volume are kept in the .blend."""
+    """For ``poll``: as ``has_editable_volume``, and the volume has a transfer function."""
     return has_editable_volume(cls, context) and _is_no_problem(
         cls, transfer.why_unusable(volumes.volume_object(context)))
 

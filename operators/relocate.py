@@ -1,4 +1,4 @@
-"""Say where a volume's file is now."""
+"""Relocate Volume: choose the file of a volume that was moved."""
 
 import os
 
@@ -14,7 +14,7 @@ from .refusal import has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
-    """Say where the volume's file is now; it is read with the options it was imported with"""
+    """Choose the volume's file at its new place. It is read with the options of the import"""
 
     bl_idname = "rle_splat.relocate"
     bl_label = "Relocate Volume"
@@ -37,7 +37,7 @@ class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
             return refuse(self, problem)
         new_volume.fill_volume(context.scene, owner, path, volume)
         if before and before != owner.rle_splat.data_key:
-            self.report({"WARNING"}, f"The voxels of {os.path.basename(path)} are not those that were imported; "
+            self.report({"WARNING"}, f"The voxels of {os.path.basename(path)} differ from those that were imported; "
                                      "undo if this is the wrong file.")
         return {"FINISHED"}
 

@@ -1,4 +1,4 @@
-"""Render Image: the volume through the active camera, as a float image and a depth image."""
+"""Render Image: render the volume through the active camera into a color image and a depth image."""
 
 import bpy
 
@@ -11,7 +11,7 @@ from .through_camera import ThroughCamera, report_picture
 class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.render_image"
     bl_label = "Render Image"
-    bl_description = "Splat the volume through the active camera into a float image and a depth image"
+    bl_description = "Render the volume through the active camera into a color image and a depth image"
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)

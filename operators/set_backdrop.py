@@ -1,4 +1,4 @@
-"""Camera Backdrop: the volume's picture in the active camera's view, behind or in front of the objects."""
+"""Camera Backdrop and Remove Backdrop: the volume's picture as a background image of the active camera."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
@@ -20,16 +20,16 @@ from .through_camera import (
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.set_backdrop"
     bl_label = "Camera Backdrop"
-    bl_description = "Splat the volume and show it in the active camera's view, matched to the pixel"
+    bl_description = "Render the volume and show it in the active camera's view, aligned to the pixel"
 
     place: EnumProperty(
-        name="Place", description="Where the camera shows the picture",
-        items=[("BACK", "Behind", "Behind the scene's objects"),
-               ("FRONT", "In Front", "In front of them, cut off where a mesh hides the volume"),
-               ("SCENE", "As Set", "As set in the panel")],
+        name="Place", description="Where the camera view shows the picture",
+        items=[("BACK", "Behind", "Show it behind the objects"),
+               ("FRONT", "In Front", "Show it in front of the objects, except where a mesh hides the volume"),
+               ("SCENE", "As Set", "Use the setting in the panel")],
         default="SCENE", options={"SKIP_SAVE"})
     follow: BoolProperty(
-        name="Follow Scene", description="Make the picture anew whenever the frame or the scene changes",
+        name="Follow Scene", description="Update the picture whenever the frame or the scene changes",
         options={"SKIP_SAVE"})
 
     @classmethod
@@ -81,20 +81,20 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         backdrop.show(camera, image, self._place)
         report_picture(self, image, rendering)
         if not is_looked_through(context):
-            self.report({"INFO"}, "No view looks through the camera: press Numpad 0 in a 3D view to see the backdrop.")
+            self.report({"INFO"}, "No 3D view looks through the camera; press Numpad 0 in one to see the backdrop.")
 
 
 class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
     bl_idname = "rle_splat.remove_backdrop"
     bl_label = "Remove Backdrop"
-    bl_description = "Take the volume's picture out of the active camera's view"
+    bl_description = "Remove the volume's picture from the active camera's view"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
         scene = context.scene
         if scene.camera is None or scene.camera.type != "CAMERA" or backdrop.find(scene, scene.camera) is None:
-            cls.poll_message_set("The active camera has no backdrop of a volume")
+            cls.poll_message_set("The active camera shows no backdrop of a volume")
             return False
         return True
 

@@ -1,4 +1,4 @@
-"""Shadow Pass: how much of the volume's light shadows take away, as an image of numbers."""
+"""Shadow Pass: an image of the share of light that shadows remove in each pixel."""
 
 import bpy
 
@@ -13,18 +13,20 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.shadow_pass"
     bl_label = "Shadow Pass"
     bl_description = (
-        "Make an image of the share of each pixel's light that shadows and ambient occlusion take away, 0 to 1")
+        "Make a grayscale image of the share of each pixel's light that shadows and ambient occlusion remove, from 0 "
+        "(none) to 1 (all)")
 
     def prepare(self, context):
         if tolerance_of(context.scene) is not None:
-            raise RleSplatError("Pictures to a Maximum Error have no shadows: turn it off for a shadow pass.")
+            raise RleSplatError(
+                "With a Maximum Error pictures have no shadows; set Maximum Error to 0 to make a shadow pass.")
         plain, quality = self.read_scene(context)
         return shadow_pass_steps(plain, quality, render_scene.KEPT)
 
     def commit(self, context, made):
         _, share = made
         image = pictures.keep_numbers(self._scene.get(), self._volume.get(), share, "shadow")
-        self.report({"INFO"}, f"{image.name}: at most {share.max():.0%} of a pixel's light is taken away.")
+        self.report({"INFO"}, f"{image.name}: shadows remove at most {share.max():.0%} of a pixel's light.")
 
 
 CLASSES = (RLE_SPLAT_OT_shadow_pass,)

@@ -1,4 +1,4 @@
-"""What the operators that look through the scene's camera share: when they can, what they read, what they say."""
+"""What operators share that render through the active camera: ``poll``, reading the scene, and the report."""
 
 from bpy.props import BoolProperty
 
@@ -9,19 +9,19 @@ from .refusal import has_volume
 
 
 class ThroughCamera(StepwiseOperator):
-    """Makes images of what the active camera sees of the volume, among meshes or alone."""
+    """Base class of operators that make images of the volume as the active camera sees it."""
 
     use_meshes: BoolProperty(
         name="Meshes Occlude", options={"SKIP_SAVE"},
-        description="Stop each ray at the first mesh surface, and let meshes cast shadows on the volume; otherwise the "
-        "volume is there alone. Left unset, the scene's own Meshes Occlude holds")
+        description="Let meshes hide the volume behind them and cast shadows on it. If unset, Meshes Occlude of the "
+        "scene is used")
 
     @classmethod
     def poll(cls, context):
         return has_volume_and_camera(cls, context)
 
     def read_scene(self, context):
-        """(Scene, Quality), see ``render_scene.read_scene``; Blender's scene and volume are held for ``commit``."""
+        """Return (Scene, Quality), and remember Blender's scene and volume for ``commit``."""
         volume_object = volumes.volume_object(context)
         own = self.properties.is_property_set("use_meshes")
         self.with_meshes = self.use_meshes if own else context.scene.rle_splat.meshes_occlude
@@ -32,7 +32,7 @@ class ThroughCamera(StepwiseOperator):
 
 
 def has_volume_and_camera(cls, context) -> bool:
-    """For ``poll``: whether there is a volume and a camera; the button's tooltip says what is missing."""
+    """For ``poll``: whether there is a volume and a camera; otherwise the button's tooltip says what is missing."""
     if not has_volume(cls, context):
         return False
     if context.scene.camera is None:
@@ -42,13 +42,13 @@ def has_volume_and_camera(cls, context) -> bool:
 
 
 def evaluated(context, volume_object):
-    """The evaluated scene, with all that scripts changed of the volume's transfer function."""
+    """The evaluated depsgraph, including edits of the transfer function that a script made."""
     transfer.evaluate_anew(volume_object)
     return context.evaluated_depsgraph_get()
 
 
 def look_through_camera(context) -> None:
-    """Turn a 3D view to the active camera where none of the window's shows it: the one in use, else the largest."""
+    """Switch a 3D view to the camera unless one shows it already: the view in use, else the largest."""
     areas = _views(context)
     if not areas or is_looked_through(context):
         return
@@ -57,7 +57,7 @@ def look_through_camera(context) -> None:
 
 
 def is_looked_through(context) -> bool:
-    """Whether a 3D view of the window shows what the active camera sees."""
+    """Whether a 3D view of the window looks through the active camera."""
     return any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in _views(context))
 
 
@@ -66,10 +66,20 @@ def _views(context) -> list:
 
 
 def report_picture(operator, image, rendering) -> None:
-    """Say what was made and what is odd about it; a blank picture is a warning."""
+    """Report the image's name, size and remarks; a blank picture is reported as a warning.
+
+    Parameters
+    ----------
+    operator : bpy.types.Operator
+        The operator that reports.
+    image : bpy.types.Image
+        The image that holds the picture.
+    rendering : Rendering
+        The picture, with ``report["remarks"]``.
+    """
     sentences = " ".join(rendering.report["remarks"])
     if rendering.rgba[..., 3].any():
         height, width = rendering.depth.shape
         operator.report({"INFO"}, f"{image.name}: {width} x {height} pixels. {sentences}".rstrip())
     else:
-        operator.report({"WARNING"}, sentences or "The picture is blank: the volume is hidden or transparent here.")
+        operator.report({"WARNING"}, sentences or "The picture is blank; the volume is hidden or transparent here.")

@@ -1,4 +1,4 @@
-"""Transfer functions as JSON files, to keep and to share with the command line."""
+"""Load and Save Transfer Function: JSON files that the command line reads too."""
 
 import bpy
 from bpy.props import StringProperty
@@ -35,7 +35,7 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
 
 
 class RLE_SPLAT_OT_save_transfer(bpy.types.Operator, ExportHelper):
-    """Write the volume's transfer function, as it is at this frame, to a JSON file"""
+    """Write the volume's transfer function at the current frame to a JSON file"""
 
     bl_idname = "rle_splat.save_transfer"
     bl_label = "Save Transfer Function"

@@ -1,4 +1,4 @@
-"""Window and level, by name or by number."""
+"""Window and Level: set the range of values, by a preset or by numbers."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty
 from ..bridge import transfer, volumes
 from .refusal import has_editable_transfer
 
-# Customary settings of CT consoles, HU: level, window.
+# Common CT windows: name, level and window in HU.
 CT_WINDOWS = {
     "CT_BONE": ("CT Bone", 500.0, 2000.0),
     "CT_SOFT_TISSUE": ("CT Soft Tissue", 50.0, 400.0),
@@ -15,24 +15,24 @@ CT_WINDOWS = {
     "CT_ANGIOGRAPHY": ("CT Angiography", 300.0, 600.0),
 }
 ITEMS = [
-    ("CUSTOM", "Custom", "Level and window as given"),
-    ("DATA", "All Values", "From the smallest to the largest value of the volume"),
+    ("CUSTOM", "Custom", "Use the level and window below"),
+    ("DATA", "All Values", "Span the smallest to the largest value of the volume"),
 ] + [(name, label, f"Level {level:g} HU, window {width:g} HU") for name, (label, level, width) in CT_WINDOWS.items()]
 
 
 class RLE_SPLAT_OT_window_level(bpy.types.Operator):
-    """Set the values that the colours and the opacity curve cover"""
+    """Set the range of values that the colors and the opacity curve cover"""
 
     bl_idname = "rle_splat.window_level"
     bl_label = "Window and Level"
     bl_options = {"REGISTER", "UNDO"}
 
-    preset: EnumProperty(name="Preset", description="Customary window", items=ITEMS)
-    center: FloatProperty(name="Level", description="Value in the middle")
-    width: FloatProperty(name="Window", description="Span of values", default=1.0, min=1e-6)
+    preset: EnumProperty(name="Preset", description="Common window", items=ITEMS)
+    center: FloatProperty(name="Level", description="Value at the center of the range")
+    width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
     keep_values: BoolProperty(
-        name="Keep Look", description="Redraw the curves so that every value keeps its colour and opacity, and only "
-        "the range that is shown changes", default=False)
+        name="Keep Look", description="Redraw the curves so that every value keeps its color and opacity, and only "
+        "the range that the panel shows changes", default=False)
 
     @classmethod
     def poll(cls, context):
@@ -52,7 +52,8 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
             self.center, self.width = 0.5 * (low + high), max(high - low, 1e-6)
         elif self.preset != "CUSTOM":
             if properties.value_unit != "HU":
-                self.report({"WARNING"}, "The volume is not in HU, so a CT window may show nothing of it.")
+                self.report({"WARNING"}, "The values of this volume are not in HU, so a CT window may show nothing; "
+                                         "choose All Values.")
             _, self.center, self.width = CT_WINDOWS[self.preset]
         remark = transfer.move_window(owner, self.center, self.width, self.keep_values)
         if remark:

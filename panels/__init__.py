@@ -1,4 +1,4 @@
-"""What a user sees: one file a panel.  Drawing reads properties only: no file, no voxel."""
+"""The panels, one file each.  A draw function reads properties only: it opens no file and touches no voxel."""
 
 import bpy
 

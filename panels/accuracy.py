@@ -1,4 +1,4 @@
-"""What accuracy costs in time on this volume and view, and which plan is chosen."""
+"""The Accuracy panel: measured times and errors of several plans, the choice of a plan, and the error map."""
 
 import bpy
 
@@ -9,7 +9,7 @@ NAME_SHARE = 0.485  # of a row's width that the plan's name takes
 
 
 class AccuracyPanel:
-    """Drawn in both places."""
+    """Draws the panel in the sidebar and in the render properties."""
 
     bl_label = "Accuracy"
     bl_options = {"DEFAULT_CLOSED"}
@@ -37,7 +37,7 @@ class AccuracyPanel:
 
 
 def _short(value: float, decimals: int) -> str:
-    """A number in four or five letters, as many as a column shows."""
+    """A number in at most five characters, the width of a column."""
     if value >= 10_000:
         return f"{value / 1000:.0f}k"
     if value >= 10:
@@ -47,7 +47,7 @@ def _short(value: float, decimals: int) -> str:
 
 
 def _draw_cells(box, name: str, cells, index: int | None = None, current: bool = False, on_front: bool = True) -> None:
-    """One line of the list: a plan that can be chosen, or the headings when ``index`` is None."""
+    """Draw one row of the list: a plan with its button, or the headings when ``index`` is None."""
     split = box.split(factor=NAME_SHARE)
     if index is None:
         split.label(text=name)

@@ -1,4 +1,4 @@
-"""Further volumes in the picture of the active one."""
+"""The Channels panel: volumes that are added to the picture of the active volume."""
 
 import bpy
 

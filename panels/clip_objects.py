@@ -1,4 +1,4 @@
-"""The objects that cut the volume."""
+"""The Clip Objects panel: boxes and planes that cut the volume."""
 
 import bpy
 

@@ -1,4 +1,4 @@
-"""Which effects are on, why, and what each took: one row an effect, to be forced on or off."""
+"""The Effects panel: one row for each effect with its state, the reason, its time, and a switch to force it."""
 
 import bpy
 
@@ -11,7 +11,7 @@ ON, OFF, UNKNOWN = "CHECKBOX_HLT", "CHECKBOX_DEHLT", "QUESTION"
 
 
 class EffectsPanel:
-    """Drawn in both places."""
+    """Draws the panel in the sidebar and in the render properties."""
 
     bl_label = "Effects"
     bl_options = {"DEFAULT_CLOSED"}
@@ -32,12 +32,12 @@ class EffectsPanel:
 
 
 def title(name: str) -> str:
-    """An effect's name as a label: Depth of Field."""
+    """The name of an effect in Title Case: Depth of Field."""
     return name.title().replace(" Of ", " of ")
 
 
 def row_text(row) -> str:
-    """Whether an effect is on, why, and what it took."""
+    """One line: whether an effect is on, its time in milliseconds, and the reason."""
     took = f", {row.ms:.1f} ms" if row.is_timed and (row.on or row.ms) else ""
     return f"{'On' if row.on else 'Off'}{took}: {row.reason}"
 

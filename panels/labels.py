@@ -1,4 +1,4 @@
-"""What each voxel belongs to, and what that looks like."""
+"""The Labels panel: the label file, and the visibility and look of each label."""
 
 import bpy
 

@@ -1,17 +1,17 @@
-"""The buttons that make pictures."""
+"""The Picture panel: render, backdrop and composite, and the messages about them."""
 
 import bpy
 
-from ..bridge import facts, freshness, transfer, volumes
+from ..bridge import facts, freshness, kernel_preparation, transfer, volumes
 from ..bridge.camera import image_size
 from ..bridge.settings import quality_of
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
-from .quality import RLE_SPLAT_PT_render_quality
+from .quality import RENDER_CLASSES
 
 
 def _memory(context) -> str:
-    """What the next picture will take of memory, in words; "" without a volume that can be drawn."""
+    """The memory that the next picture needs, as a sentence; "" without a volume that can be rendered."""
     owner = volumes.volume_object(context)
     if owner is None:
         return ""
@@ -25,11 +25,14 @@ def _memory(context) -> str:
 
 
 class PicturePanel:
-    """Drawn in both places."""
+    """Draws the panel in the sidebar and in the render properties."""
 
     def draw(self, context):
         layout = self.layout
         settings = context.scene.rle_splat
+        preparing = kernel_preparation.text()
+        if preparing:
+            paragraph(context, layout, preparing, icon="TIME")
         needed = _memory(context)
         if needed:
             layout.label(text=needed, icon="MEMORY")
@@ -51,13 +54,14 @@ class PicturePanel:
         if settings.use_composite:
             target = settings.composite_object
             if target is not None:
-                paragraph(context, layout, f"{target.name} is laid over every render; Lock Interface is on while "
-                                           "rendering.", icon="CHECKMARK")
+                paragraph(context, layout, f"{target.name} is composited into every render. Lock Interface is on "
+                                           "while rendering.", icon="CHECKMARK")
             else:
-                paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted, and is in no "
-                                           "render; composite another, or remove it from the render.", icon="ERROR")
-            layout.prop(settings, "on_failed_frame", text="On Error")  # the whole name is cut off
-        # A backdrop that follows clears the message, and a render's problem stays until the next render.
+                paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted and is missing in "
+                                           "renders. Composite another volume, or press Remove from Render.",
+                          icon="ERROR")
+            layout.prop(settings, "on_failed_frame", text="On Error")  # the full name would be cut off
+        # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
             alert = layout.column()
             alert.alert = True
@@ -76,4 +80,4 @@ class RLE_SPLAT_PT_render(PicturePanel, RenderTab, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
 
-CLASSES = (RLE_SPLAT_PT_picture, RLE_SPLAT_PT_render, RLE_SPLAT_PT_render_quality)  # a parent before its child
+CLASSES = (RLE_SPLAT_PT_picture, RLE_SPLAT_PT_render, *RENDER_CLASSES)  # a parent before its children

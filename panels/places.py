@@ -1,17 +1,17 @@
-"""Where panels stand, and text that fits its panel."""
+"""Base classes that place a panel in Blender's interface, and text that wraps at the panel's width."""
 
 import textwrap
 
 from ..bridge import volumes
 
-# At interface scale 1, in pixels.
-PIXELS_A_LETTER = 6.0  # sentences have 5.2 on average; a line of mostly wide letters must fit, too
-MARGIN = 50  # taken by the panel's borders and the tabs
+# Pixels at interface scale 1.
+PIXELS_A_LETTER = 6.0  # the average is 5.2; lines of mostly wide letters must fit too
+MARGIN = 50  # the panel's borders and the sidebar's tabs
 ICON = 20
 
 
 class Sidebar:
-    """The tab of the 3D view's sidebar."""
+    """A panel in the RLE Splat tab of the 3D view's sidebar."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -19,7 +19,7 @@ class Sidebar:
 
 
 class BelowTransfer(Sidebar):
-    """In the sidebar below the transfer function, closed at first, where there is a volume."""
+    """A sub-panel of Transfer Function in the sidebar, closed by default, shown only with a volume."""
 
     bl_parent_id = "RLE_SPLAT_PT_transfer"
     bl_options = {"DEFAULT_CLOSED"}
@@ -30,7 +30,7 @@ class BelowTransfer(Sidebar):
 
 
 class RenderTab:
-    """Properties > Render, where render settings are looked for."""
+    """A panel in the render properties."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
@@ -38,7 +38,19 @@ class RenderTab:
 
 
 def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
-    """A text of any length in labels as wide as the region; Blender's labels do not wrap."""
+    """Draw a text of any length as several labels, since Blender's labels do not wrap.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Gives the interface scale and the width of the region in pixels.
+    layout : bpy.types.UILayout
+        Where the labels are added.
+    text : str
+        The text; it is broken at spaces.
+    icon : str
+        Identifier of an icon for the first line; the other lines are indented by its width.
+    """
     scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
     width = context.region.width if context.region is not None else 300
     room = width / scale - MARGIN - (ICON if icon != "NONE" else 0)

@@ -1,4 +1,4 @@
-"""What the last picture took."""
+"""The Last Report panel: remarks, error and stage times of the last picture."""
 
 import bpy
 
@@ -6,7 +6,7 @@ from .places import RenderTab, Sidebar, paragraph
 
 
 class ReportPanel:
-    """Drawn in both places."""
+    """Draws the panel in the sidebar and in the render properties."""
 
     bl_label = "Last Report"
     bl_options = {"DEFAULT_CLOSED"}

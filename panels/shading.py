@@ -1,4 +1,4 @@
-"""How the volume is lit."""
+"""The Shading panel: lights, shadows and the shading of the volume."""
 
 import bpy
 
@@ -28,12 +28,12 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         column.active = settings.lighting == "SCENE"
         row = column.row()
-        row.active = not settings.max_error  # such pictures have no shadows
+        row.active = not settings.max_error  # with a maximum error shadows are left out
         row.prop(settings, "use_shadows")
         column.prop(settings, "use_world")
         row = layout.row()
         row.active = not settings.max_error
-        row.prop(settings, "ambient_occlusion", text="Occlusion")  # the whole name is cut off
+        row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
         layout.prop(settings, "use_mist")
         layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
         column = layout.column(align=True)

@@ -1,4 +1,4 @@
-"""The transfer function: histogram, opacity curve, colours, window and level, presets."""
+"""The Transfer Function panel: histogram, opacity curve, color ramp, window and level, and the preset menus."""
 
 import bpy
 
@@ -7,8 +7,8 @@ from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar
 
-BUTTON = 20.0  # pixels, the height of a button at interface scale 1 and the unit of an icon's size
-BORDERS = 44.0  # pixels at interface scale 1 that a panel's width loses to its borders and the tabs
+BUTTON = 20.0  # pixels at interface scale 1: the height of a button, which icon scales are multiples of
+BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sidebar's tabs
 
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
@@ -56,7 +56,7 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
         row.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
         row.operator("rle_splat.keyframe_transfer", text="", icon="KEY_HLT")
         if not is_there:
-            layout.label(text="No transfer function: apply a preset", icon="ERROR")
+            layout.label(text="No transfer function. Apply a preset", icon="ERROR")
             return
         if transfer.is_shared(owner):
             row.operator("rle_splat.own_transfer", text=str(tree.users), icon="DUPLICATE")
@@ -82,7 +82,7 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
 
 
 def _tile_scale(context, count: int) -> float:
-    """The size of each of ``count`` square icons that together are as wide as the panel."""
+    """The icon scale at which ``count`` square icons side by side fill the panel's width."""
     scale = context.preferences.system.ui_scale or 1.0
     width = context.region.width / scale if context.region is not None else 0.0
     return max(1.0, (width - BORDERS) / (BUTTON * count))

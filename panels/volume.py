@@ -1,4 +1,4 @@
-"""Facts of the volume: file, grid, values, memory, and what is odd about it."""
+"""The Volume panel: file, grid, values, memory, and remarks on unusual data."""
 
 import bpy
 
@@ -37,7 +37,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
 
 
 def _icon(owner) -> str:
-    """As in the outliner: why the buttons of a linked volume are grey."""
+    """The outliner's icon for a local, linked or overridden volume; linked ones have disabled buttons."""
     if owner.library is not None:
         return "LIBRARY_DATA_DIRECT"
     return "OUTLINER_OB_VOLUME" if owner.override_library is None else "LIBRARY_DATA_OVERRIDE"

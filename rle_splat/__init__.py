@@ -1,14 +1,14 @@
-"""RLE Splat: volumes of measured data splatted through run-length encoded slices into sheet buffers.
+"""RLE Splat: splatting of run-length encoded volumes with sheet buffers.
 
-The names below are all a script needs.  They are looked up when first used, so that a command that only reads a
-header never waits for the renderer's compiled kernels to load.
+The names in ``__all__`` are the scripting interface. Each name is imported when it is first used, so a command that
+only reads a file header does not load the compiled kernels.
 """
 
 import sys
 from importlib import import_module
 from types import ModuleType
 
-# One table: public name -> (the module that holds it, its name there).
+# Public name -> (module that defines it, name in that module).
 _HOME = {
     "Camera": ("scene", "Camera"),
     "Cancelled": ("scene", "Cancelled"),
@@ -58,10 +58,10 @@ def __dir__():
 
 
 class _Facade(ModuleType):
-    """This package, whose verbs ``render`` and ``encode`` are named as the rooms that they come from.
+    """Module class that keeps the functions ``render`` and ``encode`` from being hidden by modules of the same name.
 
-    Python sets a room as an attribute of its package when it is imported, which would hide the verb or not,
-    depending on who imported what first; here the verb is always what the name means.
+    When Python imports a subpackage, it sets it as an attribute of the package. This class ignores the assignment for
+    public names, so ``rle_splat.encode`` is always the function.
     """
 
     def __setattr__(self, name, value):

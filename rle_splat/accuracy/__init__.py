@@ -1,1 +1,1 @@
-"""Truths that share no code with the road they judge: float64 ray integrals, closed forms, metrics and probes."""
+"""Truths that share no code with the pipeline they measure: float64 ray integrals, metrics and probes."""

@@ -1,4 +1,4 @@
-"""What a scene's clip objects leave of rays: where they cross, and whether a point is kept, each from its meaning."""
+"""Clip objects along rays: where rays cross their planes, and which points they keep."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from .rays import Rays
 
 
 class Clipping:
-    """The ``clips`` of a scene along some rays."""
+    """The clip objects of a scene along rays.
+
+    Parameters
+    ----------
+    clips : sequence of Clip
+    rays : Rays
+    """
 
     def __init__(self, clips, rays: Rays):
         self._clips = [(clip, np.linalg.inv(clip.matrix_world)) for clip in clips]
@@ -20,7 +26,7 @@ class Clipping:
         return part
 
     def crossings(self) -> np.ndarray:
-        """(N, K) planar depths at which each ray goes through a plane of a clip object; none are not finite."""
+        """(N, K) planar depths where each ray crosses the planes of the clip objects; not finite where none."""
         found = [np.empty((len(self._rays.origin), 0))]
         for clip, to_own in self._clips:
             start = self._rays.origin @ to_own[:3, :3].T + to_own[:3, 3]
@@ -31,7 +37,7 @@ class Clipping:
         return np.concatenate(found, axis=1)
 
     def keeps(self, ray, depth) -> np.ndarray:
-        """(P,) bool: whether the points at planar ``depth`` (P,) of rays number ``ray`` (P,) are left."""
+        """(P,) bool: whether the points at planar ``depth`` (P,) on the rays with index ``ray`` (P,) are kept."""
         points = self._rays[ray].at_depth(depth)
         kept = np.ones(len(points), bool)
         for clip, to_own in self._clips:

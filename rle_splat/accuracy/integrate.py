@@ -1,9 +1,9 @@
 """The emission-absorption integral along rays in float64 (algorithm.md 2.3, G13).
 
-Each ray is cut at every voxel plane, where an interpolated field has its kinks, and where the medium has kinks of
-its own; on each piece the interpolated quantities are cubics, Gauss-Legendre quadrature gives optical depth and
-emission, pieces are halved until two halves agree with their whole, and the pieces are composed exactly.  No step
-size and no sheets.  All rays go in step, as arrays.
+Each ray is cut at all voxel planes, where an interpolated field has its kinks, and at the kinks of the medium.  On
+each piece the interpolated quantities are cubics.  Gauss-Legendre quadrature gives its optical depth and emission.
+Pieces are halved until both halves together agree with the whole, and are then composited exactly.  There is no step
+size and there are no sheets.  Rays are integrated together, as arrays.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from .rays import Rays
 
 NO_DEPTH = 1e10
 TOLERANCE = 1e-10
-# Matter seen through less than this is left out, which changes no channel by more (times its largest colour).
+# Pieces behind a smaller transmittance are left out; that changes a channel by at most this times its largest color.
 FAINTEST = 1e-12
 _MOST_HALVINGS = 120
-# Matter denser than this is halved in any case: all nodes of the quadrature might lie where nothing is seen.
+# Pieces of a larger optical depth are always halved: all nodes of the quadrature might lie where nothing is visible.
 _DENSE = 8.0
 _RAYS_AT_ONCE = 256
 _HALF = np.log(2.0)
@@ -28,7 +28,7 @@ _ROUNDING = 64.0 * np.finfo(np.float64).eps
 
 
 def _quadrature(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss-Legendre on [0, 1]: nodes, weights, and the matrix whose row i integrates the interpolant to node i."""
+    """Gauss-Legendre quadrature on [0, 1]: nodes, weights, and the matrix whose row i integrates up to node i."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
     powers = np.arange(count)
@@ -41,10 +41,12 @@ _NODES, _WEIGHTS, _RUNNING = _quadrature(8)
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Smooth stretches of rays: ``ray`` (P,); ``cubic`` (P,) row of ``table`` (cells crossed, channels, 4), whose
-    t runs from ``begin`` to ``end`` (P,); ``segment`` (P,) as the medium's ``split`` has it; ``length`` (P,) world
-    length and ``near``, ``far`` (P,) planar depths; ``seen`` (P,) transmittance before it and ``allowed`` (P,)
-    error of it."""
+    """Smooth pieces of rays.
+
+    ``ray``, ``cubic`` (P,) int: the ray, and the row of ``table`` (cells crossed, channels, 4), whose t runs from
+    ``begin`` to ``end`` (P,).  ``segment`` (P,): from the medium's ``split``.  ``near``, ``far`` (P,): planar depths.
+    ``length`` (P,): world length.  ``seen`` (P,): transmittance before the piece.  ``allowed`` (P,): its largest error.
+    """
 
     table: np.ndarray
     ray: np.ndarray
@@ -63,7 +65,7 @@ class _Pieces:
         return _Pieces(self.table, *(getattr(self, name)[chosen] for name in names))
 
     def cut(self, share) -> _Pieces:
-        """Each piece up to ``share`` of it, a number or (P,)."""
+        """The first ``share`` of each piece, a number or (P,)."""
         return replace(
             self, end=self.begin + share * (self.end - self.begin), far=self.near + share * (self.far - self.near),
             length=share * self.length,
@@ -80,7 +82,7 @@ def _joined(parts: list[_Pieces]) -> _Pieces:
 
 
 def _span(origin, step, low, high, near, far):
-    """Planar depths between which each ray (R, 3) is inside the box; end < start where it misses."""
+    """Planar depths at which each ray (R, 3) enters and leaves the box; the second is smaller where it misses."""
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (low - origin) / step, (high - origin) / step
     beside = (step == 0.0) & ((origin < low) | (origin > high))
@@ -91,8 +93,8 @@ def _span(origin, step, low, high, near, far):
 
 
 def _cut(medium, origin, step, speed, near, far, clipping=None) -> _Pieces:
-    """Cut rays given in index space at all voxel planes, at the medium's own kinks and where they are clipped; keeps
-    what absorbs."""
+    """Cut rays, given in index space, at voxel planes, kinks of the medium and clip objects; keep the pieces
+    that absorb."""
     entry, exit_ = _span(origin, step, medium.low, medium.high, near, far)
     hit = np.flatnonzero(exit_ > entry)
     cuts = [entry[hit, None], exit_[hit, None]]
@@ -127,7 +129,7 @@ def _cut(medium, origin, step, speed, near, far, clipping=None) -> _Pieces:
 
 
 def _integrals(medium, pieces: _Pieces) -> np.ndarray:
-    """(P, 4): emission of each piece seen from its own start, and its optical depth."""
+    """(P, 4): the emission of each piece, as seen from its start, and its optical depth."""
     t = pieces.begin[:, None] + (pieces.end - pieces.begin)[:, None] * _NODES
     fields = medium.fields(pieces.table[pieces.cubic], pieces.segment, t) * pieces.length[:, None, None]
     seen = np.exp(-(fields[:, 3] @ _RUNNING.T)) * _WEIGHTS
@@ -136,8 +138,8 @@ def _integrals(medium, pieces: _Pieces) -> np.ndarray:
 
 
 class _Order:
-    """Places of pieces along their rays, for running sums: one row a ray, because a running sum along a row keeps
-    its own precision and one over all rays would not."""
+    """The order of pieces along their rays, for running sums: one row for each ray, because a running sum over all
+    rays would lose precision."""
 
     def __init__(self, pieces: _Pieces, count: int):
         self.first = np.searchsorted(pieces.ray, np.arange(count))
@@ -145,7 +147,7 @@ class _Order:
         self._shape = (count, int(self._place.max(initial=-1)) + 1)
 
     def running(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(count, longest) optical depth after each piece of a ray, and (P,) before each piece; pieces in order."""
+        """Optical depth after each piece of each ray (count, longest), and before each piece (P,); pieces in order."""
         table = np.zeros(self._shape)
         table[self._ray, self._place] = tau
         reached = np.cumsum(table, axis=1)
@@ -158,15 +160,15 @@ def _sorted(pieces: _Pieces, *others):
 
 
 def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pieces, np.ndarray]:
-    """Halve pieces until the disagreements between halves and wholes, as they are seen from the eye, add up to the
-    tolerance at most on each ray; pieces in order and their integrals."""
+    """Halve pieces until the differences of halves and wholes, as seen from the eye, add up to at most the tolerance on
+    each ray; return the pieces in order and their integrals."""
     pieces, whole = _sorted(pieces, _integrals(medium, pieces))
     before = _Order(pieces, count).running(whole[:, 3])[1]
     on_ray = np.bincount(pieces.ray, minlength=count)[pieces.ray]
     pieces = replace(pieces, seen=np.exp(-before), allowed=tolerance / on_ray)
     kept = pieces.seen >= FAINTEST
     pieces, whole = pieces[kept], whole[kept]
-    # What a medium's own arithmetic may be off by, in the smallest piece: halving does not help against it.
+    # Rounding errors of the medium's own arithmetic, which halving does not reduce.
     noise = _ROUNDING * np.maximum(1.0, np.abs(whole).max(axis=0, initial=0.0))
     done, values = [], []
     for _ in range(_MOST_HALVINGS):
@@ -176,7 +178,7 @@ def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pi
         composed = first + second
         composed[:, :3] = first[:, :3] + passed[:, None] * second[:, :3]
         wrong = np.abs(composed - whole)
-        # Optical depth matters only as far as it changes the transmittance.
+        # An error of the optical depth counts by its effect on the transmittance.
         wrong[:, 3] *= np.exp(-np.minimum(composed[:, 3], whole[:, 3]))
         rough = ((wrong - noise) * pieces.seen[:, None] > pieces.allowed[:, None]).any(axis=1)
         rough |= (composed[:, 3] > _DENSE) & (pieces.seen >= FAINTEST)
@@ -219,13 +221,27 @@ def _compose(medium, pieces: _Pieces, values: np.ndarray, count: int) -> tuple[n
 
 def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tolerance: float = TOLERANCE,
               clipping=None):  # fmt: skip
-    """Premultiplied rgba (N, 4) and depth (N,), both float64, of a medium seen along world rays.
+    """Integrate emission and absorption of a medium along world rays.
 
-    ``near``, ``far``: planar depths, scalars or (N,), outside which nothing is integrated (clip distances, or a
-    surface that stops each ray).  ``depth`` is the planar depth at which the transmittance falls to one half,
-    1e10 where it never does.  ``tolerance``: largest error estimated for a channel of a ray: the sum over its
-    pieces of how far two halves disagree with their whole; what is returned are the halves.  ``clipping``: a
-    ``clips.Clipping`` of these rays; what it does not keep is not integrated.
+    Parameters
+    ----------
+    medium : ClassifiedMedium or ScalarMedium
+    rays : Rays
+    index_to_world : (4, 4) float64
+    near, far : float or (N,) float
+        Planar depths where the integration begins and ends: clip distances, or a surface that ends each ray.
+    tolerance : float
+        The largest estimated error of a channel.  The estimate is the sum over the ray's pieces of the differences of
+        two halves and their whole; the result uses the halves.
+    clipping : clips.Clipping, optional
+        Of these rays; points that it does not keep are not integrated.
+
+    Returns
+    -------
+    rgba : (N, 4) float64
+        Premultiplied.
+    depth : (N,) float64
+        Planar depth at which the transmittance falls to one half; 1e10 where it does not.
     """
     to_index = np.linalg.inv(np.asarray(index_to_world, dtype=np.float64))
     origin = rays.origin @ to_index[:3, :3].T + to_index[:3, 3]

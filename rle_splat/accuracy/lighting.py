@@ -1,11 +1,10 @@
-"""The light on voxels as the truths take it: the shading formula once more from its meaning, in float64.
+"""Light on voxels for the truths: the shading formula in float64, written independently of ``shade``.
 
-A voxel is lit by its own normal, and the light, not the normal, is interpolated between voxels: that is part of what
-both truths promise (algorithm.md 1.14).  The normals are the volume's.  Only voxels next to rays are ever lit.
+Each voxel is lit by its own normal.  The light is interpolated between voxels, not the normal; both truths are defined
+so (algorithm.md 1.14).  The normals are those of the volume.  Only voxels next to rays are lit.
 
-The truths have no shadows and no ambient occlusion: what reaches a voxel would take a ray from each of them to each
-light.  So no tolerance is promised of a picture with shadows, and nothing is measured against a truth without them;
-shadows are held against truths of their own (tests/truths/test_shadows.py).
+The truths have no shadows and no ambient occlusion, which would take a ray from each voxel to each light.  So pictures
+with shadows have no tolerance and no measured error; shadows have truths of their own (tests/truths/test_shadows.py).
 """
 
 from __future__ import annotations
@@ -17,15 +16,25 @@ from ..volume.gradient import unit_normals
 from .rays import rigid
 from .transfer import extinction_and_color
 
-# Radiance of a white Lambert surface that faces a light, for each unit of its energy, at distance 1: as Cycles has it.
+# Radiance of a white Lambert surface that faces a light of energy 1 at distance 1, as in Cycles.
 RADIANCE = {"SUN": 1.0 / np.pi, "POINT": 0.25 / np.pi**2, "SPOT": 0.25 / np.pi**2, "AREA": 1.0 / np.pi**2}
 HARDEST_EDGE = 1e-4  # of a spot's cone, in cosines
 
 
 def shading_of(scene: Scene, truth_name: str) -> dict:
-    """What ``truths.truth`` and ``measure`` take as ``shading`` for a scene: ``colors`` for T1, ``light`` and
-    ``highlight`` for T2; nothing where the transfer function does not shade or nothing shines.  RleSplatError for a
-    scene with shadows or ambient occlusion, which the truths do not have."""
+    """Make the shading arguments of ``truths.truth`` for a scene.
+
+    Returns
+    -------
+    dict
+        ``colors`` for T1; ``light`` and, where there are highlights, ``highlight`` for T2.  Empty where the transfer
+        function does not shade or the scene has no light.
+
+    Raises
+    ------
+    RleSplatError
+        For a scene with shadows or ambient occlusion, which the truths do not have.
+    """
     if scene.transfer_function.shade is None or not (scene.lights or scene.headlight or scene.world):
         return {}
     if scene.ambient_occlusion or (scene.volume_shadows and any(light.casts_shadow for light in scene.lights)):
@@ -40,7 +49,7 @@ def shading_of(scene: Scene, truth_name: str) -> dict:
 
 
 class _Looked:
-    """A function of index arrays that is looked up like an array."""
+    """A function of index arrays, with the subscript of an array."""
 
     def __init__(self, function):
         self._function = function
@@ -50,13 +59,16 @@ class _Looked:
 
 
 class VoxelLight:
-    """The light on the voxels of a scene: shaded colour = c * light + highlight.
+    """The light on the voxels of a scene: shaded color = c * light + highlight.
 
+    Arguments called ``places`` are index arrays (z, y, x) that broadcast to any shape.
+
+    Notes
+    -----
     light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the
-    lights; 1 and 0 where there is no normal.  Phong's highlight has, for |n.h|, the cosine between the eye and the
-    light's direction mirrored in the surface.  Of one side, a light counts where the surface, whose outside is where
-    the scalar falls, faces it.  ``places`` are index arrays (z, y, x) of any shape that they broadcast
-    to.
+    lights; 1 and 0 where there is no normal.  For Phong's highlight, |n.h| is replaced by the cosine between the eye
+    and the direction of the light mirrored at the surface.  With one-sided shading a light counts where the surface
+    faces it; the scalar falls towards the outside of a surface.
     """
 
     def __init__(self, scene: Scene):
@@ -69,18 +81,19 @@ class VoxelLight:
 
     def light(self, places) -> tuple[np.ndarray, np.ndarray]:
         """(..., 3) light and (..., 3) highlight."""
-        if self._last[0] is not places:  # both are asked for one after the other
+        if self._last[0] is not places:  # light and highlight of the same places are looked up one after the other
             self._last = (places, self._lit(places))
         return self._last[1]
 
     def color(self, places) -> np.ndarray:
-        """(..., 3) shaded colours, of the transfer function's own."""
+        """(..., 3) shaded colors of the transfer function."""
         volume = self._scene.volume
         own = extinction_and_color(self._scene.transfer_function, volume.physical(volume.voxels[places]), 1.0)[1]
         light, highlight = self.light(places)
         return own * light + highlight
 
     def _lit(self, places):
+        """(..., 3) light and highlight; each voxel is lit once."""
         places = np.broadcast_arrays(*places)
         shape = self._scene.volume.voxels.shape
         one, back = np.unique(np.ravel_multi_index(places, shape), return_inverse=True)
@@ -114,7 +127,7 @@ class VoxelLight:
         return light, highlight
 
     def _lights(self, at):
-        """Each light as unit vectors towards it and its strength I, (N, 3) both or what broadcasts to it."""
+        """For each light: unit vectors towards it and its strength I, both (N, 3) or broadcasting to it."""
         for light in self._scene.lights:
             axis = -_unit(light.matrix_world[:3, 2])
             strength = RADIANCE[light.type] * light.energy * np.array(light.color)
@@ -138,7 +151,7 @@ class VoxelLight:
 
 
 def _nearest(light) -> float:
-    """Squared distance below which a light grows no stronger: there it would fill the surface's whole sky."""
+    """The squared distance within which a light grows no stronger, because it fills the surface's hemisphere."""
     if light.type != "AREA":
         return light.radius**2
     width, height = np.linalg.norm(light.matrix_world[:3, :2], axis=0)

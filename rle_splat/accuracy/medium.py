@@ -1,9 +1,9 @@
-"""Two media a ray may cross, in voxel-index space: one for each truth.  Index order is (x, y, z) throughout.
+"""The media of both truths, in voxel-index space.  Index order is (x, y, z) throughout.
 
-A medium offers its box (``low``, ``high``) and, for cells of the grid named by their low corner,
-``cells(cell)`` -> what the eight corners hold, and ``occupied(corners)`` -> whether anything in there absorbs.
-Along a stretch of a ray inside one cell everything interpolated is a cubic (``cubics``); ``split`` cuts it
-where the medium has kinks, and ``fields`` are source and extinction on it.
+A medium has its box (``low``, ``high``).  For cells of the grid, given by their low corners, ``cells(cell)`` returns
+the values at the eight corners, and ``occupied(corners)`` whether anything in the cell absorbs.  Inside one cell all
+interpolated values are cubics along a ray (``cubics``).  ``split`` cuts such a piece where the medium has kinks, and
+``fields`` returns source and extinction on it.
 """
 
 from __future__ import annotations
@@ -14,8 +14,20 @@ from .transfer import Segments, extinction, extinction_and_color, optical_depth
 
 
 def cubics(corners: np.ndarray, entry: np.ndarray, travel: np.ndarray) -> np.ndarray:
-    """Trilinear interpolation along stretches of rays: ``corners`` (P, 8, channels), x fastest, at the positions
-    ``entry + t * travel`` (P, 3) in the unit cell -> (P, channels, 4) coefficients of 1, t, t^2, t^3."""
+    """Trilinear interpolation along pieces of rays, as cubics.
+
+    Parameters
+    ----------
+    corners : (P, 8, channels)
+        Values at the corners of a unit cell, x fastest.
+    entry, travel : (P, 3)
+        The piece is at ``entry + t * travel`` in the cell.
+
+    Returns
+    -------
+    (P, channels, 4) float64
+        Coefficients of 1, t, t^2, t^3.
+    """
     count, _, channels = corners.shape
     degrees = [np.moveaxis(corners, -1, 1).reshape(count, channels, 2, 2, 2)]  # over z, y, x
     for axis in range(3):
@@ -29,13 +41,13 @@ def cubics(corners: np.ndarray, entry: np.ndarray, travel: np.ndarray) -> np.nda
 
 
 def polynomial(coefficients: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(..., 4) coefficients of cubics at t, any shape that broadcasts with their leading axes."""
+    """Evaluate cubics of coefficients (..., 4) at ``t``, which broadcasts with their leading axes."""
     c = coefficients
     return ((c[..., 3] * t + c[..., 2]) * t + c[..., 1]) * t + c[..., 0]
 
 
 class _Medium:
-    """What both media share: the gathering of corners, and the fields at single points."""
+    """What both media share: the fields at single points."""
 
     def at(self, positions) -> np.ndarray:
         """(N, 4) source (extinction * RGB) and extinction at (N, 3) index positions inside the box."""
@@ -49,7 +61,7 @@ class _Medium:
 
 
 def _corner_places(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
-    """Index arrays (z, y, x), broadcasting to (P, 2, 2, 2) and clipped to the grid, of cells' corners; and which
+    """The corners of cells as index arrays (z, y, x) that broadcast to (P, 2, 2, 2), clipped to the grid; and which
     corners are in the grid."""
     places, inside = [], True
     for axis, spread in ((2, (-1, 2, 1, 1)), (1, (-1, 1, 2, 1)), (0, (-1, 1, 1, 2))):
@@ -61,10 +73,16 @@ def _corner_places(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
 
 
 class ClassifiedMedium(_Medium):
-    """T1: extinction and associated colour interpolated trilinearly, zero outside the grid.
+    """T1: extinction and associated color interpolated trilinearly, zero outside the grid.
 
-    ``extinction``: (nz, ny, nx) in 1/world length; ``color``: (nz, ny, nx, 3) unassociated, shaded or not.
-    The medium fills [-1, n] along each axis: the outermost voxels ramp down to zero within one voxel.
+    The medium fills [-1, n] along each axis: from the outermost voxels it ramps down to zero within one voxel.
+
+    Parameters
+    ----------
+    extinction : (nz, ny, nx)
+        In 1/world length.
+    color : (nz, ny, nx, 3)
+        Unassociated, shaded or not.
     """
 
     def __init__(self, extinction, color):
@@ -73,10 +91,19 @@ class ClassifiedMedium(_Medium):
 
     @classmethod
     def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> ClassifiedMedium:
-        """The same from stored scalars (nz, ny, nx), classified at the corners that rays meet and nowhere else.
+        """Make one from stored scalars, which are classified at the corners of the cells that rays cross.
 
-        ``physical``: stored values to physical ones.  ``color``: as above, or whatever gives (..., 3) values for
-        index arrays (z, y, x); None for the transfer function's own.
+        Parameters
+        ----------
+        voxels : (nz, ny, nx)
+        physical : callable
+            From stored values to physical ones.
+        transfer_function : TransferFunction
+        world_distance : float
+            World length of the opacity unit distance.
+        color : optional
+            As above, or an object that gives (..., 3) values for index arrays (z, y, x); by default the transfer
+            function's colors.
         """
 
         def extinction_at(places):
@@ -117,25 +144,33 @@ class ClassifiedMedium(_Medium):
 
     @staticmethod
     def split(poly: np.ndarray):
-        """Every stretch whole: the cubics have no kinks inside a cell."""
+        """All pieces as they are: the cubics have no kinks inside a cell.  See ``ScalarMedium.split``."""
         count = len(poly)
         return np.arange(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64)
 
     @staticmethod
     def fields(poly: np.ndarray, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """(P, 4, 4) cubics at (P, N) places of their stretches -> (P, 4, N): extinction * RGB, extinction."""
+        """(P, 4, N) extinction * RGB and extinction, of cubics (P, 4, 4) at ``t`` (P, N)."""
         return polynomial(poly[:, :, None, :], t[:, None, :])
 
 
 class ScalarMedium(_Medium):
-    """T2: the scalar interpolated trilinearly and then classified, inside the box of voxel centres [0, n - 1].
+    """T2: the scalar interpolated trilinearly and then classified, inside the box of voxel centers [0, n - 1].
 
-    ``values``: (nz, ny, nx) scalars; ``physical`` makes physical values of them (as they are, when None).  A cell
-    with a NaN corner is transparent; an infinite value is the transfer function's nearest point.
-    ``world_distance``: world length of the transfer function's opacity unit distance.
-    ``light``, ``highlight``: light of each voxel, interpolated on its own as the sheets do (algorithm.md 1.14):
-    the colour of a point is c * light + highlight.  Each None, or (nz, ny, nx) or (nz, ny, nx, 3) values, or
-    whatever gives (...) or (..., 3) values for index arrays (z, y, x).
+    A cell with a NaN corner is transparent; an infinite value counts as the transfer function's nearest point.
+
+    Parameters
+    ----------
+    values : (nz, ny, nx)
+    transfer_function : TransferFunction
+    world_distance : float
+        World length of the opacity unit distance.
+    light, highlight : optional
+        Light of each voxel, (nz, ny, nx) or (nz, ny, nx, 3), or an object that gives (...) or (..., 3) values for
+        index arrays (z, y, x).  Both are interpolated by themselves, as in the sheets (algorithm.md 1.14): the color
+        of a point is c * light + highlight.
+    physical : callable, optional
+        From ``values`` to physical ones; the values themselves by default.
     """
 
     def __init__(self, values, transfer_function, world_distance: float, light=None, highlight=None, physical=None):
@@ -173,9 +208,10 @@ class ScalarMedium(_Medium):
         return self._segments.seen_between(scalar.min(axis=1), scalar.max(axis=1))
 
     def split(self, poly: np.ndarray):
-        """Cut the scalar's cubics at the transfer function's points, leaving out what is transparent.
+        """Cut the scalar's cubics at the transfer function's points and leave out transparent pieces.
 
-        Returns (Q,) arrays: which cubic, from and to which t, and the segment of the transfer function there."""
+        Returns (Q,) arrays: the index of the cubic, t at the begin and the end, the segment of the transfer function.
+        """
         scalar = poly[:, 0]
         crossing, t = _crossings(scalar, self._segments.knots)
         whole = np.arange(len(scalar))
@@ -190,7 +226,7 @@ class ScalarMedium(_Medium):
         return which[seen], begin[seen], end[seen], segment[seen]
 
     def fields(self, poly: np.ndarray, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """(P, C, 4) cubics at (P, N) places of their stretches -> (P, 4, N): extinction * RGB, extinction."""
+        """(P, 4, N) extinction * RGB and extinction, of cubics (P, C, 4) at ``t`` (P, N)."""
         alpha, color = self._segments.evaluate(segment, polynomial(poly[:, 0, None, :], t))
         sigma = optical_depth(alpha) / self._world_distance
         for number, lit in enumerate([True] * self._lit + [False] * self._glossy):
@@ -200,7 +236,7 @@ class ScalarMedium(_Medium):
 
 
 def _crossings(cubic: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where cubics (P, 4) cross values ``knots`` (K,) inside (0, 1): which cubic (Q,), and t (Q,)."""
+    """Crossings of cubics (P, 4) and values ``knots`` (K,) inside (0, 1): index of the cubic (Q,), and t (Q,)."""
     # Between its turning points a cubic is monotone and crosses a value at most once.
     a, b, c = 3.0 * cubic[:, 3], 2.0 * cubic[:, 2], cubic[:, 1]
     root = np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))
@@ -221,8 +257,8 @@ def _crossings(cubic: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _monotone_root(cubic: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(Q,) root of each cubic (Q, 4) between ``low`` and ``high``, where it changes sign: Newton's steps, and
-    halvings where a step would leave the bracket."""
+    """(Q,) root of each cubic (Q, 4) between ``low`` and ``high``, where it changes sign: Newton's method, with
+    bisection where a step would leave the bracket."""
     rising = polynomial(cubic, high) > polynomial(cubic, low)
     found = 0.5 * (low + high)
     open_ = np.arange(len(cubic))

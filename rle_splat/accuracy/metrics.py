@@ -1,5 +1,5 @@
-"""How far two pictures are apart: in levels, 1/255 of full scale in scene-linear premultiplied values; and to the
-eye, on display-encoded colour."""
+"""Differences of two pictures: in levels, 1/255 of scene-linear premultiplied values, and SSIM on display-encoded
+color."""
 
 from __future__ import annotations
 
@@ -8,17 +8,27 @@ from dataclasses import dataclass
 import numpy as np
 
 LEVEL = 1.0 / 255.0
-# Errors that pictures are told apart by: field of Difference -> title, all of them in levels.
+# Field of Difference -> title of the error, in levels.
 ERRORS = {"rmse": "RMSE", "largest": "largest error", "p999": "99.9th percentile of the error"}
-# Of SSIM, as Wang, Bovik, Sheikh and Simoncelli published it in 2004: a Gaussian window 11 pixels a side, 1.5 wide,
-# and constants that keep flat parts of a picture from dividing by zero, for values from 0 to 1.
+# SSIM as in Wang, Bovik, Sheikh and Simoncelli 2004: a Gaussian window of 11 x 11 pixels with a standard deviation of
+# 1.5, and the constants against division by zero in flat parts, for values from 0 to 1.
 SSIM_WINDOW, SSIM_WIDTH, SSIM_C1, SSIM_C2 = 11, 1.5, 0.01**2, 0.03**2
 
 
 @dataclass(frozen=True)
 class Difference:
-    """``largest``, ``rmse``, ``p999`` (99.9th percentile) and ``bias`` (mean signed) in levels, over all channels
-    and pixels; ``psnr`` in dB for a peak of 1, infinite when equal; ``count`` of values compared."""
+    """The difference of two arrays, over all values.
+
+    Attributes
+    ----------
+    largest, rmse, p999, bias : float
+        Levels: the largest absolute difference, the root mean square, the 99.9th percentile of the absolute
+        difference, the mean signed difference.
+    psnr : float
+        dB, for a peak of 1; infinite for equal arrays.
+    count : int
+        Values compared.
+    """
 
     largest: float
     rmse: float
@@ -29,7 +39,7 @@ class Difference:
 
 
 def difference(image, reference) -> Difference:
-    """Compare arrays of the same shape, every value counted, transparent pixels included."""
+    """Compare two arrays of the same shape; transparent pixels count too.  Raises ValueError for unequal shapes."""
     image, reference = np.asarray(image, np.float64), np.asarray(reference, np.float64)
     if image.shape != reference.shape:
         raise ValueError(f"shapes differ: {image.shape} and {reference.shape}")
@@ -46,27 +56,29 @@ def difference(image, reference) -> Difference:
 
 
 def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
-    """Premultiplied scene-linear (H, W, 4) over a scene-linear background -> (H, W, 3) as sRGB encodes it, 0 to 1."""
+    """Encode premultiplied scene-linear RGBA (H, W, 4) over a scene-linear background as sRGB (H, W, 3), 0 to 1."""
     rgba = np.asarray(rgba, dtype=np.float64)
     linear = np.clip(rgba[..., :3] + (1.0 - rgba[..., 3:]) * np.asarray(background), 0.0, 1.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
 
 def ssim(image, reference, background=(0.0, 0.0, 0.0)) -> float:
-    """Mean structural similarity of premultiplied scene-linear pictures (H, W, 4) as a display shows them: 1 when
-    they are equal.  How different they look is cli/flip.py's to say, by a package that is not shipped."""
+    """Mean structural similarity of two premultiplied scene-linear pictures (H, W, 4), as a display shows them.
+
+    1 for equal pictures.
+    """
     return float(ssim_map(display_encoded(image, background), display_encoded(reference, background)).mean())
 
 
 def ssim_map(image, reference) -> np.ndarray:
-    """Structural similarity (H - 10, W - 10, C) of (H, W, C) pictures of values 0 to 1, wherever the window fits."""
+    """Structural similarity (H - 10, W - 10, C) of two (H, W, C) pictures of values 0 to 1, where the window fits."""
     if min(np.shape(image)[:2]) < SSIM_WINDOW or np.shape(image) != np.shape(reference):
         raise ValueError(f"SSIM needs two pictures of one size, {SSIM_WINDOW} pixels a side or more")
     mean_i, mean_r = _smoothed(image), _smoothed(reference)
-    # Subtracting means of like size would lose what flat pictures differ by, so both are centred first.
-    centre = reference.mean(axis=(0, 1))
-    i, r = image - centre, reference - centre
-    off_i, off_r = mean_i - centre, mean_r - centre
+    # Both are centered first: subtracting two means of like size would cancel the small variance of flat pictures.
+    center = reference.mean(axis=(0, 1))
+    i, r = image - center, reference - center
+    off_i, off_r = mean_i - center, mean_r - center
     variance_i, variance_r = _smoothed(i * i) - off_i**2, _smoothed(r * r) - off_r**2
     covariance = _smoothed(i * r) - off_i * off_r
     similar = (2.0 * mean_i * mean_r + SSIM_C1) * (2.0 * covariance + SSIM_C2)
@@ -74,7 +86,7 @@ def ssim_map(image, reference) -> np.ndarray:
 
 
 def _smoothed(picture: np.ndarray) -> np.ndarray:
-    """Gaussian means over SSIM's window, along both axes in turn."""
+    """Gaussian means over the window of SSIM, along both axes in turn."""
     at = np.arange(SSIM_WINDOW) - SSIM_WINDOW // 2
     weights = np.exp(-0.5 * (at / SSIM_WIDTH) ** 2)
     weights /= weights.sum()

@@ -1,4 +1,4 @@
-"""Probe pixels: where an image is compared with the truth, and what such a sample allows to be said."""
+"""Probe pixels: the pixels of a picture that are compared with the truth, and what their errors say of all pixels."""
 
 from __future__ import annotations
 
@@ -9,16 +9,26 @@ import numpy as np
 
 from .metrics import LEVEL
 
-PROBES = 1000  # where nobody says how many
-# -ln(0.05): with no failure in n independent probes, at 95 % confidence at most this many in n fail.
+PROBES = 1000  # by default
+TRUTH_TOLERANCE = 1e-7  # of the truth at probes: far below a level, 1/255
+# -ln(0.05): where none of n independent probes fails, at 95 % confidence at most this many in n pixels do.
 RULE_OF_THREE = 3.0
-STEEP_SHARE = 0.25  # of the probes that go where the picture is steepest
+STEEP_SHARE = 0.25  # of the probes are the steepest pixels
 
 
 def stratified_pixels(width: int, height: int, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows (ints) of about ``count`` distinct pixels, one drawn at random from each cell of a grid.
+    """Draw about ``count`` distinct pixels, at most ``count``: one at random from each cell of a grid.
 
-    Never more than ``count``, and every pixel of the image can be drawn.
+    Parameters
+    ----------
+    width, height : int
+        Of the picture; each of its pixels can be drawn.
+    count : int
+    seed : int
+
+    Returns
+    -------
+    columns, rows : (n,) int64
     """
     count = min(max(int(count), 1), width * height)
     across = int(np.clip(round(np.sqrt(count * width / height)), 1, min(width, count)))
@@ -31,7 +41,7 @@ def stratified_pixels(width: int, height: int, count: int, seed: int = 0) -> tup
 
 
 def steep_pixels(rgba, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows of the ``count`` pixels with the largest local difference in a picture (H, W, C)."""
+    """Columns and rows of the ``count`` pixels that differ most from a neighbor, in a picture (H, W, C)."""
     rgba = np.asarray(rgba, dtype=np.float64)
     steepness = np.zeros(rgba.shape[:2])
     for axis in (0, 1):
@@ -47,16 +57,22 @@ def steep_pixels(rgba, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """Pixels to hold against the truth: ``columns`` and ``rows`` (N,), the first ``random`` of them drawn at random
-    from everywhere, the others where the picture is steepest.  Only the random ones speak for all pixels."""
+    """Pixels to compare with the truth.
+
+    Attributes
+    ----------
+    columns, rows : (N,) int64
+    random : int
+        So many, the first ones, are drawn at random and speak for all pixels.  The others are the steepest pixels.
+    """
 
     columns: np.ndarray
     rows: np.ndarray
     random: int
 
     @property
-    def centres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where their rays go: (columns, rows) in pixels, as ``truths.truth`` takes them."""
+    def centers(self) -> tuple[np.ndarray, np.ndarray]:
+        """(columns, rows) of the pixel centers, as ``truths.truth`` takes them."""
         return self.columns + 0.5, self.rows + 0.5
 
     def of(self, rgba) -> np.ndarray:
@@ -65,7 +81,7 @@ class Probes:
 
 
 def choose_probes(rgba, count: int, seed: int = 0) -> Probes:
-    """About ``count`` probes for a picture (H, W, C): three quarters at random, a quarter the steepest pixels."""
+    """Choose about ``count`` probes for a picture (H, W, C): three quarters random ones, a quarter steepest ones."""
     height, width = np.shape(rgba)[:2]
     steep = steep_pixels(rgba, round(STEEP_SHARE * count))
     drawn = stratified_pixels(width, height, count - len(steep[0]), seed)
@@ -77,13 +93,24 @@ def probe_errors(values, true) -> np.ndarray:
     return np.abs(np.asarray(values, np.float64) - np.asarray(true, np.float64)).max(axis=-1) / LEVEL
 
 
-def judge(errors, random: int, tolerance: float) -> dict:
-    """What probes say: JSON-ready.
+def error_summary(errors, random: int, tolerance: float) -> dict:
+    """Summarize the errors at probes.
 
-    ``errors``: (N,) levels, the first ``random`` of random probes, the rest of steep ones.  In the answer ``random``
-    and ``steep`` hold each kind's count, largest, rmse, and how many failed; ``largest`` is of all, and ``kept``
-    says whether none failed; ``share`` is the fraction of all pixels that may exceed the tolerance, at 95 %
-    confidence, and ``sentence`` says so.
+    Parameters
+    ----------
+    errors : (N,) float
+        Levels.
+    random : int
+        So many of them, the first ones, are those of random probes, the others of steep ones.
+    tolerance : float
+        Levels; a probe that errs more has failed.
+
+    Returns
+    -------
+    dict
+        JSON-ready.  ``random`` and ``steep``: the count, failed, largest and rmse of each kind.  ``largest``: of all.
+        ``kept``: whether no probe failed.  ``share``: the largest fraction of all pixels that exceeds the tolerance,
+        at a ``confidence`` of 95 %.  ``sentence``: the same for people.
     """
     errors = np.asarray(errors, dtype=np.float64)
     kinds = {"random": errors[:random], "steep": errors[random:]}
@@ -105,11 +132,18 @@ def _summary(errors: np.ndarray, tolerance: float) -> dict:
 
 
 def share_above(failed: int, count: int) -> float:
-    """The largest fraction of pixels that may exceed a tolerance at 95 % confidence, when ``failed`` of ``count``
-    random probes do: the rule of three when none does, else where the binomial sum falls to 5 %.
+    """The largest fraction of pixels that exceeds a tolerance, at 95 % confidence.
 
-    It holds for one probe drawn in each cell of a grid too: given the mean over the cells, all of them passing
-    together is likeliest when the cells are alike.
+    Parameters
+    ----------
+    failed, count : int
+        ``failed`` of ``count`` random probes exceed it.
+
+    Notes
+    -----
+    The rule of three where no probe failed, else the share at which the binomial sum falls to 5 %.  Both hold for
+    probes drawn from the cells of a grid too: for a given mean over the cells, the probability that all probes pass is
+    largest when all cells are alike.
     """
     if count == 0 or failed >= count:
         return 1.0
@@ -126,7 +160,7 @@ def share_above(failed: int, count: int) -> float:
 
 
 def statement(failed: int, count: int, tolerance: float) -> str:
-    """What random probes allow to be said about all pixels, in a sentence; ``tolerance`` in levels."""
+    """A sentence about all pixels, from ``failed`` of ``count`` random probes; ``tolerance`` in levels."""
     how_many = f"{failed} of {count}" if failed else f"None of {count}"
     return (
         f"{how_many} random probes {'differ' if failed > 1 else 'differs'} from the truth by more than {tolerance:g} "

@@ -1,4 +1,4 @@
-"""Cameras of the truth: from Blender's camera fields to world rays, written down once more from their meaning.
+"""Cameras of the truths: from Blender's camera fields to world rays.
 
 Nothing here is shared with ``rle_splat.view``, so that a mistake in one of them shows as a difference.
 """
@@ -14,10 +14,16 @@ from ..scene import Camera
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """N world rays, parametrised by planar depth (distance along the camera's axis).
+    """N world rays, parametrized by planar depth (distance along the camera's axis).
 
-    ``origin``: (N, 3) world point at depth 0.  ``direction``: (N, 3) unit world vectors.
-    ``length_per_depth``: (N,) world length of the ray per unit of planar depth, at least 1 for a rigid camera.
+    Attributes
+    ----------
+    origin : (N, 3) float64
+        World point at depth 0.
+    direction : (N, 3) float64
+        Unit world vectors.
+    length_per_depth : (N,) float64
+        World length of the ray per unit of planar depth, at least 1 for a rigid camera.
     """
 
     origin: np.ndarray
@@ -26,46 +32,48 @@ class Rays:
 
     @property
     def step(self) -> np.ndarray:
-        """(N, 3): world displacement per unit of planar depth."""
+        """(N, 3) world displacement per unit of planar depth."""
         return self.direction * self.length_per_depth[:, None]
 
     def at_depth(self, depth) -> np.ndarray:
         """(N, 3) world points at the given planar depths."""
         return self.origin + self.step * np.broadcast_to(depth, self.length_per_depth.shape)[:, None]
 
-    def depth_to_plane(self, point, normal) -> np.ndarray:
-        """(N,) planar depth at which each ray meets a plane; inf where it is parallel or behind."""
-        normal = np.asarray(normal, dtype=np.float64)
-        ahead = self.step @ normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = ((np.asarray(point, dtype=np.float64) - self.origin) @ normal) / ahead
-        return np.where((ahead != 0.0) & (depth > 0.0), depth, np.inf)
-
     def __getitem__(self, chosen) -> Rays:
         return Rays(self.origin[chosen], self.direction[chosen], self.length_per_depth[chosen])
 
 
-def pixel_centres(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row coordinates of all pixel centres, row by row from the top, each (H * W,) float64."""
+def pixel_centers(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row coordinates of all pixel centers, row by row from the top, each (H * W,) float64."""
     rows, columns = np.mgrid[0:height, 0:width]
     return columns.ravel() + 0.5, rows.ravel() + 0.5
 
 
 def rigid(matrix_world) -> np.ndarray:
-    """The matrix with its first three columns normalised: Blender ignores a camera's scale."""
+    """The matrix with its first three columns normalized: Blender ignores a camera's scale."""
     matrix = np.array(matrix_world, dtype=np.float64)
     matrix[:3, :3] /= np.sqrt((matrix[:3, :3] ** 2).sum(axis=0))
     return matrix
 
 
 def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None) -> Rays:
-    """Rays of a camera through pixel positions: column from the left, row from the top, centres at + 0.5.
+    """Rays of a camera through pixel positions.
 
-    Blender's rules: the sensor side that fits is the wider one of the image *with* its pixel aspect (AUTO) or
-    the named one; its size in pixels is the unit of the lens shift; AUTO always uses the sensor's width.
+    Parameters
+    ----------
+    camera : Camera
+    width, height : int
+        Of the picture, in pixels.
+    columns, rows : (N,) float, optional
+        From the left and the top, pixel centers at + 0.5; all pixel centers by default.
+
+    Notes
+    -----
+    Blender's rules: the sensor fits the wider side of the image *with* its pixel aspect (AUTO), or the named side.
+    That side's size in pixels is the unit of the lens shift.  AUTO always uses the sensor's width.
     """
     if columns is None:
-        columns, rows = pixel_centres(width, height)
+        columns, rows = pixel_centers(width, height)
     columns, rows = np.broadcast_arrays(np.asarray(columns, np.float64), np.asarray(rows, np.float64))
     columns, rows = columns.ravel(), rows.ravel()
     tallness = camera.pixel_aspect[1] / camera.pixel_aspect[0]  # height of a pixel in pixel widths
@@ -89,30 +97,3 @@ def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None
     step = step @ matrix[:3, :3].T
     length = np.sqrt((step**2).sum(axis=1))
     return Rays(start @ matrix[:3, :3].T + matrix[:3, 3], step / length[:, None], length)
-
-
-def turntable_rays(shape_xyz, spacing, azimuth, elevation, fit, perspective, fov, width, height):
-    """The turntable in its own words: (Rays, index_to_world) with voxel (i, j, k) at (i sx, j sy, k sz).
-
-    Angles in degrees.  An orthographic ray starts on the plane through the aim, so depth 0 lies inside the
-    volume and ``near`` must be minus infinity; a perspective ray starts at the eye.
-    """
-    shape, spacing = np.asarray(shape_xyz, np.float64), np.asarray(spacing, np.float64)
-    a, e = np.deg2rad(azimuth), np.deg2rad(elevation)
-    right = np.array((np.cos(a), np.sin(a), 0.0))
-    forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
-    up = np.cross(right, forward)
-    aim = 0.5 * (shape - 1.0) * spacing
-    view_height = fit * (shape * spacing).max()
-    columns, rows = pixel_centres(width, height)
-    across = ((columns / width) - 0.5) * view_height * width / height
-    above = (0.5 - rows / height) * view_height
-    on_plane = aim + across[:, None] * right + above[:, None] * up
-    if perspective:
-        distance = 0.5 * view_height / np.tan(0.5 * np.deg2rad(fov))
-        start = np.broadcast_to(aim - distance * forward, on_plane.shape)
-        step = (on_plane - start) / distance
-    else:
-        start, step = on_plane, np.broadcast_to(forward, on_plane.shape)
-    length = np.sqrt((step**2).sum(axis=1))
-    return Rays(start, step / length[:, None], length), np.diag((*spacing, 1.0))

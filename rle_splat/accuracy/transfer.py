@@ -1,19 +1,28 @@
-"""The truth's own reading of transfer-function points: scalar -> opacity, colour, extinction."""
+"""Transfer functions of the truths: scalar -> opacity, color, extinction."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# alpha = 1 means an infinite extinction; it is capped at the optical depth of 24 halvings, 1 - 2^-24 being the
-# float32 number next to 1.
+# An alpha of 1 would be an infinite extinction.  It is capped at the optical depth of 1 - 2^-24, the float32 number
+# below 1.
 TAU_CAP = 24.0 * np.log(2.0)
 
 
 def piecewise_linear(points, values) -> np.ndarray:
-    """Values at piecewise linear points ((x, y...), ...), a repeated x being a right-continuous step.
+    """Interpolate piecewise linear points.
 
-    ``values``: any shape; the result has that shape, with one more axis when the points carry several y.
-    Outside the points the end values hold; at NaN the result is NaN.
+    Parameters
+    ----------
+    points : sequence of (x, y, ...)
+        A repeated x is a right-continuous step.
+    values : float, any shape
+
+    Returns
+    -------
+    float64
+        The shape of ``values``, with one more axis where the points have several y.  Outside the points the values at
+        the ends hold; at NaN the result is NaN.
     """
     table = np.asarray(sorted(points, key=lambda p: p[0]), dtype=np.float64)
     x, y = table[:, 0], table[:, 1:]
@@ -29,13 +38,13 @@ def piecewise_linear(points, values) -> np.ndarray:
 
 
 def opacity_unit_distance(transfer_function, volume) -> float:
-    """The distance alpha refers to, in the volume's unit: the function's own, else the smallest spacing."""
+    """The distance that alpha refers to, in the volume's unit: the function's own, else the smallest spacing."""
     own = transfer_function.opacity_unit_distance
     return float(np.sqrt((volume.affine[:3, :3] ** 2).sum(axis=0)).min() if own is None else own)
 
 
 def optical_depth(alpha) -> np.ndarray:
-    """Optical depth of one opacity unit distance of opacity ``alpha``, capped where alpha comes to 1."""
+    """Optical depth of one opacity unit distance, for an opacity ``alpha``; at most TAU_CAP."""
     with np.errstate(divide="ignore"):
         return np.minimum(-np.log1p(-np.minimum(alpha, 1.0)), TAU_CAP)
 
@@ -50,16 +59,22 @@ def extinction(transfer_function, values, world_distance: float) -> np.ndarray:
 
 
 def extinction_and_color(transfer_function, values, world_distance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Physical scalars -> (extinction as ``extinction`` has it, unassociated colour (..., 3)); NaN is transparent."""
+    """Physical scalars -> (extinction, as ``extinction``; unassociated color (..., 3)); NaN is transparent."""
     color = np.nan_to_num(piecewise_linear(transfer_function.color, values), nan=0.0)
     return extinction(transfer_function, values, world_distance), color
 
 
 class Segments:
-    """A transfer function cut at its points: between two ``knots`` (K,) opacity and colour are linear.  Segment
-    i lies below knot i, the last one above all knots.
+    """A transfer function cut at its points into segments, on which opacity and color are linear.
 
-    ``visible``: (K + 1,) bool, whether opacity is above zero in the segment.  ``ends``: lowest and highest point.
+    Attributes
+    ----------
+    knots : (K,) float64
+        Segment i lies below knot i; the last one lies above all knots.
+    visible : (K + 1,) bool
+        Whether the opacity is above zero in each segment.
+    ends : tuple of float
+        The lowest and the highest point.
     """
 
     def __init__(self, transfer_function):
@@ -84,7 +99,7 @@ class Segments:
         return np.concatenate((knots[:1] - aside[0], 0.5 * (knots[:-1] + knots[1:]), knots[-1:] + aside[1]))
 
     def _lines(self, points, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value in the middle of each segment, and slope: both (K + 1, ...)."""
+        """The value in the middle of each segment, and the slope; both (K + 1, ...)."""
         middle = self._middles(knots)
         aside = 0.25 * np.concatenate(([1.0], np.diff(knots), [1.0]))
         value = piecewise_linear(points, middle)
@@ -92,18 +107,18 @@ class Segments:
         return value, (rise.T / (2.0 * aside)).T
 
     def of(self, values) -> np.ndarray:
-        """The segment each value lies in; a value on a knot belongs to the segment above."""
+        """The segment of each value; a value on a knot belongs to the segment above."""
         return np.searchsorted(self.knots, values, side="right")
 
     def seen_between(self, low, high) -> np.ndarray:
-        """Whether opacity is above zero anywhere from ``low`` to ``high``; False where one of them is NaN."""
+        """Whether the opacity is above zero anywhere from ``low`` to ``high``; False where one of them is NaN."""
         # A value on a knot may belong to the segment above it, the limit from below to the one under it.
         first, last = np.searchsorted(self.knots, low), np.searchsorted(self.knots, high, side="right")
         seen = self._seen_before[last + 1] > self._seen_before[first]
         return seen & ~(np.isnan(low) | np.isnan(high))
 
     def evaluate(self, segment: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(P, N) values, each row in its ``segment`` (P,) -> opacity (P, N) and colour (P, 3, N)."""
+        """Opacity (P, N) and color (P, 3, N) of values (P, N), each row in its ``segment`` (P,)."""
         off = values - self._middle[segment][:, None]
         alpha = self._alpha[segment][:, None] + self._alpha_slope[segment][:, None] * off
         color = self._color[segment][..., None] + self._color_slope[segment][..., None] * off[:, None]

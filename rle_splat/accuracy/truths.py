@@ -10,25 +10,25 @@ from ..scene import RleSplatError, Scene
 from .clips import Clipping
 from .integrate import TOLERANCE, integrate
 from .medium import ClassifiedMedium, ScalarMedium
-from .rays import camera_rays, pixel_centres
+from .rays import camera_rays, pixel_centers
 from .transfer import opacity_unit_distance
 
 TRUTHS = ("T1", "T2")
-RAYS_AT_ONCE = 128  # in a step that nothing interrupts
+RAYS_AT_ONCE = 128  # between two steps of the generator
 
 
 def world_length_of_unit(scene: Scene) -> float:
-    """World length of one of the volume's units: that of a cube's side after the volume's matrix."""
+    """World length of the volume's unit: the cube root of the volume of a unit cube after the volume's matrix."""
     return float(np.cbrt(abs(np.linalg.det(scene.volume_matrix[:3, :3]))) * scene.scene_scale)
 
 
 def world_opacity_distance(scene: Scene) -> float:
-    """World length of the distance the transfer function's alpha refers to."""
+    """World length of the distance that the transfer function's alpha refers to."""
     return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
 
 
 def check_shown(scene: Scene, truth_name: str) -> None:
-    """RleSplatError when there is no such truth of what the scene shows."""
+    """Raise RleSplatError where the scene has no such truth."""
     if scene.mode not in ("composite", "xray") or (scene.mode == "xray" and truth_name != "T2"):
         raise RleSplatError(
             f"There is no truth {truth_name} of the mode {scene.mode}; choose the mode composite, or xray with T2."
@@ -42,12 +42,12 @@ def check_shown(scene: Scene, truth_name: str) -> None:
 
 
 def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=None):
-    """What T1 or T2 integrates for a scene; the arguments are those of ``truth``.  Nothing is computed yet."""
+    """The medium that T1 or T2 integrates for a scene, computed on demand; the arguments are those of ``truth``."""
     if truth_name not in TRUTHS:
         raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
     volume, transfer_function, distance = scene.volume, scene.transfer_function, world_opacity_distance(scene)
     check_shown(scene, truth_name)
-    if scene.mode == "xray":  # what is absorbed is white
+    if scene.mode == "xray":  # an X-ray shows absorption as white
         transfer_function, light, highlight = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None, None
     if truth_name == "T2":
         return ScalarMedium(volume.voxels, transfer_function, distance, light, highlight, volume.physical)
@@ -56,17 +56,38 @@ def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=
 
 def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np.inf, tolerance=TOLERANCE,
           light=None, highlight=None):  # fmt: skip
-    """Premultiplied rgba (N, 4) and depth (N,) of the scene's pixels, float64.
+    """Integrate a truth of a scene along the rays of its pixels.
 
-    ``pixels``: (columns, rows) in pixels from the left and the top, centres at + 0.5; all centres when None, row
-    by row.  ``far``: planar depth at which each ray ends, beside the camera's clip distances.  Shading enters T1
-    by ``colors``: (nz, ny, nx, 3) colours of the voxels in place of the transfer function's own.  It enters T2 by
-    ``light`` and ``highlight``: (nz, ny, nx) or (nz, ny, nx, 3), interpolated; the colour of a point is its
-    classified colour * light + highlight.  Only the voxels next to the rays are looked up, so each may be anything
-    that gives such values for index arrays (z, y, x).
+    Parameters
+    ----------
+    scene : Scene
+    truth_name : str
+        Of TRUTHS.
+    colors : (nz, ny, nx, 3), optional
+        T1: shaded colors of the voxels, in place of those of the transfer function.
+    pixels : tuple of (N,) float, optional
+        Columns from the left and rows from the top, pixel centers at + 0.5; all centers, row by row, by default.
+    far : float or (N,) float
+        Planar depth at which rays end, besides the camera's clip distances.
+    tolerance : float
+        As ``integrate.integrate`` takes it.
+    light, highlight : (nz, ny, nx) or (nz, ny, nx, 3), optional
+        T2: interpolated; the color of a point is its classified color * light + highlight.
+
+    Returns
+    -------
+    rgba : (N, 4) float64
+        Premultiplied, scene-linear.
+    depth : (N,) float64
+        Planar depth of transmittance one half; 1e10 where there is none.
+
+    Notes
+    -----
+    Voxels are looked up next to the rays only.  So ``colors``, ``light`` and ``highlight`` may be any object that
+    gives such values for index arrays (z, y, x).
     """
     medium = medium_of(scene, truth_name, colors, light, highlight)
-    columns, rows = pixel_centres(scene.width, scene.height) if pixels is None else pixels
+    columns, rows = pixel_centers(scene.width, scene.height) if pixels is None else pixels
     rays = camera_rays(scene.camera, scene.width, scene.height, columns, rows)
     end = np.minimum(np.asarray(far, dtype=np.float64), scene.camera.clip_end)
     clipping = Clipping(scene.clips, rays) if scene.clips else None
@@ -74,9 +95,10 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
 
 
 def truth_steps(scene: Scene, truth_name: str, columns, rows, tolerance=TOLERANCE, **shading):
-    """Generator: yields the fraction done every tenth of a second or so, returns (N, 4) rgba as ``truth`` does.
+    """Generator form of ``truth``: yields the fraction done about ten times a second, returns rgba (N, 4).
 
-    ``columns``, ``rows``: (N,) pixels from the left and the top, centres at + 0.5."""
+    ``columns``, ``rows``: (N,) positions from the left and the top, pixel centers at + 0.5.
+    """
     found = np.empty((len(columns), 4))
     for first in range(0, len(columns), RAYS_AT_ONCE):
         yield first / len(columns)

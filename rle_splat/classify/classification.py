@@ -1,7 +1,7 @@
-"""Pre-classification: scalar -> opacity, extinction and colour of each non-transparent voxel (paper 2.1).
+"""Pre-classification: scalar -> opacity, extinction and color of each visible voxel (paper, section 2.1).
 
-In two halves: which voxels are visible (``visible.py``), and how they look.  A transfer function that shows the same
-values in another way changes the second half alone.
+There are two steps: find the visible voxels (``visible.py``), and compute their optical properties. A transfer function
+that shows the same values in another way needs only the second step.
 """
 
 from __future__ import annotations
@@ -21,23 +21,31 @@ from .limits import LEAST_DISTANCE
 from .points import LARGEST, heights_at_numpy, pieces
 from .visible import Visibility, VisibleVoxels, count_steps, fill_steps
 
-# alpha = 1 would be an infinite extinction; 1 - 2^-24 is the float32 number next to 1, an optical depth of 24 ln 2.
+# Opacity 1 would be an infinite extinction. 1 - 2^-24 is the largest float32 below 1; its optical depth is 24 ln 2.
 ALPHA_CAP = 1.0 - 2.0**-24
-# A matrix whose smallest singular value is below this fraction of its largest squeezes the volume flat.
+# A matrix whose smallest singular value is below this fraction of its largest flattens the volume.
 FLAT = 1e-12
-# Columns of the looks of a voxel.
+# Columns of ``looks``, the optical properties of voxels; LOOKS is their number.
 EXTINCTION, OPACITY, RED, LOOKS = 0, 1, 2, 5
 
 
 @dataclass(frozen=True, eq=False)
 class ClassifiedVolume:
-    """The non-transparent voxels of a volume and how they look.
+    """The visible voxels of a volume and their optical properties.
 
-    ``voxels``: which they are.  ``looks``: (n, 5) float32 extinction in 1 / world length, opacity (alpha per opacity
-    unit distance), and scene-linear unassociated unshaded red, green, blue; one for every bit pattern of 8- and 16-bit
-    volumes (``by_value``), else one for every visible voxel.
-    ``unit_length``: world length of one of the volume's units.
-    ``opacity_distance``: world length that alpha refers to.
+    Attributes
+    ----------
+    voxels : VisibleVoxels
+    looks : (n, 5) ndarray of float32
+        Optical properties: extinction in 1 / world length, opacity (alpha per ``opacity_distance``), and unassociated,
+        unshaded scene-linear red, green, blue. With ``by_value`` one row per bit pattern of a stored value, else one
+        row per visible voxel.
+    by_value : bool
+        Whether ``looks`` is a lookup table over the values of an 8- or 16-bit volume.
+    unit_length : float
+        World length of one of the volume's units.
+    opacity_distance : float
+        World length to which alpha refers.
     """
 
     voxels: VisibleVoxels
@@ -54,38 +62,59 @@ class ClassifiedVolume:
         cls, shape_xyz, row_start, column, extinction, opacity, color, nan_voxels=0, unit_length=1.0,
         opacity_distance=1.0,
     ) -> ClassifiedVolume:
-        """From a list for each of the voxels' properties: ``row_start`` and ``column`` as in VisibleVoxels."""
+        """Make a ClassifiedVolume from one array per property of its m voxels.
+
+        Parameters
+        ----------
+        shape_xyz : (nx, ny, nz)
+        row_start, column
+            As in VisibleVoxels.
+        extinction, opacity : (m,) array_like
+        color : (m, 3) array_like
+        nan_voxels : int
+        unit_length, opacity_distance : float
+            As in the attributes of the class.
+
+        Returns
+        -------
+        ClassifiedVolume
+        """
         row = np.repeat(np.arange(len(row_start) - 1), np.diff(row_start))
         opens = np.ones(len(column), bool)
         opens[1:] = (np.diff(row) != 0) | (np.diff(column.astype(np.int64)) != 1)
         row_pieces = np.bincount(row[opens], minlength=len(row_start) - 1).astype(np.int32)
-        stored = np.zeros(len(column), np.uint8)  # no value of the volume's own: the looks say it all
+        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of looks
         looks = np.column_stack((extinction, opacity, color)).astype(np.float32).reshape(-1, LOOKS)
         voxels = VisibleVoxels(shape_xyz, row_start, row_pieces, column, stored, nan_voxels)
         return cls(voxels, looks, False, unit_length, opacity_distance)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of voxels of the volume along x, y, z."""
         return self.voxels.shape_xyz
 
     @property
     def row_start(self) -> np.ndarray:
+        """See VisibleVoxels."""
         return self.voxels.row_start
 
     @property
     def column(self) -> np.ndarray:
+        """See VisibleVoxels."""
         return self.voxels.column
 
     @property
     def nan_voxels(self) -> int:
+        """Number of NaN voxels, which are transparent."""
         return self.voxels.nan_voxels
 
     @property
     def look_of(self) -> np.ndarray | None:
-        """(m,) index into ``looks`` by voxel; None where voxel number i has look number i."""
+        """(m,) row of ``looks`` of each voxel; None if voxel i has row i."""
         return self.voxels.stored if self.by_value else None
 
     def _each(self, columns) -> np.ndarray:
+        """Columns of ``looks`` for each voxel, read-only."""
         each = self.looks[self.voxels.stored, columns] if self.by_value else self.looks[:, columns]
         each = np.ascontiguousarray(each)
         each.setflags(write=False)
@@ -108,47 +137,88 @@ class ClassifiedVolume:
 
     @property
     def visible_voxels(self) -> int:
+        """Number of visible voxels."""
         return len(self.voxels)
 
     @property
     def visible_fraction(self) -> float:
+        """Visible voxels as a fraction of all voxels."""
         nx, ny, nz = self.shape_xyz
         return self.visible_voxels / (nx * ny * nz)
 
 
 def unit_length(volume, index_to_world) -> float:
-    """World length of one of the volume's units: the cube root of the ratio of the two matrices' determinants.
+    """World length of one of the volume's units.
 
-    An object's scale therefore thins the medium as it stretches it, and the picture of an evenly scaled volume
-    keeps its opacity; under an uneven scale the mean of the three axes counts.  RleSplatError when flat.
+    Parameters
+    ----------
+    volume : Volume
+    index_to_world : (4, 4) ndarray of float64
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    RleSplatError
+        If a matrix flattens the volume.
+
+    Notes
+    -----
+    This is the cube root of the ratio of the two matrices' determinants. Scaling an object therefore thins the medium,
+    and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
+    axes counts.
     """
     for matrix in (volume.affine, index_to_world):
         singular = np.linalg.svd(matrix[:3, :3], compute_uv=False)
         if not singular[2] > FLAT * singular[0]:
             raise RleSplatError(
-                "The volume's matrix squeezes it flat; give it a scale and a spacing other than zero on every axis."
+                "The volume's matrix is flat; give it a scale and a spacing other than zero on every axis."
             )
     world, own = (abs(np.linalg.det(matrix[:3, :3])) for matrix in (index_to_world, volume.affine))
     return float(np.cbrt(world / own))
 
 
 def opacity_distance(volume, tf, length: float) -> float:
-    """World length that the opacities of ``tf`` refer to: the volume's smallest spacing unless it states one.
+    """World length to which the opacities of a transfer function refer.
 
-    ``length``: world length of one of the volume's units.
+    Parameters
+    ----------
+    volume : Volume
+    tf : TransferFunction
+        Its ``opacity_unit_distance``; if None, the smallest voxel spacing of the volume.
+    length : float
+        World length of one of the volume's units.
+
+    Returns
+    -------
+    float
     """
     return max(length * float(tf.opacity_unit_distance or volume.spacing.min()), LEAST_DISTANCE)
 
 
 def optical_depth(alpha) -> np.ndarray:
-    """Optical depth of opacity ``alpha`` in [0, 1], float64; alpha = 1 is capped at 24 ln 2."""
+    """Optical depth of opacity ``alpha`` in [0, 1], float64: -log(1 - alpha). Alpha = 1 is capped at 24 ln 2."""
     return -np.log1p(-np.minimum(alpha, ALPHA_CAP))
 
 
 def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int = 0) -> ClassifiedVolume:
-    """The voxels of ``volume`` to which the transfer function ``tf`` gives an opacity above 0, and their looks.
+    """Find the voxels with an opacity above 0 and their optical properties.
 
-    ``index_to_world``: (4, 4) float64.  NaN voxels are transparent and counted; infinite ones take the end values.
+    Parameters
+    ----------
+    volume : Volume
+    tf : TransferFunction
+    index_to_world : (4, 4) array_like
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    ClassifiedVolume
+        NaN voxels are transparent and counted; infinite voxels take the end values of the transfer function.
     """
     machine = dict(backend=backend, threads=threads)
     length = unit_length(volume, np.asarray(index_to_world, dtype=np.float64))
@@ -161,9 +231,25 @@ def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int 
 def classified(
     shown: Visibility, voxels: VisibleVoxels, length: float, *, backend: str = "auto", threads: int = 0
 ) -> ClassifiedVolume:
-    """The looks of visible voxels; ``length``: world length of one of the volume's units.
+    """Optical properties of visible voxels.
 
-    Extinction is -log1p(-alpha) per opacity unit distance.
+    Parameters
+    ----------
+    shown : Visibility
+    voxels : VisibleVoxels
+    length : float
+        World length of one of the volume's units.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    ClassifiedVolume
+
+    Notes
+    -----
+    Extinction is -log(1 - alpha) per opacity unit distance. A gradient opacity multiplies the extinction.
     """
     volume, tf = shown.volume, shown.tf
     distance = opacity_distance(volume, tf, length)
@@ -173,7 +259,7 @@ def classified(
         looks = _looks_by_points(shown, voxels.stored, distance, backend, threads)
     if tf.gradient_opacity is None:
         return ClassifiedVolume(voxels, looks, shown.by_table, length, distance)
-    # Values that are alike no longer look alike: a look for every voxel.
+    # Voxels of equal value differ in their gradient, so every voxel gets its own row.
     looks = looks[voxels.stored] if shown.by_table else looks
     sizes = gradient_sizes(volume, voxels.row_start, voxels.column, backend=backend, threads=threads)
     factor = tf.gradient_opacity.factor(sizes)
@@ -183,6 +269,7 @@ def classified(
 
 
 def _looks_by_table(shown: Visibility, distance) -> np.ndarray:
+    """(256 or 65536, 5) float32 optical properties by bit pattern of the stored value."""
     looks = np.zeros((len(shown.table), LOOKS), dtype=np.float32)
     seen = shown.table > 0
     values = shown.pattern_values[seen]
@@ -193,6 +280,7 @@ def _looks_by_table(shown: Visibility, distance) -> np.ndarray:
 
 
 def _looks_by_points(shown: Visibility, stored, distance, backend, threads) -> np.ndarray:
+    """(n, 5) float32 optical properties of ``stored`` values (n,)."""
     opacity, color = pieces(shown.tf.opacity), pieces(shown.tf.color)
     scaling = (float(shown.volume.slope), float(shown.volume.intercept))
     looks = np.empty((len(stored), LOOKS), dtype=np.float32)

@@ -1,8 +1,9 @@
-"""The passes of classification, parallel over rows (paper 2.1; twins in visible.py and classification.py).
+"""Kernels of classification, parallel over rows (paper, section 2.1).
 
-Throughout: ``rows`` (planes * ny, nx) stored values of some planes; ``relevant`` (blocks along z, y, x) uint8, which
-blocks may hold a visible voxel; ``row_start`` (rows + 1,) int64 places in the lists; ``column`` (m,), x of each visible
-voxel; ``stored`` (m,), its value.
+Their reference implementations are in visible.py and classification.py. Common arguments: ``rows`` (planes * ny, nx),
+stored values of some planes; ``n_y``, rows per plane; ``relevant`` (blocks along z, y, x) uint8, 0 for blocks without
+visible voxels; ``row_start`` (rows + 1,) int64, first list entry of each row; ``column`` (m,), x of each visible voxel;
+``stored`` (m,), its value.
 """
 
 from __future__ import annotations
@@ -17,13 +18,17 @@ from .points import LARGEST, height_at, piece_of
 
 @kernel
 def count_by_table(rows, n_y, relevant, visible, counts, pieces):
-    """``rows`` as unsigned bit patterns index ``visible`` (256 or 65536,) uint8; writes the visible voxels of each
-    row and the number of connected pieces they come in."""
+    """Count the visible voxels of each row and the connected pieces that they form.
+
+    ``rows``: unsigned bit patterns; ``visible`` (256 or 65536,) uint8 by bit pattern; writes ``counts`` and ``pieces``
+    (rows,).
+    """
     share_out(_count_by_table, rows.shape[0], (rows, n_y, relevant, visible, counts, pieces))
 
 
 @kernel(inner=True)
 def _count_by_table(begin, end, rows, n_y, relevant, visible, counts, pieces):
+    """``count_by_table`` for rows [begin, end)."""
     width = rows.shape[1]
     for row in range(begin, end):
         z, y = row // n_y, row % n_y
@@ -45,12 +50,13 @@ def _count_by_table(begin, end, rows, n_y, relevant, visible, counts, pieces):
 
 @kernel
 def fill_by_table(rows, n_y, relevant, visible, row_start, column, stored):
-    """Writes ``column`` and ``stored``; see ``count_by_table``."""
+    """Write ``column`` and ``stored`` of the visible voxels; other arguments as in ``count_by_table``."""
     share_out(_fill_by_table, rows.shape[0], (rows, n_y, relevant, visible, row_start, column, stored))
 
 
 @kernel(inner=True)
 def _fill_by_table(begin, end, rows, n_y, relevant, visible, row_start, column, stored):
+    """``fill_by_table`` for rows [begin, end)."""
     width = rows.shape[1]
     for row in range(begin, end):
         at, stop = row_start[row], row_start[row + 1]
@@ -63,7 +69,7 @@ def _fill_by_table(begin, end, rows, n_y, relevant, visible, row_start, column, 
             for x in range(b * BLOCK_X, min((b + 1) * BLOCK_X, width)):
                 if at == stop:
                     break
-                # Written whether visible or not, kept by moving on: no branch to mispredict.
+                # Always write, and advance only if visible: avoids a mispredicted branch.
                 pattern = rows[row, x]
                 column[at] = x
                 stored[at] = pattern
@@ -72,7 +78,7 @@ def _fill_by_table(begin, end, rows, n_y, relevant, visible, row_start, column, 
 
 @kernel(exact=True, inline="always")
 def _physical(stored, slope, intercept):
-    """Physical value with infinities brought to the largest finite numbers; NaN stays NaN."""
+    """Physical value, with infinities clamped to the largest finite numbers; NaN stays NaN."""
     value = np.float64(stored) * slope + intercept
     if value > LARGEST:
         return LARGEST
@@ -83,7 +89,7 @@ def _physical(stored, slope, intercept):
 
 @kernel(exact=True, inline="always")
 def _is_shown(value, intervals):
-    """Whether a value lies in one of the half-open ``intervals`` (k, 2); never for NaN."""
+    """Whether a value lies in one of the half-open ``intervals`` (k, 2); False for NaN."""
     for i in range(intervals.shape[0]):
         if intervals[i, 0] <= value < intervals[i, 1]:
             return True
@@ -92,18 +98,19 @@ def _is_shown(value, intervals):
 
 @kernel
 def count_by_points(rows, n_y, relevant, slope, intercept, intervals, counts, pieces):
-    """As ``count_by_table``; ``intervals`` (k, 2): the physical values with an opacity above 0."""
+    """As ``count_by_table``; ``intervals`` (k, 2): physical values with an opacity above 0."""
     share_out(_count_by_points, rows.shape[0], (rows, n_y, relevant, slope, intercept, intervals, counts, pieces))
 
 
 @kernel(exact=True, inner=True)
 def _count_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals, counts, pieces):
+    """``count_by_points`` for rows [begin, end)."""
     width = rows.shape[1]
     for row in range(begin, end):
         z, y = row // n_y, row % n_y
         count = 0
         piece = 0
-        stop = -1  # one past the last visible voxel
+        stop = -1  # one past the previous visible voxel
         for b in range(relevant.shape[2]):
             if relevant[z // BLOCK_Z, y // BLOCK_Y, b] == 0:
                 continue
@@ -118,13 +125,14 @@ def _count_by_points(begin, end, rows, n_y, relevant, slope, intercept, interval
 
 @kernel
 def fill_by_points(rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored):
-    """Writes ``column`` and ``stored``; see ``count_by_points``."""
+    """Write ``column`` and ``stored`` of the visible voxels; other arguments as in ``count_by_points``."""
     arguments = (rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored)
     share_out(_fill_by_points, rows.shape[0], arguments)
 
 
 @kernel(exact=True, inner=True)
 def _fill_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals, row_start, column, stored):
+    """``fill_by_points`` for rows [begin, end)."""
     width = rows.shape[1]
     for row in range(begin, end):
         at = row_start[row]
@@ -146,9 +154,10 @@ def looks_by_points(
     stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights, color_rates,
     alpha_cap, distance, looks,
 ):
-    """``looks`` (m, 5) float32 of (m,) stored values: extinction in 1 / world length, opacity, red, green, blue.
+    """Optical properties of ``stored`` values (m,) by the points of a transfer function.
 
-    Points as in ``points.Pieces``; ``distance``: world length that opacity refers to.
+    ``opacity_*``, ``color_*``: arrays of ``points.Pieces``; ``distance``: world length to which opacity refers. Writes
+    ``looks`` (m, 5) float32: extinction in 1 / world length, opacity, red, green, blue.
     """
     arguments = (
         stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
@@ -162,6 +171,7 @@ def _looks_by_points(
     begin, end, stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
     color_rates, alpha_cap, distance, looks,
 ):
+    """``looks_by_points`` for values [begin, end)."""
     for i in range(begin, end):
         value = _physical(stored[i], slope, intercept)
         piece = piece_of(opacity_values, value)

@@ -1,8 +1,8 @@
-"""Short gaps between voxels that are kept, closed: each costs a few voxels more and saves a run.
+"""Close short gaps between kept voxels. Each costs a few voxels more and saves a run.
 
-What a run costs is mostly that a processor guesses wrong where it ends; in a noisy scan most gaps are of a voxel or
-two (X-ray foot: a tenth more voxels make half as many runs).  No picture changes where each sheet stands for itself:
-all of a sample's voxels matter, or none of what lies between them is shown (``relevant``).
+The cost of a run is mostly a mispredicted branch at its end, and in a noisy scan most gaps are one or two voxels wide
+(X-ray foot: a tenth more voxels give half as many runs). The picture does not change if every sheet is classified by
+its own samples: either all voxels of a sample are kept, or nothing between them is visible (``relevant``).
 """
 
 from __future__ import annotations
@@ -13,12 +13,23 @@ from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
 from .relevant import NO_BITS, WORD
 
-SHORT = 4  # voxels that a gap has at most
+SHORT = 4  # largest width of a gap that is closed, in voxels
 
 
 def close_gaps(bits: np.ndarray, shape_xyz, *, backend: str = "auto", threads: int = 0) -> None:
-    """Set the bits of ``relevant.relevant_steps``, (nz * ny, words) uint64, of all voxels in gaps of SHORT at most:
-    along the rows, and then across them, which are the scanlines of all principal axes."""
+    """Keep the voxels in gaps of at most SHORT voxels, in place.
+
+    Gaps are closed along the rows, then across the rows of each plane; these are the scanlines of all principal axes.
+
+    Parameters
+    ----------
+    bits : (nz * ny, words) ndarray of uint64
+        Bits of the kept voxels, as of ``relevant.relevant_steps``.
+    shape_xyz : (nx, ny, nz)
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+    """
     ny = shape_xyz[1]
     if compiled(backend):
         with parallel_call(threads):
@@ -31,19 +42,21 @@ def close_gaps(bits: np.ndarray, shape_xyz, *, backend: str = "auto", threads: i
             _close_across_numpy(plane)
 
 
-# --- kernels and twins ----------------------------------------------------------------------------------------
+# --- kernels and reference implementations ---------------------------------------------------------------------
 #
-# Closing, of mathematical morphology: each voxel spreads over the SHORT behind it, and what then has nothing but such
-# voxels from itself to SHORT further on stays.
+# This is a binary closing: dilate every kept voxel over the SHORT voxels after it, then erode. Gaps of at most SHORT
+# voxels between kept voxels are kept too.
 
 
 @kernel
 def _close_planes(bits, n_rows):
+    """Close the gaps of all planes of ``bits``; ``n_rows``: rows per plane."""
     share_out(_close_some, bits.shape[0] // n_rows, (bits.reshape(-1), n_rows, bits.shape[1]))
 
 
 @kernel(inner=True)
 def _close_some(begin, end, bits, n_rows, words):
+    """``_close_planes`` for planes [begin, end)."""
     spread, across = np.empty(words + 1, np.uint64), np.empty((n_rows + SHORT) * words, np.uint64)
     for z in range(begin, end):
         plane = bits[z * n_rows * words : (z + 1) * n_rows * words]
@@ -56,7 +69,7 @@ def _close_some(begin, end, bits, n_rows, words):
 
 @kernel(inner=True)
 def _close_row(row, spread):
-    """Close the gaps along a row; whether it has any voxels.  ``spread``: scratch, a word more."""
+    """Close the gaps along a row; return whether it has kept voxels. ``spread``: scratch, one word longer."""
     seen = NO_BITS
     for n in range(row.size):
         seen |= row[n]
@@ -80,8 +93,7 @@ def _close_row(row, spread):
 
 @kernel(inner=True)
 def _close_across(plane, words, spread):
-    """Close the gaps across the rows of a ``plane``, flat, each of so many ``words``.  ``spread``: scratch, flat, SHORT
-    rows more."""
+    """Close the gaps across the rows of ``plane`` (flat, ``words`` per row). ``spread``: scratch, SHORT rows longer."""
     spread[:] = NO_BITS
     for k in range(SHORT + 1):
         for n in range(plane.size):
@@ -94,6 +106,7 @@ def _close_across(plane, words, spread):
 
 
 def _close_rows_numpy(rows):
+    """Reference implementation of ``_close_row``, for all rows of a plane."""
     padded = np.pad(rows, ((0, 0), (1, 1)))
     here, before = padded[:, 1:], padded[:, :-1]
     spread = here.copy()
@@ -105,6 +118,7 @@ def _close_rows_numpy(rows):
 
 
 def _close_across_numpy(rows):
+    """Reference implementation of ``_close_across``."""
     padded = np.pad(rows, ((SHORT, SHORT), (0, 0)))
     spread = np.bitwise_or.reduce([padded[SHORT - k : len(padded) - k] for k in range(SHORT + 1)])
     rows[:] = np.bitwise_and.reduce([spread[k : k + len(rows)] for k in range(SHORT + 1)])

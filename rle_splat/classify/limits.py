@@ -1,12 +1,12 @@
-"""The largest numbers a look may hold: within them no product on the road leaves the range of float32.
+"""Largest optical properties and light, chosen so that no product in the pipeline leaves the range of float32.
 
-A voxel's record is extinction * colour, 2e36 at most where float32 ends at 3.4e38; what falls on a voxel is light *
-coefficient * colour, 1e33 at most.  Nothing that can be seen comes near any of them.
+A voxel record holds extinction * color, at most 2e36 (float32 ends at 3.4e38). Light * coefficient * color is at most
+1e33. No visible scene comes near these limits.
 """
 
 from __future__ import annotations
 
-BRIGHTEST = 1e9  # any channel of a colour, shaded or not, 1 being white; more is refused
-LEAST_DISTANCE = 1e-26  # world lengths that opacity refers to; what refers to less is taken as this dense, and opaque
-STRONGEST_LIGHT = 1e18  # light on a voxel, 1 making white white; nearer to a light it does not grow any more
-MOST_REFLECTED = 1e6  # a coefficient of shading; more is refused
+BRIGHTEST = 1e9  # largest channel of a color, shaded or not (white is 1); larger values are refused
+LEAST_DISTANCE = 1e-26  # smallest world length to which opacity refers; smaller ones are clamped
+STRONGEST_LIGHT = 1e18  # largest light on a voxel (1 makes white white); light near a lamp is clamped to it
+MOST_REFLECTED = 1e6  # largest coefficient of shading; larger values are refused

@@ -1,6 +1,7 @@
-"""The loops over voxels that several transfer functions classify, by tables of bit patterns; a numpy twin beside each.
+"""Kernels for voxels that are classified by several transfer functions, with lookup tables by bit pattern.
 
-A voxel's entry in the tables is ``size`` times the number of its function, plus its bit pattern.
+Each public function has the kernel and its reference implementation in numpy. The table entry of a voxel is ``size``
+times the number of its function, plus the bit pattern of its value.
 """
 
 from __future__ import annotations
@@ -12,14 +13,29 @@ import numpy as np
 from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
 
-PIECE = 1 << 14  # voxels by one thread at a time
+PIECE = 1 << 14  # voxels per piece of work
 
 
 def mark_seen(stored, labels, numbers, shown, size: int, seen, backend: str = "auto", threads: int = 0) -> None:
-    """Set ``seen`` (n,) bool where a voxel is shown.
+    """Set ``seen`` where a voxel is visible.
 
-    ``stored`` (n,): bit patterns; ``labels`` (n,): bit patterns too, or None; ``numbers``: of the function of each
-    label, by bit pattern; ``shown``: bool, by entry.
+    Parameters
+    ----------
+    stored : (n,) ndarray of unsigned integers
+        Bit patterns of the values.
+    labels : (n,) ndarray of unsigned integers or None
+        Bit patterns of the labels.
+    numbers : ndarray of uint16
+        Function number by bit pattern of the label.
+    shown : ndarray of bool
+        Whether a table entry has an opacity above 0.
+    size : int
+        Table entries per function.
+    seen : (n,) ndarray of bool
+        Written where True.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
     """
     if compiled(backend):
         with parallel_call(threads):
@@ -29,8 +45,7 @@ def mark_seen(stored, labels, numbers, shown, size: int, seen, backend: str = "a
 
 
 def count_seen(seen, counts, pieces, backend: str = "auto", threads: int = 0) -> None:
-    """How many voxels of each row of ``seen`` (rows, nx) bool are seen, and in how many pieces, to ``counts`` and
-    ``pieces`` (rows,)."""
+    """Count the True voxels of each row of ``seen`` (rows, nx) into ``counts`` and their pieces into ``pieces``."""
     if compiled(backend):
         with parallel_call(threads):
             _count(len(seen), (seen, counts, pieces))
@@ -40,7 +55,7 @@ def count_seen(seen, counts, pieces, backend: str = "auto", threads: int = 0) ->
 
 
 def put_columns(seen, row_start, column, backend: str = "auto", threads: int = 0) -> None:
-    """The place in its row of each voxel that is seen, to ``column[row_start[0]:]``."""
+    """Write x of each True voxel of ``seen`` (rows, nx) to ``column[row_start[0]:]``."""
     if compiled(backend):
         with parallel_call(threads):
             _put(len(seen), (seen, row_start, column))
@@ -49,24 +64,39 @@ def put_columns(seen, row_start, column, backend: str = "auto", threads: int = 0
 
 
 def add_looks(
-    places, stored, labels, numbers, tables, size: int, distance: float, looks, backend: str = "auto", threads: int = 0
+    indices, stored, labels, numbers, tables, size: int, distance: float, looks, backend: str = "auto", threads: int = 0
 ) -> None:
-    """Add one channel to ``looks`` (n, 5) float64: extinction, opacity, RGB, of the voxels at ``places`` (n,).
+    """Add one channel to the optical properties of voxels.
 
-    ``tables``: by entry, (m,) alpha, (m,) extinction, (m, 3) colour, and whether the alpha is per ``distance``, which
-    opacities refer to.  ``stored``, ``labels``, ``numbers``: as of ``mark_seen``, of the whole volume.
+    Parameters
+    ----------
+    indices : (n,) ndarray of int64
+        Indices into the flat volume.
+    stored, labels, numbers
+        As in ``mark_seen``, for the whole volume.
+    tables : tuple
+        By table entry: (m,) alpha, (m,) extinction, (m, 3) color, and (m,) bool, whether alpha refers to ``distance``.
+    size : int
+        Table entries per function.
+    distance : float
+        World length to which the opacity in ``looks`` refers.
+    looks : (n, 5) ndarray of float64
+        Extinction, opacity, RGB; changed in place.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
     """
     if compiled(backend):
         with parallel_call(threads):
-            _add(-(-len(places) // PIECE), (places, stored, labels, numbers, *tables, size, distance, looks))
+            _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, looks))
     else:
-        entry = _entries(stored[places], None if labels is None else labels[places], numbers, size)
+        entry = _entries(stored[indices], None if labels is None else labels[indices], numbers, size)
         mix(looks, *(table[entry] for table in tables), distance)
 
 
 def mix(looks, alpha, extinction, color, per_distance, distance: float) -> None:
-    """Add matter of so much ``extinction`` and ``color`` to ``looks``, as ``add_looks`` does."""
-    # What one function shows alone, per the distance of the first, keeps its opacity and its colour to the bit.
+    """Add a medium of ``extinction`` and ``color`` to ``looks``; reference implementation of ``add_looks``."""
+    # A voxel with a single medium, whose alpha refers to ``distance``, keeps opacity and color bit for bit.
     alone = (looks[:, 0] == 0.0) & per_distance
     adds = extinction > 0.0
     looks[:, 0] += extinction
@@ -77,17 +107,20 @@ def mix(looks, alpha, extinction, color, per_distance, distance: float) -> None:
 
 
 def _entries(stored, labels, numbers, size: int) -> np.ndarray:
+    """(n,) table entry of each voxel."""
     entries = stored.astype(np.intp)
     return entries if labels is None else entries + size * numbers[labels].astype(np.intp)
 
 
 @kernel
 def _mark(pieces, arguments):
+    """Kernel of ``mark_seen``."""
     share_out(_mark_pieces, pieces, arguments)
 
 
 @kernel(inner=True)
 def _mark_pieces(begin, end, stored, labels, numbers, shown, size, seen):
+    """``_mark`` for pieces [begin, end)."""
     for i in range(begin * PIECE, min(end * PIECE, seen.size)):
         entry = np.int64(stored[i])
         if labels is not None:
@@ -97,17 +130,19 @@ def _mark_pieces(begin, end, stored, labels, numbers, shown, size, seen):
 
 @kernel
 def _add(pieces, arguments):
+    """Kernel of ``add_looks``."""
     share_out(_add_pieces, pieces, arguments)
 
 
 @kernel(inner=True, exact=True)
 def _add_pieces(
-    begin, end, places, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, looks
+    begin, end, indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, looks
 ):
-    for i in range(begin * PIECE, min(end * PIECE, places.size)):
-        entry = np.int64(stored[places[i]])
+    """``_add`` for pieces [begin, end); arithmetic as in ``mix``."""
+    for i in range(begin * PIECE, min(end * PIECE, indices.size)):
+        entry = np.int64(stored[indices[i]])
         if labels is not None:
-            entry += size * np.int64(numbers[labels[places[i]]])
+            entry += size * np.int64(numbers[labels[indices[i]]])
         extinction = extinctions[entry]
         if extinction > 0.0:
             alone = looks[i, 0] == 0.0 and per_distance[entry]
@@ -120,11 +155,13 @@ def _add_pieces(
 
 @kernel
 def _count(rows, arguments):
+    """Kernel of ``count_seen``."""
     share_out(_count_rows, rows, arguments)
 
 
 @kernel(inner=True)
 def _count_rows(begin, end, seen, counts, pieces):
+    """``_count`` for rows [begin, end)."""
     for row in range(begin, end):
         count = found = 0
         before = False
@@ -138,15 +175,17 @@ def _count_rows(begin, end, seen, counts, pieces):
 
 @kernel
 def _put(rows, arguments):
+    """Kernel of ``put_columns``."""
     share_out(_put_rows, rows, arguments)
 
 
 @kernel(inner=True)
 def _put_rows(begin, end, seen, row_start, column):
+    """``_put`` for rows [begin, end)."""
     for row in range(begin, end):
         at, stop = row_start[row], row_start[row + 1]
         for x in range(seen.shape[1]):
             if at == stop:
                 break
-            column[at] = x  # written whether seen or not, kept by moving on
+            column[at] = x  # always write, and advance only if visible
             at += seen[row, x]

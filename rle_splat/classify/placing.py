@@ -1,7 +1,7 @@
-"""Where the records of visible voxels go: to the scanlines of a principal axis, which may run across their own rows.
+"""Positions of the records of visible voxels in the scanlines of a principal axis.
 
-A plane z of voxels meets one scanline for each of its rows, or, where scanlines run along y, one for each of its
-columns.  Within a scanline the voxels keep their order, so a cursor for each scanline of a plane is all it takes.
+A plane z of voxels meets one scanline per row, or, where scanlines run along y, one per column. Voxels keep their order
+within a scanline, so one cursor per scanline of a plane suffices.
 """
 
 from __future__ import annotations
@@ -15,11 +15,18 @@ from .visible import VisibleVoxels
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """The planes [``first_plane``, ``first_plane + len(data_starts)``) of visible voxels, and where their records go.
+class RecordPositions:
+    """Planes of visible voxels, and the positions of their records.
 
-    ``across``: whether scanlines run along y.  ``data_starts``: (planes, ny), or (planes, nx) across, int64: where the
-    records of each scanline begin.
+    Attributes
+    ----------
+    voxels : VisibleVoxels
+    first_plane : int
+        The planes are [``first_plane``, ``first_plane + len(data_starts)``).
+    across : bool
+        Whether scanlines run along y.
+    data_starts : (planes, ny) ndarray of int64; (planes, nx) if ``across``
+        Position of the first record of each scanline.
     """
 
     voxels: VisibleVoxels
@@ -28,22 +35,22 @@ class Places:
     data_starts: np.ndarray
 
     @classmethod
-    def in_order(cls, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> Places:
-        """One after the other, as the voxels are, from 0 on."""
+    def in_order(cls, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> RecordPositions:
+        """Records in the order of the voxels of planes [``first_plane``, ``last_plane``), from position 0 on."""
         ny = voxels.shape_xyz[1]
         starts = voxels.row_start[first_plane * ny : last_plane * ny]
         return cls(voxels, first_plane, False, (starts - starts[:1]).reshape(-1, ny))
 
     @property
     def span(self) -> tuple[int, int]:
-        """First voxel, and one past the last."""
+        """Half-open range of the voxels of the planes."""
         ny = self.voxels.shape_xyz[1]
         ends = self.first_plane * ny, (self.first_plane + len(self.data_starts)) * ny
         return tuple(int(self.voxels.row_start[row]) for row in ends)
 
     @property
     def arguments(self) -> tuple:
-        """What kernels take of it: ny, first plane, row_start, column, across, data_starts."""
+        """Arguments of kernels: ny, first plane, row_start, column, across, data_starts."""
         voxels = self.voxels
         starts = read_only(np.ascontiguousarray(self.data_starts))
         return (
@@ -52,7 +59,7 @@ class Places:
         )
 
     def targets_numpy(self) -> np.ndarray:
-        """Twin of ``find_targets``: (n,) int64 place of each voxel's record."""
+        """(n,) int64 position of each voxel's record; reference implementation of ``find_targets``."""
         ny = self.voxels.shape_xyz[1]
         first, last = self.span
         rows = np.arange(self.first_plane * ny, (self.first_plane + len(self.data_starts)) * ny)
@@ -69,10 +76,10 @@ class Places:
 
 @kernel(inline="always")
 def find_targets(across, first_row, row, row_start, column, at, count, cursors, targets):
-    """Places of the records of voxels [at, at + count), which lie in rows of one plane, ``row`` and on.
+    """Positions of the records of voxels [at, at + count) of one plane.
 
-    ``first_row``: of the plane; ``cursors``: where the next record of each scanline goes, moved along; writes
-    ``targets`` (count,) uint64.  Returns the row of the last voxel.
+    ``row``: row of the first voxel; ``first_row``: first row of the plane; ``cursors``: next position in each scanline,
+    advanced; writes ``targets`` (count,) uint64. Returns the row of the last voxel.
     """
     i = at
     while i < at + count:

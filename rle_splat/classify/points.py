@@ -1,6 +1,6 @@
-"""Piecewise linear functions of the scalar as flat arrays that kernels can read.
+"""Piecewise linear functions of the scalar, as flat arrays for kernels.
 
-A repeated value is a step and steps are right-continuous; outside the points the end values hold.
+A repeated value is a step. Steps are right-continuous. Outside the points the end values hold.
 """
 
 from __future__ import annotations
@@ -12,14 +12,23 @@ import numpy as np
 from ..runtime.jit import kernel
 from ..volume.volume import LARGEST_VALUE
 
-LARGEST = LARGEST_VALUE  # stands for +inf, and its opposite for -inf: the end values hold there
-SMALLEST_GAP = 1e-300  # points closer than this are a step: one over the gap has to be a number
+LARGEST = LARGEST_VALUE  # +inf is clamped to it, and -inf to its negative, where the end values hold
+SMALLEST_GAP = 1e-300  # closer points are a step, so that one over the gap is finite
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """``values`` (n,) ascending; ``heights`` (n, channels) at them; ``rates`` (n,), one over the gap to the next
-    point, 0 after the last one and at a step.  All float64, values physical."""
+    """A piecewise linear function.
+
+    Attributes
+    ----------
+    values : (n,) ndarray of float64
+        Physical values of the points, ascending.
+    heights : (n, channels) ndarray of float64
+        Function values at the points.
+    rates : (n,) ndarray of float64
+        One over the gap to the next point; 0 after the last point and at a step.
+    """
 
     values: np.ndarray
     heights: np.ndarray
@@ -27,8 +36,17 @@ class Pieces:
 
 
 def pieces(points) -> Pieces:
-    """Points ((value, height...), ...) in any order; equal values keep their order, so the last one is the step's
-    upper end."""
+    """Make Pieces from points.
+
+    Parameters
+    ----------
+    points : sequence of (value, height, ...)
+        In any order; equal values keep their order, so the last one is the upper end of the step.
+
+    Returns
+    -------
+    Pieces
+    """
     table = np.array(points, dtype=np.float64)
     table = table[np.argsort(table[:, 0], kind="stable")]
     gaps = np.append(np.diff(table[:, 0]), 0.0)
@@ -37,14 +55,26 @@ def pieces(points) -> Pieces:
 
 
 def positive_intervals(function: Pieces) -> np.ndarray:
-    """(k, 2) float64 disjoint ascending half-open intervals [a, b) of values where the first channel is above 0.
+    """Intervals of values in which the first channel is above 0.
 
-    Found by comparing values only, so no rounding of the function can flip a voxel between visible and not.
+    Parameters
+    ----------
+    function : Pieces
+
+    Returns
+    -------
+    (k, 2) ndarray of float64
+        Disjoint ascending half-open intervals [a, b).
+
+    Notes
+    -----
+    Only comparisons of values are used, so that rounding of the function cannot change which voxels are visible.
     """
     x, y = function.values, function.heights[:, 0]
     found = []
 
     def add(low, high):
+        """Append [low, high), merged with the previous interval if they touch."""
         if found and found[-1][1] == low:
             found[-1][1] = high
         elif low < high:
@@ -82,7 +112,7 @@ def piece_of(values, value):
 
 @kernel(exact=True)
 def height_at(heights, rates, values, piece, value, channel):
-    """Height of one channel at ``value``, which lies in piece number ``piece`` (see ``piece_of``)."""
+    """Height of one channel at ``value``, which lies in ``piece`` (see ``piece_of``)."""
     if piece < 0:
         return heights[0, channel]
     if rates[piece] == 0.0:
@@ -92,11 +122,22 @@ def height_at(heights, rates, values, piece, value, channel):
 
 
 def heights_at_numpy(function: Pieces, values: np.ndarray) -> np.ndarray:
-    """(m, channels) float64 heights at (m,) finite physical values, by the same arithmetic as the kernels."""
+    """Heights at physical values, with the arithmetic of the kernels.
+
+    Parameters
+    ----------
+    function : Pieces
+    values : (m,) ndarray of float64
+        Finite physical values.
+
+    Returns
+    -------
+    (m, channels) ndarray of float64
+    """
     piece = np.searchsorted(function.values, values, side="right") - 1
     inside = np.maximum(piece, 0)
     after = np.minimum(inside + 1, len(function.values) - 1)
-    with np.errstate(over="ignore"):  # far from points that are close together: infinite, and cut off
+    with np.errstate(over="ignore"):  # far from points that are close together the share overflows and is clamped
         share = np.minimum((values - function.values[inside]) * function.rates[inside], 1.0)
     share = np.where(piece < 0, 0.0, share)[:, None]
     return function.heights[inside] * (1.0 - share) + function.heights[after] * share

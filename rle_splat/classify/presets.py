@@ -1,4 +1,4 @@
-"""The built-in transfer functions, one JSON file each in ``presets/``, and how they are fitted to a volume."""
+"""Built-in transfer functions, one JSON file each in ``presets/``, and how they are fitted to a volume."""
 
 from __future__ import annotations
 
@@ -13,12 +13,22 @@ from ..volume.volume import Volume
 from .transfer_function import TransferFunction
 
 FOLDER = Path(__file__).parent / "presets"
-FIT_PERCENTS = (1.0, 99.9)  # of the values; the ends of a preset's points are moved there
+FIT_PERCENTS = (1.0, 99.9)  # percentiles of the values, to which the ends of a preset's points are moved
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A row of the table: ``name`` as typed, ``label`` and ``description`` as shown, and the modality it is for."""
+    """One built-in transfer function.
+
+    Attributes
+    ----------
+    name : str
+        Name on the command line.
+    label, description : str
+        Texts for display.
+    modality : str or None
+        Modality for which the preset is made.
+    """
 
     name: str
     label: str
@@ -27,35 +37,49 @@ class Preset:
 
     @property
     def path(self) -> Path:
+        """The JSON file."""
         return FOLDER / f"{self.name}.json"
 
 
 _ROWS = (
-    Preset("ct-bone", "CT Bone", "CT", "bone alone, ivory and opaque"),
+    Preset("ct-bone", "CT Bone", "CT", "bone only, ivory and opaque"),
     Preset("ct-soft-tissue", "CT Soft Tissue", "CT", "translucent fat and muscle, with the bones inside"),
     Preset("ct-skin", "CT Skin", "CT", "the surface of the body"),
     Preset("ct-skin-and-bone", "CT Skin and Bone", "CT", "bones under a thin veil of skin"),
     Preset("ct-muscle", "CT Muscle", "CT", "muscle and organs without fat"),
     Preset("ct-lung", "CT Lung", "CT", "airways, lungs and their vessels"),
     Preset("ct-angiography", "CT Angiography", "CT", "vessels filled with contrast medium, with bone"),
-    Preset("ct-industrial", "CT Industrial", "CT", "grey metal parts with bright dense inserts"),
+    Preset("ct-industrial", "CT Industrial", "CT", "gray metal parts with bright dense inserts"),
     Preset("ct-plant", "CT Plant", "CT", "leaves, wood and pot"),
     Preset("ct-specimen", "CT Specimen", "CT", "shell and flesh of a small animal"),
-    Preset("mr-head", "MR Head", "MR", "the head from outside; cut faces show what is inside"),
-    Preset("mr-brain", "MR Brain", "MR", "grey and white matter of a brain without its skull"),
+    Preset("mr-head", "MR Head", "MR", "the head from outside; clipped faces show the inside"),
+    Preset("mr-brain", "MR Brain", "MR", "gray and white matter of a brain without skull"),
     Preset("mr-angiography", "MR Angiography", "MR", "bright vessels"),
     Preset("x-ray", "X-Ray", None, "everything, faintly, unshaded, like a radiograph"),
-    Preset("window", "Window", None, "a grey window over all values, for MIP, MinIP and average"),
-    Preset("xa-limb", "X-Ray Limb", "XA", "bones in flesh, from a rotational X-ray"),
-    Preset("smoke", "Smoke", "SMOKE", "grey smoke from thin to dense"),
+    Preset("window", "Window", None, "a gray window over all values, for MIP, MinIP and average"),
+    Preset("xa-limb", "X-Ray Limb", "XA", "bones in soft tissue, from a rotational X-ray"),
+    Preset("smoke", "Smoke", "SMOKE", "gray smoke from thin to dense"),
 )
 PRESETS = {row.name: row for row in _ROWS}
 
 
 def preset(name: str) -> TransferFunction:
-    """The built-in transfer function called ``name``, in its own values; RleSplatError lists the names there are.
+    """Load a built-in transfer function.
 
-    Points of a preset without unit run from 0 to 1 and mean nothing until they are fitted to a volume.
+    Parameters
+    ----------
+    name : str
+        A key of PRESETS.
+
+    Returns
+    -------
+    TransferFunction
+        In the preset's own values. Points of a preset without unit run from 0 to 1; fit them with ``fit_preset``.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such preset; the message lists the names.
     """
     if name not in PRESETS:
         raise RleSplatError(f"There is no preset {name!r}; choose one of {', '.join(PRESETS)}.")
@@ -63,10 +87,10 @@ def preset(name: str) -> TransferFunction:
 
 
 def typical_range(volume: Volume) -> tuple[float, float]:
-    """(low, high) physical: the 1st and 99.9th percentile of the values.
+    """Range of typical values of a volume, (low, high), physical.
 
-    Where so many voxels are alike that the two coincide, the whole range; for a constant volume the last unit
-    below its value, so that whatever is shown at the upper end shows it.
+    This is the 1st to 99.9th percentile; if they coincide, the whole range; for a constant volume, the unit interval
+    below its value, so that the upper end of a transfer function applies to it.
     """
     low, high = (float(p) for p in percentiles(volume, FIT_PERCENTS))
     if low == high:
@@ -77,17 +101,30 @@ def typical_range(volume: Volume) -> tuple[float, float]:
 
 
 def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]:
-    """(the preset in the volume's values, a remark or None where nothing had to be moved).
+    """Fit a built-in transfer function to a volume.
 
-    A preset in the volume's own unit is taken as it is; the points of any other are moved linearly so that they
+    A preset in the volume's own unit is not changed. The points of any other preset are moved linearly, so that they
     run from the 1st to the 99.9th percentile of the volume's values.
+
+    Parameters
+    ----------
+    name : str
+        A key of PRESETS.
+    volume : Volume
+
+    Returns
+    -------
+    function : TransferFunction
+        In the volume's values.
+    remark : str or None
+        A sentence if the points were moved.
     """
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None
     low, high = typical_range(volume)
     first, last = function.span
-    meant = f"in {function.unit}, the volume's values are not" if function.unit else "relative"
+    meant = f"in {function.unit}, unlike the volume's values" if function.unit else "relative"
     remark = (
         f"The points of the preset {name} are {meant}, so {first:g} to {last:g} was mapped to {low:g} to {high:g}, "
         "the 1st to 99.9th percentile of the values."

@@ -1,7 +1,7 @@
-"""Classification refinement: the scalar interpolated on a finer grid, to be classified there (algorithm.md 1.10 (ii)).
+"""Refined classification: the scalar is interpolated to a finer grid and classified there (algorithm.md, 1.10 (ii)).
 
-The finer grid never exists as a whole.  It is made some planes at a time, and of those only the blocks that the
-transfer function shows: ``FineVoxels`` stands where an array of voxels would, ``RefinedVolume`` where a volume would.
+The finer grid never exists as a whole. It is computed some planes at a time, and only in blocks that the transfer
+function shows. ``FineVoxels`` takes the place of an array of voxels, ``RefinedVolume`` that of a Volume.
 """
 
 from __future__ import annotations
@@ -26,12 +26,21 @@ MOST_CODE = 65535
 
 @dataclass(frozen=True, eq=False)
 class RefinedVolume:
-    """A volume whose voxels are interpolated between those of ``source``, ``refinement`` cells to each of its cells.
+    """A volume on a finer grid, with voxels interpolated between those of ``source``.
 
-    Trilinear, as the truth T2 has it.  Fine voxel ``refinement * i`` is voxel i itself, so there are
-    ``refinement * (n - 1) + 1`` along an axis, and they fill the box of the voxels' centres.  Voxels of 8 and 16 bits
-    become 16-bit codes, as fine as the range allows in which ``tf`` varies; others stay floating-point numbers.
-    A fine voxel next to a NaN is NaN; an infinite voxel counts as the transfer function's nearest point.
+    Parameters
+    ----------
+    source : Volume
+    tf : TransferFunction
+    refinement : int
+        Fine cells along each side of a cell of ``source``.
+
+    Notes
+    -----
+    Interpolation is trilinear, as in the truth T2. Fine voxel ``refinement * i`` equals voxel i, so an axis has
+    ``refinement * (n - 1) + 1`` fine voxels, which fill the box of the voxel centers. Voxels of 8 and 16 bits become
+    16-bit codes over the range in which ``tf`` varies; other types stay floating-point. A fine voxel next to a NaN is
+    NaN. An infinite voxel counts as the nearest point of the transfer function.
     """
 
     source: object
@@ -40,52 +49,65 @@ class RefinedVolume:
 
     @cached_property
     def voxels(self) -> FineVoxels:
+        """The fine voxels, computed on demand."""
         return FineVoxels.between(self.source, self.tf, self.refinement)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of fine voxels along x, y, z."""
         return tuple(self.refinement * (n - 1) + 1 for n in self.source.shape_xyz)
 
     @property
     def affine(self) -> np.ndarray:
-        """(4, 4) float64, fine voxel index to the volume's own space."""
+        """(4, 4) float64, fine voxel index (x, y, z, 1) to the volume's own space."""
         return self.source.affine @ np.diag((*(3 * [1.0 / self.refinement]), 1.0))
 
     @property
     def spacing(self) -> np.ndarray:
-        """(3,) float64: between the voxels of ``source``; an opacity may refer to that length."""
+        """(3,) float64: spacing of the voxels of ``source``, to which an opacity may refer."""
         return self.source.spacing
 
     @property
     def slope(self) -> float:
+        """See Volume."""
         return self.source.slope
 
     @property
     def intercept(self) -> float:
+        """See Volume."""
         return self.source.intercept
 
     @property
     def remarks(self) -> tuple:
+        """See Volume."""
         return self.source.remarks
 
     @property
     def key(self) -> str:
-        """A hash of all that decides the fine voxels."""
+        """Hash of everything on which the fine voxels depend."""
         made = (self.source.key, self.refinement, self.voxels.dtype.str, self.voxels.base, self.voxels.step)
         return hashlib.blake2b(repr((*made, self.voxels.ends)).encode(), digest_size=16).hexdigest()
 
     def physical(self, stored) -> np.ndarray:
-        """What fine voxels hold, to physical values, float64."""
+        """Convert fine voxels, as stored in ``voxels``, to physical values, float64."""
         return self.source.physical(self.voxels.stored(stored))
 
 
 @dataclass(frozen=True, eq=False)
 class FineVoxels:
-    """The voxels of a RefinedVolume, made when they are asked for.
+    """The voxels of a RefinedVolume, computed on demand.
 
-    ``coarse``: (nz, ny, nx) stored values.  ``dtype`` uint16: codes, a stored value is ``base + step * code``, values
-    outside cut off at the ends; floating-point types hold stored values, and ``base`` is 0, ``step`` 1.
-    ``ends``: the stored values that stand for -inf and inf.
+    Attributes
+    ----------
+    coarse : (nz, ny, nx) ndarray
+        Stored values of the source.
+    refinement : int
+    dtype : numpy.dtype
+        uint16 for codes, where a stored value is ``base + step * code``, clamped; else a floating-point type that holds
+        stored values, with ``base`` 0 and ``step`` 1.
+    base, step : float
+    ends : (low, high)
+        Stored values that replace -inf and inf.
     """
 
     coarse: np.ndarray
@@ -97,6 +119,7 @@ class FineVoxels:
 
     @classmethod
     def between(cls, volume, tf, refinement: int) -> FineVoxels:
+        """The FineVoxels of a volume and a transfer function."""
         own = volume.voxels.dtype
         first, last = _stored_ends(volume, (tf.opacity, tf.color))
         if not counts_values(own):
@@ -104,36 +127,50 @@ class FineVoxels:
             return cls(volume.voxels, refinement, np.dtype("f4" if single else "f8"), 0.0, 1.0, (first, last))
         limits = np.iinfo(own)
         low, high = _varying_range(volume, (tf.opacity, tf.color))
-        # One stored value more on either side: what lies there looks as everything beyond it does.
+        # One more stored value on either side, which looks like everything beyond it.
         low, high = (float(np.clip(end, limits.min, limits.max)) for end in (np.floor(low) - 1, np.ceil(high) + 1))
-        # A whole power of two codes to a stored value, so that voxels themselves lose nothing: a step of the
-        # transfer function at the very value of a region must not lose the region.
+        # A power of two codes per stored value, so that the voxels themselves are exact: otherwise a step of the
+        # transfer function exactly at the value of a region could lose the region.
         codes_per_value = 2.0 ** math.floor(math.log2(MOST_CODE / max(high - low, 1.0)))
         return cls(volume.voxels, refinement, np.dtype("u2"), low, 1.0 / codes_per_value, (first, last))
 
     @property
     def shape(self) -> tuple[int, int, int]:
+        """Number of fine voxels along z, y, x."""
         return tuple(self.refinement * (n - 1) + 1 for n in self.coarse.shape)
 
     @property
     def nbytes(self) -> int:
-        """Of the voxels that they are made from: they take no room themselves."""
+        """Bytes of the source's voxels; fine voxels are not stored."""
         return self.coarse.nbytes
 
     @property
     def _coding(self):
-        """What kernels need to make codes; None where there are none."""
+        """(base, codes per stored value) for kernels; None if voxels are not coded."""
         return (self.base, 1.0 / self.step) if self.dtype.kind == "u" else None
 
     def stored(self, fine) -> np.ndarray:
-        """Fine voxels as stored values, float64."""
+        """Convert fine voxels to stored values, float64."""
         return self.base + self.step * np.asarray(fine, dtype=np.float64)
 
     def planes(self, first: int, last: int, relevant, hidden, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
-        """(last - first, ny, nx) fine voxels of some planes, ``first`` a multiple of BLOCK_Z.
+        """Compute some planes of fine voxels.
 
-        ``relevant``: (blocks along z, y, x) of these planes; where it is 0, only what the last voxel of a row of the
-        block holds is sure to be hidden: a value of ``hidden``, as ``relevant``, that is.
+        Parameters
+        ----------
+        first, last : int
+            Half-open range of planes; ``first`` is a multiple of BLOCK_Z.
+        relevant : (blocks along z, y, x) ndarray of uint8
+            Blocks of these planes. Where it is 0, only the last voxel of a row of the block is set, to ``hidden``.
+        hidden : (blocks along z, y, x) ndarray
+            A hidden value for each block.
+        backend : {"auto", "numba", "numpy"}
+        threads : int
+            0 for one per core.
+
+        Returns
+        -------
+        (last - first, ny, nx) ndarray
         """
         _, n_y, n_x = self.shape
         if not compiled(backend):
@@ -147,7 +184,7 @@ class FineVoxels:
         return made
 
     def block_steps(self, *, backend: str = "auto", threads: int = 0):
-        """Generator: yields the fraction done, returns the Blocks of the fine voxels."""
+        """Generator: yield the fraction done, return the Blocks of the fine voxels."""
         shape = tuple(-(-n // size) for n, size in zip(self.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X)))
         low, high = np.empty((2, *shape), self.dtype)
         for first, last in slabs(shape[0], math.prod(shape[1:]), FINE_VOXELS_AT_ONCE // (BLOCK_Z * BLOCK_Y * BLOCK_X)):
@@ -160,30 +197,30 @@ class FineVoxels:
                 self._extremes_numpy(first, last, low, high)
         return Blocks(low, high, 0)
 
-    # Twins.
+    # Reference implementations.
 
     def _loaded_numpy(self, stored) -> np.ndarray:
-        """Twin of ``_loaded``."""
+        """Reference implementation of ``_loaded``."""
         values = np.asarray(stored, dtype=np.float64)
         values = np.where(values == np.inf, self.ends[1], np.where(values == -np.inf, self.ends[0], values))
         return np.clip(values, -LARGEST, LARGEST)
 
     def _coded_numpy(self, values) -> np.ndarray:
-        """Twin of ``_coded``."""
+        """Reference implementation of ``_coded``."""
         if self._coding is None:
             return values.astype(self.dtype)
         base, per_value = self._coding
         return np.clip(np.rint((values - base) * per_value), 0, MOST_CODE).astype(self.dtype)
 
     def _plane_numpy(self, z: int) -> np.ndarray:
-        """Twin of ``_interpolate``, for one whole plane."""
+        """Reference implementation of ``_interpolate``, for one plane."""
         s, (_, n_y, n_x) = self.refinement, self.shape
 
-        def neighbours(n):
+        def neighbors(n):
             at = np.arange(n)
             return at // s, -(-at // s), (at % s) / s
 
-        (y0, y1, wy), (x0, x1, wx) = neighbours(n_y), neighbours(n_x)
+        (y0, y1, wy), (x0, x1, wx) = neighbors(n_y), neighbors(n_x)
         z0, z1, wz = z // s, -(-z // s), (z % s) / s
         lines = []
         for plane in (self._loaded_numpy(self.coarse[z0]), self._loaded_numpy(self.coarse[z1])):
@@ -192,7 +229,7 @@ class FineVoxels:
         return self._coded_numpy(line[:, x0] + (line[:, x1] - line[:, x0]) * wx)
 
     def _extremes_numpy(self, first: int, last: int, low, high):
-        """Twin of ``_extremes``."""
+        """Reference implementation of ``_extremes``."""
         s = self.refinement
         spans = [
             [(b * size // s, -(-min((b + 1) * size - 1, n - 1) // s) + 1) for b in range(-(-n // size))]
@@ -218,18 +255,19 @@ def fine_block_steps(volume: RefinedVolume, *, backend: str = "auto", threads: i
 
 
 def _stored_of(volume, physical: float) -> float:
+    """Stored value of a physical value, clamped to finite numbers."""
     return float(np.clip((np.float64(physical) - volume.intercept) / volume.slope, -LARGEST, LARGEST))
 
 
 def _stored_ends(volume, functions) -> tuple[float, float]:
-    """The stored values, ascending, of the first and the last of all points of some functions of the value."""
+    """Stored values, ascending, of the first and last point of transfer function curves."""
     values = [point[0] for points in functions for point in points]
     first, last = sorted(_stored_of(volume, end) for end in (min(values), max(values)))
     return first, last
 
 
 def _varying_range(volume, functions) -> tuple[float, float]:
-    """The stored values, ascending, outside which every function is constant; their middle twice where all are."""
+    """Stored values (low, high) outside which all curves are constant; (middle, middle) if they are constant."""
     ends = []
     for points in functions:
         table = np.array(sorted(points, key=lambda point: point[0]), dtype=np.float64)
@@ -247,7 +285,7 @@ def _varying_range(volume, functions) -> tuple[float, float]:
 
 @kernel(exact=True, inline="always")
 def _loaded(stored, ends):
-    """A stored value as float64; the end values for infinities, and nothing so large that differences overflow."""
+    """A stored value as float64; infinities are replaced by ``ends``, and large values clamped against overflow."""
     value = np.float64(stored)
     if value == np.inf:
         return ends[1]
@@ -262,7 +300,7 @@ def _loaded(stored, ends):
 
 @kernel(exact=True, inline="always")
 def _coded(value, coding):
-    """What a fine voxel holds of an interpolated value."""
+    """Convert an interpolated value to what a fine voxel holds."""
     if coding is None:
         return value
     return min(max(np.rint((value - coding[0]) * coding[1]), 0.0), 65535.0)
@@ -270,9 +308,9 @@ def _coded(value, coding):
 
 @kernel
 def _interpolate(voxels, refinement, first_plane, n_y, relevant, hidden, ends, coding, rows):
-    """``voxels`` (nz, ny, nx) -> ``rows`` (planes * n_y, fine nx), the fine planes from ``first_plane`` on.
+    """Interpolate fine planes from ``first_plane`` on: ``voxels`` (nz, ny, nx) -> ``rows`` (planes * n_y, fine nx).
 
-    ``relevant``, ``hidden``, ``ends``, ``coding``: see FineVoxels.
+    ``relevant``, ``hidden``: see ``FineVoxels.planes``; ``ends``, ``coding``: see FineVoxels.
     """
     arguments = (voxels, refinement, first_plane, n_y, relevant, hidden, ends, coding, rows)
     share_out(_interpolate_rows, rows.shape[0], arguments)
@@ -280,8 +318,9 @@ def _interpolate(voxels, refinement, first_plane, n_y, relevant, hidden, ends, c
 
 @kernel(exact=True, inner=True)
 def _interpolate_rows(begin, end, voxels, s, first_plane, n_y, relevant, hidden, ends, coding, rows):
+    """``_interpolate`` for rows [begin, end)."""
     width = rows.shape[1]
-    line = np.empty(voxels.shape[2], np.float64)  # interpolated along y and z; the fine voxels lie between
+    line = np.empty(voxels.shape[2], np.float64)  # interpolated along y and z, next along x
     share = np.arange(s) / s
     for row in range(begin, end):
         plane, y = row // n_y, row % n_y
@@ -313,15 +352,18 @@ def _interpolate_rows(begin, end, voxels, s, first_plane, n_y, relevant, hidden,
 
 @kernel
 def _extremes(voxels, refinement, first_block, fine_z, fine_y, fine_x, ends, coding, low, high):
-    """The smallest and the largest fine voxel that any block of the fine grid, of ``fine_z`` x ``fine_y`` x
-    ``fine_x`` voxels, may hold: those of the voxels around it.  Writes ``low`` and ``high`` (blocks along z from
-    ``first_block`` on, y, x)."""
+    """Bounds of the fine voxels of each block: the extremes of the voxels around it.
+
+    The fine grid has ``fine_z`` x ``fine_y`` x ``fine_x`` voxels. Writes ``low`` and ``high`` (blocks along z from
+    ``first_block`` on, y, x).
+    """
     arguments = (voxels, refinement, first_block, fine_z, fine_y, fine_x, ends, coding, low, high)
     share_out(_rows_of_blocks, low.shape[0] * low.shape[1], arguments)
 
 
 @kernel(exact=True, inner=True)
 def _rows_of_blocks(begin, end, voxels, s, first_block, fine_z, fine_y, fine_x, ends, coding, low, high):
+    """``_extremes`` for rows of blocks [begin, end), numbered along y, then z."""
     n_x = voxels.shape[2]
     smallest, largest = np.empty(n_x, np.float64), np.empty(n_x, np.float64)
     for row in range(begin, end):

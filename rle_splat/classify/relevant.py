@@ -1,9 +1,9 @@
-"""Which voxels matter to sheets of the scalar (algorithm.md 1.14): those of cells that hold a value which is shown.
+"""Voxels that post-classified sheets need: the corners of visible cells (algorithm.md, section 1.14).
 
-Post-classified sheets interpolate the scalar first and classify then.  What lies between eight voxels takes all values
-from their smallest to their largest, so a cell is shown where the transfer function is above zero anywhere in
-between, and a voxel is kept where it is a corner of such a cell.  A sample that needs a voxel which is not kept is
-transparent.
+Post-classified sheets interpolate the scalar first and classify then. Inside a cell of eight voxels the interpolated
+value takes all values from the smallest to the largest. A cell is visible if the transfer function is above zero
+anywhere in that range, and a voxel is kept if it is a corner of a visible cell. A sample that needs a voxel that is not
+kept is transparent.
 """
 
 from __future__ import annotations
@@ -20,53 +20,58 @@ from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, slabs
 from .points import LARGEST, pieces, positive_intervals
 from .visible import VisibleVoxels, row_offsets
 
-WORD = 64  # voxels of a row that share one word of bits
+WORD = 64  # voxels of a row in one word of bits
 NO_BITS, ONE_BIT = np.uint64(0), np.uint64(1)
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """What a cell's smallest and largest stored value must be for the transfer function to show some of it.
+    """Condition on a cell's smallest and largest stored value under which the cell is visible.
 
-    ``ends``: (k, 2) of the volume's own type: a cell is shown where, for any row (a, b), its largest value is at least
-    a and its smallest at most b.  (a > b where all that is shown lies between two neighbouring numbers.)
+    Attributes
+    ----------
+    ends : (k, 2) ndarray of the volume's dtype
+        A cell is visible if, for any row (a, b), its largest value is at least a and its smallest at most b. (a > b if
+        the visible range lies between two neighboring numbers.)
     """
 
     ends: np.ndarray
 
     @classmethod
     def of(cls, volume, tf) -> Reach:
-        """``tf``: a TransferFunction."""
+        """Reach of a TransferFunction on ``volume``."""
         return cls.of_values(volume, positive_intervals(pieces(tf.opacity)))
 
     @classmethod
     def of_values(cls, volume, shown) -> Reach:
-        """``shown``: (k, 2) half-open intervals of physical values, ascending and disjoint."""
+        """Reach of ``shown``, (k, 2) ascending disjoint half-open intervals of physical values."""
         found = [_stored_ends(volume, begin, end) for begin, end in shown]
         kept = [ends for ends in found if ends is not None]
         return cls(np.array(kept, volume.voxels.dtype).reshape(-1, 2))
 
     @property
     def key(self) -> tuple:
+        """Key for the stage cache."""
         return (self.ends.dtype.str, self.ends.tobytes())
 
     def covers(self, other: Reach) -> bool:
-        """Whether all that the other shows is shown by this one too."""
+        """Whether this shows every cell that ``other`` shows."""
         inside = (self.ends[:, 0] <= other.ends[:, :1]) & (self.ends[:, 1] >= other.ends[:, 1:])
         return bool(inside.any(axis=1).all())
 
     def of_blocks(self, blocks: Blocks) -> np.ndarray:
-        """(blocks along z, y, x) uint8: 0 where no voxel of a block is a corner of a cell that is shown."""
+        """(blocks along z, y, x) uint8: 0 where no voxel of a block is a corner of a visible cell."""
         low, high = blocks.low, blocks.high
-        for axis in range(3):  # cells reach into the neighbouring blocks
-            low, high = _with_neighbours(low, axis, np.minimum), _with_neighbours(high, axis, np.maximum)
+        for axis in range(3):  # cells extend into the neighboring blocks
+            low, high = _with_neighbors(low, axis, np.minimum), _with_neighbors(high, axis, np.maximum)
         shown = np.zeros(low.shape, bool)
         for least, most in self.ends:
             shown |= (high >= least) & (low <= most)
         return (shown & (low <= high)).astype(np.uint8)
 
 
-def _with_neighbours(ends, axis, choose):
+def _with_neighbors(ends, axis, choose):
+    """Extremes of each block and its two neighbors along ``axis``."""
     moved = np.moveaxis(ends, axis, 0)
     found = moved.copy()
     found[1:] = choose(found[1:], moved[:-1])
@@ -75,7 +80,7 @@ def _with_neighbours(ends, axis, choose):
 
 
 class _Numbers:
-    """The numbers of a type in ascending order, by whole numbers: for bisection between any two of them."""
+    """The numbers of a type in ascending order, indexed by integers, for bisection."""
 
     def __init__(self, kind):
         self.kind = np.dtype(kind)
@@ -87,10 +92,12 @@ class _Numbers:
             self.first, self.last = int(limits.min), int(limits.max)
 
     def order(self, number) -> int:
+        """Index of a number."""
         code = int(np.array(number, self.kind).view(self.bits))
         return code if code >= 0 else -(code & np.iinfo(self.bits).max) - 1
 
     def at(self, order: int):
+        """Number with an index."""
         if self.kind.kind != "f":
             return self.kind.type(order)
         code = order if order >= 0 else (-(order + 1)) | np.iinfo(self.bits).min
@@ -98,15 +105,15 @@ class _Numbers:
 
 
 def _stored_ends(volume, begin: float, end: float):
-    """The row of ``Reach.ends`` for physical values [begin, end); None where no cell can reach them."""
+    """Row of ``Reach.ends`` for physical values [begin, end); None if no cell can reach them."""
     numbers = _Numbers(volume.voxels.dtype)
 
     def first_where(holds):
-        """The order of the first number for which ``holds``, one past the last where it never does."""
+        """Index of the first number for which ``holds``; one past the last if there is none."""
         low, high = numbers.first - 1, numbers.last + 1
         while high - low > 1:
             middle = (low + high) // 2
-            # What is infinite takes the end values, so it lies inside an interval that reaches to infinity.
+            # Infinite values take the end values, so they lie inside an interval that extends to infinity.
             if holds(float(np.clip(volume.physical(numbers.at(middle)), -LARGEST, LARGEST))):
                 high = middle
             else:
@@ -124,7 +131,27 @@ def _stored_ends(volume, begin: float, end: float):
 
 
 def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; returns (nz * ny, words) uint64, a bit for each voxel that is kept."""
+    """Mark the voxels to keep.
+
+    Parameters
+    ----------
+    volume : Volume
+    reach : Reach
+    blocks : Blocks
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    (nz * ny, words) ndarray of uint64
+        One bit per voxel of a row, lowest bit first.
+    """
     nx, ny, nz = volume.shape_xyz
     bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
     voxels, near = read_only(np.asarray(volume.voxels)), reach.of_blocks(blocks)
@@ -142,7 +169,23 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto
 
 
 def kept_counts(bits: np.ndarray, *, backend: str = "auto", threads: int = 0):
-    """(voxels, connected pieces) per row, (nz * ny,) each, of the bits of ``relevant_steps``."""
+    """Count kept voxels.
+
+    Parameters
+    ----------
+    bits : (nz * ny, words) ndarray of uint64
+        As of ``relevant_steps``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    counts : (nz * ny,) ndarray of int64
+        Kept voxels of each row.
+    row_pieces : (nz * ny,) ndarray of int32
+        Connected pieces that they form.
+    """
     counts, row_pieces = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int32)
     if compiled(backend):
         with parallel_call(threads):
@@ -155,7 +198,24 @@ def kept_counts(bits: np.ndarray, *, backend: str = "auto", threads: int = 0):
 
 
 def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto", threads: int = 0) -> VisibleVoxels:
-    """The voxels of the bits of ``relevant_steps``, and their stored values; ``counted``: their ``kept_counts``."""
+    """List the kept voxels and their stored values.
+
+    Parameters
+    ----------
+    volume : Volume
+    bits : (nz * ny, words) ndarray of uint64
+        As of ``relevant_steps``.
+    counted : tuple
+        What ``kept_counts`` returned for ``bits``.
+    blocks : Blocks
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    VisibleVoxels
+    """
     nx, ny, nz = volume.shape_xyz
     counts, row_pieces = counted
     row_start = row_offsets(counts)
@@ -171,20 +231,20 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto",
     return VisibleVoxels(volume.shape_xyz, row_start, row_pieces, column, stored, blocks.nan_voxels, bits)
 
 
-# --- kernels and twins ----------------------------------------------------------------------------------------
+# --- kernels and reference implementations ---------------------------------------------------------------------
 
 
 @kernel
 def _mark_relevant(voxels, first, last, near, ends, bits):
-    """Planes of blocks [first, last) of ``voxels`` (nz, ny, nx).  ``near``: blocks that may hold kept voxels."""
+    """Mark planes of blocks [first, last) of ``voxels`` (nz, ny, nx). ``near``: blocks that may have kept voxels."""
     share_out(_mark_rows, (last - first) * near.shape[1], (voxels, first, near, ends, bits))
 
 
 @kernel(inner=True, exact=True)
 def _mark_rows(begin, end, voxels, first, near, ends, bits):
-    """Rows of blocks [begin, end), numbered along y, then z, from plane of blocks ``first`` on.
+    """``_mark_relevant`` for rows of blocks [begin, end), numbered along y, then z, from plane ``first`` on.
 
-    Cells that straddle two rows of blocks are looked at by both, so that each writes its own voxels only.
+    Cells that straddle two rows of blocks are tested for both, so that each row writes only its own voxels.
     """
     n_z, n_y, n_x = voxels.shape
     lowest, highest = np.empty(n_x, voxels.dtype), np.empty(n_x, voxels.dtype)
@@ -220,11 +280,11 @@ def _mark_rows(begin, end, voxels, first, near, ends, bits):
 
 @kernel(inner=True, exact=True)
 def _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
-    """seen[x] = whether cell (z, y, x) is shown, for x in [from_x, to_x); whether any is."""
+    """Set seen[x] to whether cell (z, y, x) is visible, for x in [from_x, to_x); return whether any is."""
     a, b = voxels[z, y, from_x : to_x + 1], voxels[z, y + 1, from_x : to_x + 1]
     c, d = voxels[z + 1, y, from_x : to_x + 1], voxels[z + 1, y + 1, from_x : to_x + 1]
     low, high = lowest[: a.size], highest[: a.size]
-    for x in range(a.size):  # what is not a number stays so, and compares as false below
+    for x in range(a.size):  # NaN propagates, and compares as false below
         least = b[x] if b[x] < a[x] or b[x] != b[x] else a[x]
         least = c[x] if c[x] < least or c[x] != c[x] else least
         low[x] = d[x] if d[x] < least or d[x] != d[x] else least
@@ -236,7 +296,7 @@ def _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
     for k in range(ends.shape[0]):
         at_least, at_most = ends[k, 0], ends[k, 1]
         for x in range(found.size):
-            # (low <= most of either) and (high >= least of either); both numbers
+            # Smallest of both ends <= at_most and largest of both ends >= at_least, and neither is NaN.
             number = (low[x] == low[x]) & (low[x + 1] == low[x + 1])
             near = (low[x] <= at_most) | (low[x + 1] <= at_most)
             far = (high[x] >= at_least) | (high[x + 1] >= at_least)
@@ -249,7 +309,7 @@ def _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
 
 @kernel(inline="always")
 def _keep_corners(seen, kept):
-    """Both ends along x of the cells that are ``seen`` (n,), in ``kept`` (n + 1,)."""
+    """Set both ends along x of the cells that are ``seen`` (n,), in ``kept`` (n + 1,)."""
     for x in range(seen.size):
         kept[x] |= seen[x]
     for x in range(seen.size):
@@ -258,7 +318,7 @@ def _keep_corners(seen, kept):
 
 @kernel(inline="always")
 def _pack(kept, bits):
-    """Bytes of 0 and 1, eight at a time as one number (little-endian), to bits."""
+    """Pack bytes of 0 and 1 to bits; eight bytes are read at once as a little-endian number."""
     gather = np.uint64(0x0102040810204080)
     for word in range(bits.size):
         packed = NO_BITS
@@ -268,7 +328,7 @@ def _pack(kept, bits):
 
 
 def _mark_relevant_numpy(voxels, first, last, ends, bits):
-    """Twin of ``_mark_relevant`` for planes [first, last)."""
+    """Reference implementation of ``_mark_relevant`` for planes [first, last)."""
     n_z, n_y, _ = voxels.shape
     begin, end = max(first - 1, 0), min(last + 1, n_z)
     low = high = voxels[begin:end]
@@ -289,18 +349,19 @@ def _mark_relevant_numpy(voxels, first, last, ends, bits):
 
 
 def _unpacked(bits) -> np.ndarray:
-    """(rows, voxels and more) uint8: the bits, one by one."""
+    """(rows, words * 64) uint8: the bits, one by one."""
     return np.unpackbits(bits.astype("<u8").view(np.uint8).reshape(len(bits), -1), axis=1, bitorder="little")
 
 
 @kernel
 def _count_kept(bits, counts, pieces):
-    """Bits of each row, and how many connected pieces they come in."""
+    """Count the bits of each row, and the connected pieces that they form."""
     share_out(_count_rows, bits.shape[0], (bits, counts, pieces))
 
 
 @kernel(inner=True)
 def _count_rows(begin, end, bits, counts, pieces):
+    """``_count_kept`` for rows [begin, end)."""
     for row in range(begin, end):
         count = piece = 0
         before = NO_BITS
@@ -315,19 +376,20 @@ def _count_rows(begin, end, bits, counts, pieces):
 
 @kernel
 def _fill_kept(bits, rows, row_start, column, stored):
-    """Writes ``column`` and ``stored`` of the voxels whose bits are set; ``rows`` (nz * ny, nx)."""
+    """Write ``column`` and ``stored`` of the voxels whose bits are set; ``rows`` (nz * ny, nx) stored values."""
     share_out(_fill_rows, bits.shape[0], (bits, rows, row_start, column, stored))
 
 
 @kernel(inner=True)
 def _fill_rows(begin, end, bits, rows, row_start, column, stored):
+    """``_fill_kept`` for rows [begin, end)."""
     for row in range(begin, end):
         at = row_start[row]
         for word in range(bits.shape[1]):
             kept = bits[row, word]
             while kept != NO_BITS:
                 first = lowest_bit(kept)
-                rest = ~(kept >> np.uint64(first))  # the run's end is the first bit that is not set
+                rest = ~(kept >> np.uint64(first))  # the run ends at the first bit that is not set
                 count = lowest_bit(rest) if rest != NO_BITS else WORD
                 count = min(count, WORD - first)
                 x = word * WORD + first

@@ -1,8 +1,8 @@
-"""The transfer function: scalar value -> opacity and colour, with the way it is shaded.
+"""The transfer function: scalar value -> opacity and color, and how the color is shaded.
 
-Points are physical values; between them both curves are linear, outside them the end values hold, and a
-repeated value is a step, taken from the right: at the step's own value the last of the repeated points counts.
-Infinite data therefore take the end values.  NaN is transparent, by decision: it marks what was not measured.
+Points are physical values. Both curves are linear between points and constant outside them. A repeated value is a
+step; at the value itself the last of the repeated points counts (right-continuous). Infinite values take the end
+values. NaN is transparent, because it marks missing data.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from .limits import BRIGHTEST, MOST_REFLECTED
 
 
 def _number(value, what: str) -> float:
-    """A finite float from a JSON number, or a RleSplatError that says what it should have been."""
+    """Check a JSON number; return it as a finite float. ``what`` names it in messages."""
     number = math.nan if isinstance(value, (bool, str)) else as_float(value)
     if math.isnan(number) and not isinstance(value, float):
         raise RleSplatError(f"{what} must be a number, not {short(value)}.")
     if not math.isfinite(number):
         raise RleSplatError(f"{what} must be finite, not {number}.")
     if abs(number) > LARGEST_VALUE:
-        raise RleSplatError(f"{what} must lie within {LARGEST_VALUE:g} of zero, not be {number:g}.")
+        raise RleSplatError(f"{what} must be within {LARGEST_VALUE:g} of zero, not {number:g}.")
     return number
 
 
@@ -41,10 +41,21 @@ HIGHLIGHTS = ("blinn-phong", "phong")
 
 @dataclass(frozen=True)
 class Shade:
-    """Coefficients of light, none below zero: c * (ambient + diffuse |n.l|) + specular |n.h|^shininess.
+    """Shading coefficients: c * (ambient + diffuse |n.l|) + specular |n.h|^shininess, for a color c.
 
-    ``highlight``: of HIGHLIGHTS; "phong" has r.v, the light's mirror image in the surface, in place of |n.h|.
-    ``two_sided``: False keeps light to the side that values fall towards: nothing there where n.l is below zero.
+    Parameters
+    ----------
+    ambient, diffuse, specular, shininess : float
+        None below zero.
+    highlight : {"blinn-phong", "phong"}
+        "phong" uses r.v, with the mirrored light direction r and the view direction v, in place of |n.h|.
+    two_sided : bool
+        If False, only the side toward falling values is lit: there is no light where n.l is below zero.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is out of range.
     """
 
     ambient: float = 0.25
@@ -56,22 +67,35 @@ class Shade:
 
     def __post_init__(self):
         if self.highlight not in HIGHLIGHTS:
-            raise RleSplatError(f"The shading's highlight must be one of {', '.join(HIGHLIGHTS)}.")
+            raise RleSplatError(
+                f"The shading's highlight must be one of {', '.join(HIGHLIGHTS)}, not {short(self.highlight)}."
+            )
         if not isinstance(self.two_sided, bool):
-            raise RleSplatError("The shading's two_sided must be true or false.")
+            raise RleSplatError(f"The shading's two_sided must be true or false, not {short(self.two_sided)}.")
         for entry in fields(self)[:4]:
             value = _number(getattr(self, entry.name), f"The shading's {entry.name}")
             if value < 0.0:
-                raise RleSplatError(f"The shading's {entry.name} must not be below zero.")
+                raise RleSplatError(f"The shading's {entry.name} must not be below zero, not {value:g}.")
             if value > MOST_REFLECTED and entry.name != "shininess":
-                raise RleSplatError(f"The shading's {entry.name} must not be above {MOST_REFLECTED:g}.")
+                raise RleSplatError(f"The shading's {entry.name} must not be above {MOST_REFLECTED:g}, not {value:g}.")
             object.__setattr__(self, entry.name, value)
 
 
 @dataclass(frozen=True)
 class GradientOpacity:
-    """Opacity by how steep the scalar is: extinction times 0 up to a gradient of ``low``, 1 from ``high`` on, linear in
-    between; values per unit of the volume's length, such as HU per mm.  ``low`` equal to ``high`` is a step."""
+    """Opacity by gradient magnitude: the extinction is multiplied by a ramp.
+
+    Parameters
+    ----------
+    low, high : float
+        The factor is 0 up to a gradient of ``low``, 1 from ``high`` on, and linear in between. Physical values per unit
+        of the volume's length, such as HU per mm. Equal ends are a step.
+
+    Raises
+    ------
+    RleSplatError
+        If ``low`` is negative or above ``high``.
+    """
 
     low: float = 0.0
     high: float = 1.0
@@ -80,10 +104,12 @@ class GradientOpacity:
         for name in ("low", "high"):
             object.__setattr__(self, name, _number(getattr(self, name), f"The gradient opacity's {name}"))
         if not 0.0 <= self.low <= self.high:
-            raise RleSplatError("The gradient opacity's low must not be below zero, nor above its high.")
+            raise RleSplatError(
+                f"The gradient opacity's low must be from 0 to its high ({self.high:g}), not {self.low:g}."
+            )
 
     def factor(self, sizes) -> np.ndarray:
-        """What extinction is multiplied by where the gradient has these ``sizes``, float32 in [0, 1]."""
+        """Factors of the extinction, float32 in [0, 1], for gradient magnitudes ``sizes`` of any shape."""
         if self.low == self.high:
             return (np.asarray(sizes) >= self.low).astype(np.float32)
         share = (np.asarray(sizes, np.float64) - self.low) / (self.high - self.low)
@@ -91,7 +117,7 @@ class GradientOpacity:
 
 
 def _points(points, width: int, what: str, form: str) -> tuple:
-    """Points as tuples of floats in ascending order of value; equal values keep the order they came in."""
+    """Check points; return tuples of floats, sorted by value. Equal values keep their order."""
     try:
         rows = [tuple(point) for point in points]
     except TypeError:
@@ -100,19 +126,19 @@ def _points(points, width: int, what: str, form: str) -> tuple:
         raise RleSplatError(f"The transfer function has no {what} points; give at least one {form}.")
     if any(len(row) != width for row in rows):
         raise RleSplatError(f"Each {what} point of the transfer function must be {form}.")
-    rows = [tuple(_number(v, f"A number of the transfer function's {what} points") for v in row) for row in rows]
+    rows = [tuple(_number(v, f"Each number of the transfer function's {what} points") for v in row) for row in rows]
     return tuple(sorted(rows, key=lambda row: row[0]))
 
 
 def _piecewise_linear(positions: np.ndarray, heights: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Right-continuous piecewise linear interpolation with held ends; NaN stays NaN.
+    """Right-continuous piecewise linear interpolation with constant ends; NaN stays NaN.
 
     ``positions`` (n,) ascending, ``heights`` (n, ...), ``values`` any shape; returns values.shape + heights.shape[1:].
     """
-    passed = np.searchsorted(positions, values, side="right")  # how many points lie at or left of the value
+    passed = np.searchsorted(positions, values, side="right")  # number of points at or left of the value
     left = np.clip(passed - 1, 0, positions.size - 1)
     right = np.clip(passed, 0, positions.size - 1)
-    between = (passed > 0) & (passed < positions.size)  # there positions[right] > positions[left]: no 0/0 at steps
+    between = (passed > 0) & (passed < positions.size)  # here positions[right] > positions[left]: no 0/0 at steps
     fraction = np.zeros(values.shape)
     np.divide(values - positions[left], positions[right] - positions[left], out=fraction, where=between)
     fraction = fraction.reshape(values.shape + (1,) * (heights.ndim - 1))
@@ -123,14 +149,28 @@ def _piecewise_linear(positions: np.ndarray, heights: np.ndarray, values: np.nda
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """A transfer function; equal contents are equal objects.
+    """A transfer function. Objects with equal contents compare equal.
 
-    ``opacity``: ((value, alpha), ...) with alpha in [0, 1] per ``opacity_unit_distance``.
-    ``color``: ((value, r, g, b), ...), scene-linear, none below zero, unassociated.
-    ``opacity_unit_distance``: in the volume's length unit, None for the smallest voxel spacing.
-    ``unit``: what the values are in ("HU"), None for arbitrary.  ``shade`` None means unshaded colours.
-    ``gradient_opacity``: None for opacity by the value alone.
-    Unsorted points are sorted, equal values keeping their order.
+    Parameters
+    ----------
+    name : str
+    unit : str or None
+        Unit of the values ("HU"); None for arbitrary units.
+    opacity : sequence of (value, alpha)
+        Alpha in [0, 1] per ``opacity_unit_distance``. Points are sorted by value; equal values keep their order.
+    color : sequence of (value, r, g, b)
+        Scene-linear, unassociated, none below zero. Sorted like ``opacity``.
+    opacity_unit_distance : float or None
+        In the volume's unit of length; None for the smallest voxel spacing.
+    shade : Shade or None
+        None for unshaded colors.
+    gradient_opacity : GradientOpacity or None
+        None for opacity by value alone.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is of the wrong type or out of range.
     """
 
     name: str = ""
@@ -144,7 +184,7 @@ class TransferFunction:
     def __post_init__(self):
         put = partial(object.__setattr__, self)
         if not isinstance(self.name, str):
-            raise RleSplatError("The transfer function's name must be text.")
+            raise RleSplatError(f"The transfer function's name must be text, not {short(self.name)}.")
         if not (self.unit is None or (isinstance(self.unit, str) and self.unit)):
             raise RleSplatError('The transfer function\'s unit must be text such as "HU", or null.')
         put("opacity", _points(self.opacity, 2, "opacity", "[value, alpha]"))
@@ -152,24 +192,26 @@ class TransferFunction:
         for value, alpha in self.opacity:
             if not 0.0 <= alpha <= 1.0:
                 raise RleSplatError(
-                    f"The opacity at {value:g} is {alpha:g}; an alpha of the transfer function must be from 0 to 1."
+                    f"The opacity at {value:g} is {alpha:g}; an opacity of the transfer function must be from 0 to 1."
                 )
         for value, *rgb in self.color:
             if min(rgb) < 0.0:
-                raise RleSplatError(f"The colour at {value:g} has a negative channel; colours must not be below zero.")
+                raise RleSplatError(f"The color at {value:g} has a negative channel; channels must not be below zero.")
             if max(rgb) > BRIGHTEST:
                 raise RleSplatError(
-                    f"The colour at {value:g} is brighter than {BRIGHTEST:g}, where white is 1; make it darker."
+                    f"The color at {value:g} has a channel above {BRIGHTEST:g}, where white is 1; make it darker."
                 )
         if self.opacity_unit_distance is not None:
             distance = _number(self.opacity_unit_distance, "The transfer function's opacity_unit_distance")
             if distance <= 0.0:
-                raise RleSplatError("The transfer function's opacity_unit_distance must be above zero.")
+                raise RleSplatError(
+                    f"The transfer function's opacity_unit_distance must be above zero, not {distance:g}."
+                )
             put("opacity_unit_distance", distance)
         if not (self.shade is None or isinstance(self.shade, Shade)):
-            raise RleSplatError("The transfer function's shade must hold ambient, diffuse, specular and shininess.")
+            raise RleSplatError("The transfer function's shade must be a Shade, or None for unshaded colors.")
         if not (self.gradient_opacity is None or isinstance(self.gradient_opacity, GradientOpacity)):
-            raise RleSplatError("The transfer function's gradient_opacity must hold low and high.")
+            raise RleSplatError("The transfer function's gradient_opacity must be a GradientOpacity, or None.")
 
     # --- evaluation -------------------------------------------------------------------------------------------
 
@@ -192,24 +234,37 @@ class TransferFunction:
         return np.concatenate((self.color_at(values), self.alpha_at(values)[..., None]), axis=-1)
 
     def relevant(self, low, high) -> np.ndarray:
-        """The largest alpha that a value in [low, high] can have, float64; arrays are taken element by element.
+        """Largest opacity of any value in an interval.
 
-        Where a step lies inside the interval the height to its left counts too.  NaN bounds give 0.
+        Parameters
+        ----------
+        low, high : array_like
+            Ends of closed intervals of physical values, element by element.
+
+        Returns
+        -------
+        ndarray of float64
+            Where a step lies inside the interval, the height to its left counts too. NaN ends give 0.
+
+        Raises
+        ------
+        RleSplatError
+            If a lower end is above its upper end.
         """
         low, high = np.broadcast_arrays(np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64))
         if (low > high).any():
-            raise RleSplatError("A value interval must have its lower end first.")
+            raise RleSplatError("The lower end of a value interval is above its upper end; swap them.")
         most = np.maximum(self.alpha_at(low), self.alpha_at(high))
         last = len(self.opacity) - 1
         for i, (value, alpha) in enumerate(self.opacity):
-            if i == 0 or self.opacity[i - 1][0] < value:  # the height that the curve comes to from the left
+            if i == 0 or self.opacity[i - 1][0] < value:  # the height that the curve reaches from the left
                 most = np.where((low < value) & (value <= high), np.maximum(most, alpha), most)
-            if i == last or self.opacity[i + 1][0] > value:  # the height that the curve leaves with
+            if i == last or self.opacity[i + 1][0] > value:  # the height with which the curve continues
                 most = np.where((low <= value) & (value <= high), np.maximum(most, alpha), most)
         return most
 
     def visible_intervals(self) -> tuple:
-        """((low, high), ...): ascending, disjoint closed intervals outside which every value is transparent."""
+        """((low, high), ...): ascending disjoint closed intervals outside which every value is transparent."""
         spans = []
         ends = [(-math.inf, self.opacity[0][1]), *self.opacity, (math.inf, self.opacity[-1][1])]
         for (low, alpha_low), (high, alpha_high) in pairwise(ends):
@@ -225,13 +280,22 @@ class TransferFunction:
 
     @property
     def span(self) -> tuple[float, float]:
-        """The lowest and the highest value of any point."""
+        """Lowest and highest value of any point."""
         return min(self.opacity[0][0], self.color[0][0]), max(self.opacity[-1][0], self.color[-1][0])
 
     def remapped(self, low: float, high: float, unit: str | None = None) -> TransferFunction:
-        """The same curves with ``span`` moved linearly to [low, high], in ``unit``.
+        """Copy with the points moved linearly.
 
-        ``low == high`` gathers all points at one value: a step from the first height to the last.
+        Parameters
+        ----------
+        low, high : float
+            New ``span``. Equal values gather all points at one value: a step from the first height to the last.
+        unit : str or None
+            Unit of the new values.
+
+        Returns
+        -------
+        TransferFunction
         """
         low, high = _number(low, "The low end of the new range"), _number(high, "The high end of the new range")
         if low > high:
@@ -252,12 +316,12 @@ class TransferFunction:
         )
 
     def _steeper(self, times: float) -> GradientOpacity | None:
-        """The gradient opacity of values that all are so many times larger."""
+        """The gradient opacity for values that are ``times`` as large."""
         ends = self.gradient_opacity
         return ends if ends is None else GradientOpacity(ends.low * times, ends.high * times)
 
     def windowed(self, center: float, width: float) -> TransferFunction:
-        """The same curves spread over a window of values, as radiologists set it: level ``center``, ``width``."""
+        """Copy with the points spread over a radiological window with level ``center`` and width ``width``."""
         center, width = _number(center, "The window's center"), _number(width, "The window's width")
         if width < 0.0:
             raise RleSplatError("The window's width must not be below zero.")
@@ -267,18 +331,33 @@ class TransferFunction:
 
     @cached_property
     def classification_key(self) -> str:
-        """A hash of what decides opacity and colour, for content-keyed stages; the name and shade do not matter."""
+        """Hash of everything on which opacity and color depend; name and shade are not included."""
         steep = () if self.gradient_opacity is None else (asdict(self.gradient_opacity),)
         return _digest((self.opacity, self.color, self.opacity_unit_distance, *steep))
 
     @cached_property
     def key(self) -> str:
-        """A hash of everything that a picture depends on; the name does not matter."""
+        """Hash of everything on which a picture depends; the name is not included."""
         return _digest((self.classification_key, None if self.shade is None else asdict(self.shade)))
 
     @classmethod
     def from_json(cls, source) -> TransferFunction:
-        """From a JSON file (its path) or from the object it holds, already parsed."""
+        """Make a TransferFunction from JSON.
+
+        Parameters
+        ----------
+        source : str, Path or dict
+            A JSON file, or its parsed content.
+
+        Returns
+        -------
+        TransferFunction
+
+        Raises
+        ------
+        RleSplatError
+            If the file cannot be read, or a key is missing or unknown.
+        """
         mapping = read_json(source, "the transfer function") if isinstance(source, (str, os.PathLike)) else source
         if not isinstance(mapping, dict):
             raise RleSplatError("A transfer function must be a JSON object with opacity and color points.")
@@ -297,7 +376,7 @@ class TransferFunction:
         return from_mapping(cls, mapping, "The transfer function")
 
     def to_json(self) -> dict:
-        """The JSON object of docs: name, unit, opacity, color, opacity_unit_distance (if set), shade or false."""
+        """JSON object: name, unit, opacity, color, opacity_unit_distance (if set), shade or false, gradient_opacity."""
         mapping = {
             "name": self.name,
             "unit": self.unit,
@@ -312,12 +391,15 @@ class TransferFunction:
         return mapping
 
     def save(self, path) -> None:
-        """Write the JSON file at ``path``."""
+        """Write the JSON file ``path``."""
         try:
             Path(path).write_text(json.dumps(self.to_json(), indent=2) + "\n", encoding="utf-8")
         except OSError as problem:
-            raise RleSplatError(f"Cannot write the transfer function {path}: {problem.strerror}.") from None
+            raise RleSplatError(
+                f"Cannot write the transfer function {path}: {problem.strerror}; choose another location."
+            ) from None
 
 
 def _digest(content) -> str:
+    """Hash of the ``repr`` of ``content``."""
     return hashlib.blake2b(repr(content).encode(), digest_size=16).hexdigest()

@@ -1,9 +1,9 @@
-"""A transfer function baked into a table over stored values: what sheets of the scalar are classified by.
+"""Lookup table of a transfer function over stored values, by which post-classified sheets classify.
 
     entry i  ->  (extinction * RGB, extinction) of the stored value  first + i / rate
 
-The nearest entry is taken.  The table spans the values that are shown; one more entry, behind the last, is transparent,
-for all others and for samples that need a voxel which is not kept.
+The nearest entry is used. The table spans the visible values. One more entry, after the last, is transparent, for all
+other values and for samples that need a voxel that is not kept.
 """
 
 from __future__ import annotations
@@ -16,22 +16,35 @@ import numpy as np
 from .classification import optical_depth
 from .points import pieces, positive_intervals
 
-FEWEST, MOST = 1 << 10, 1 << 14  # entries; what is in use of the larger still fits the second cache
-FINEST = 1.0 / 512.0  # of opacity, from one entry to the next on the steepest ramp, if there is room
-AT_ONCE = 1 << 16  # values of large types that are looked up together
-BEYOND = 2.0  # times the distance between a function's first and last point: how far a table goes beyond these
-ROUNDING = 1e-6  # of the largest value: what float32 sums of it may be off by
+FEWEST, MOST = 1 << 10, 1 << 14  # entries; the part of a large table that is in use fits into the L2 cache
+FINEST = 1.0 / 512.0  # wanted difference of opacity between neighboring entries on the steepest ramp
+AT_ONCE = 1 << 16  # values of large types that are looked up at once
+BEYOND = 2.0  # a table extends this many times the span of a function's points beyond them
+ROUNDING = 1e-6  # rounding error of float32 sums, relative to the largest value
 
 
 @dataclass(frozen=True, eq=False)
 class ValueTable:
-    """``entries``: (n + 1, 4) float32, scene-linear, extinction in 1 / world length; the last one is transparent.
+    """Lookup table of a transfer function.
 
-    ``sums``: (n + 1, 4) float32, of all entries before each, for the mean over a range of values.
-    ``origin``, ``rate``: stored value where the first entry begins, entries per stored value.  ``least``: below all
-    there is.  ``low``, ``high``: stored values beyond which nothing is shown.  ``nearest``, ``furthest``: values beyond
-    stand for these, where the function shows its end values far beyond its points.  ``most_color``: largest channel of
-    any visible colour.
+    Attributes
+    ----------
+    entries : (n + 1, 4) ndarray of float32
+        Scene-linear (extinction * RGB, extinction) in 1 / world length; the last entry is transparent.
+    sums : (n + 1, 4) ndarray of float32
+        Sum of all entries before each, for the mean over a range of values.
+    origin : float
+        Stored value at which the first entry begins.
+    rate : float
+        Entries per stored value.
+    least : float
+        A value below all stored values.
+    low, high : float
+        Stored values beyond which nothing is visible.
+    nearest, furthest : float
+        Values beyond these are clamped to them: the table ends there, and the function has its end values.
+    most_color : float
+        Largest channel of any visible color.
     """
 
     entries: np.ndarray
@@ -51,26 +64,39 @@ class ValueTable:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of the table."""
         return self.entries.nbytes + self.sums.nbytes
 
 
 def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> ValueTable:
-    """The table of ``tf`` over the stored values of ``volume``.
+    """Make the lookup table of a transfer function.
 
-    ``value_range``: smallest and largest finite stored value there is.  ``distance``: world length that opacity refers
-    to.  ``entries``: about how many, 0 for as many as the function's steepest ramp asks for.
+    Parameters
+    ----------
+    volume : Volume
+    tf : TransferFunction
+    value_range : (low, high)
+        Smallest and largest finite stored value.
+    distance : float
+        World length to which opacity refers.
+    entries : int
+        Approximate number of entries; 0 for as many as the steepest ramp needs.
+
+    Returns
+    -------
+    ValueTable
     """
     shown = (np.clip(positive_intervals(pieces(tf.opacity)), -1e300, 1e300) - volume.intercept) / volume.slope
     least, most = (float(end) for end in value_range)
     first, last = max(float(shown.min(initial=np.inf)), least), min(float(shown.max(initial=-np.inf)), most)
     slack = ROUNDING * max(abs(least), abs(most))
-    if not first <= last:  # nothing that there is is shown
+    if not first <= last:  # no stored value is visible
         nothing = np.zeros((2, 4), np.float32)
         return ValueTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, -math.inf, math.inf, 0.0)
     first, last, nearest, furthest = _within_reach(volume, tf, first, last)
     wanted = entries or _entries_for(tf, abs(volume.slope) * (last - first))
     if volume.voxels.dtype.kind in "iu":
-        # Whole numbers lie inside entries, never where two meet, or rounding would choose between the two.
+        # Integers are at the center of an entry, never at the border of two, where rounding would choose.
         first, last = math.floor(first), math.ceil(last)
         span = last - first
         rate = float(math.ceil(wanted / max(span, 1))) if wanted >= span else 1.0 / (int(span / wanted) | 1)
@@ -85,7 +111,7 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     made[:count, :3] = made[:count, 3:] * color
     most_color = float(color[alpha > 0.0].max(initial=0.0))
     low, high = max(float(shown.min()), least) - slack, float(shown.max()) + slack
-    low, high = min(low, furthest), max(high, nearest)  # as are the values that these stand for
+    low, high = min(low, furthest), max(high, nearest)  # include the values to which others are clamped
     sums = np.zeros((count + 1, 4))
     np.cumsum(made[:count], axis=0, dtype=np.float64, out=sums[1:])
     sums, below = sums.astype(np.float32), least - slack - 1e-6
@@ -93,8 +119,23 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
 
 
 def extinction_of(table: ValueTable, stored, kind, infinite=()) -> np.ndarray:
-    """(m,) float32 extinction by ``table`` of ``stored`` values (m,) of type ``kind``; 8- and 16-bit ones may come as
-    unsigned bit patterns.  ``infinite``: what stands for minus and plus infinity, no numbers where nothing does."""
+    """Extinction of stored values.
+
+    Parameters
+    ----------
+    table : ValueTable
+    stored : (m,) ndarray
+        Stored values; those of 8- and 16-bit types may be unsigned bit patterns.
+    kind : dtype
+        Type of the stored values.
+    infinite : (low, high) or ()
+        Values that replace minus and plus infinity, if any.
+
+    Returns
+    -------
+    (m,) ndarray of float32
+        1 / world length.
+    """
     kind = np.dtype(kind)
     if kind.kind in "iu" and kind.itemsize <= 2:
         patterns = np.arange(1 << (8 * kind.itemsize), dtype=f"u{kind.itemsize}")
@@ -107,17 +148,19 @@ def extinction_of(table: ValueTable, stored, kind, infinite=()) -> np.ndarray:
 
 
 def _looked_up(table: ValueTable, values) -> np.ndarray:
-    """(n,) float32 extinction of float64 stored values."""
+    """(n,) float32 extinction of stored values (n,) float64."""
     shown = (values >= table.low) & (values <= table.high)
-    place = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate
-    last = len(table.entries) - 1  # the transparent one
-    place = np.where(shown, np.clip(np.nan_to_num(place), 0.0, last - 1.0), last)
-    return table.entries[place.astype(np.int64), 3]
+    entry = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate
+    last = len(table.entries) - 1  # the transparent entry
+    entry = np.where(shown, np.clip(np.nan_to_num(entry), 0.0, last - 1.0), last)
+    return table.entries[entry.astype(np.int64), 3]
 
 
 def _within_reach(volume, tf, first: float, last: float):
-    """The ends of a table, not so far beyond the points of ``tf`` that its entries would be too few between them; and
-    the ends that stand for values beyond, infinite where there are none."""
+    """Limit the ends of a table to the neighborhood of the points of ``tf``, so that entries between them suffice.
+
+    Returns the two ends, and the values to which values beyond are clamped (infinite where the ends are not limited).
+    """
     points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
     reach = BEYOND * (max(points) - min(points)) or math.inf
     nearest, furthest = min(points) - reach, max(points) + reach
@@ -126,7 +169,7 @@ def _within_reach(volume, tf, first: float, last: float):
 
 
 def _entries_for(tf, width: float) -> int:
-    """So many entries over ``width`` physical values that neighbours differ little in opacity, within limits."""
+    """Entries over ``width`` physical values such that neighbors differ by FINEST in opacity, FEWEST to MOST."""
     table = np.array(sorted(tf.opacity, key=lambda point: point[0]), np.float64)
     gaps, rises = np.diff(table[:, 0]), np.abs(np.diff(table[:, 1]))
     steepest = float(np.divide(rises, gaps, out=np.zeros_like(gaps), where=gaps > 0.0).max(initial=0.0))

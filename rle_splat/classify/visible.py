@@ -1,7 +1,7 @@
-"""Which voxels a transfer function shows: the first half of classification, and all that run lengths depend on.
+"""Which voxels a transfer function shows: the first step of classification, on which all run lengths depend.
 
-Two passes over the rows, count and fill, so that nothing of the volume's size is ever allocated; both skip the
-blocks whose smallest and largest values are hidden.
+Two passes over the rows, count and fill, avoid any allocation of the volume's size. Both skip blocks whose range of
+values is hidden.
 """
 
 from __future__ import annotations
@@ -23,14 +23,23 @@ from .sizes import FINE_VOXELS_AT_ONCE
 
 @dataclass(frozen=True, eq=False)
 class VisibleVoxels:
-    """The non-transparent voxels of a volume, in rows along x; row number ``z * ny + y``.
+    """The visible voxels of a volume, in rows along x; row number ``z * ny + y``.
 
-    ``row_start``: (nz * ny + 1,) int64, first voxel of each row in the lists below.
-    ``row_pieces``: (nz * ny,) int32, the connected pieces that a row's visible voxels come in.
-    ``column``: (m,) uint16 (int32 when nx > 65536), x of each voxel, ascending within a row.
-    ``stored``: (m,) stored value of each voxel; 8- and 16-bit ones as unsigned bit patterns.
-    ``nan_voxels``: how many voxels were NaN and therefore transparent.
-    ``bits``: (nz * ny, words) uint64, a bit for each voxel of a row, where whoever found them has such; else None.
+    Attributes
+    ----------
+    shape_xyz : (nx, ny, nz)
+    row_start : (nz * ny + 1,) ndarray of int64
+        First entry of each row in ``column`` and ``stored``.
+    row_pieces : (nz * ny,) ndarray of int32
+        Number of connected pieces that the visible voxels of a row form.
+    column : (m,) ndarray of uint16 (int32 if nx > 65536)
+        x of each voxel, ascending within a row.
+    stored : (m,) ndarray
+        Stored value of each voxel; for 8- and 16-bit types the unsigned bit pattern.
+    nan_voxels : int
+        Number of NaN voxels, which are transparent.
+    bits : (nz * ny, words) ndarray of uint64 or None
+        One bit per voxel of a row, if the voxels were found that way.
     """
 
     shape_xyz: tuple[int, int, int]
@@ -51,15 +60,23 @@ class VisibleVoxels:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all arrays."""
         lists = self.row_start.nbytes + self.row_pieces.nbytes + self.column.nbytes + self.stored.nbytes
         return lists + (0 if self.bits is None else self.bits.nbytes)
 
 
 @dataclass(frozen=True, eq=False)
 class Visibility:
-    """The stored values of ``volume``, a RefinedVolume perhaps, that the transfer function ``tf`` shows.
+    """The values of a volume that a transfer function shows.
 
-    8- and 16-bit volumes go by a table of every stored value (``by_table``), others by the points themselves.
+    Parameters
+    ----------
+    volume : Volume or RefinedVolume
+    tf : TransferFunction
+
+    Notes
+    -----
+    8- and 16-bit volumes use a lookup table over all stored values (``by_table``), others the points themselves.
     """
 
     volume: object
@@ -67,11 +84,12 @@ class Visibility:
 
     @property
     def by_table(self) -> bool:
+        """Whether stored values have at most 16 bits, so that a lookup table is used."""
         return self.volume.voxels.dtype.kind in "iu" and self.volume.voxels.dtype.itemsize <= 2
 
     @cached_property
     def pattern_values(self) -> np.ndarray:
-        """(256 or 65536,) float64: the physical value of every bit pattern."""
+        """(256 or 65536,) float64: physical value of every bit pattern."""
         stored_type = self.volume.voxels.dtype
         patterns = np.arange(1 << (8 * stored_type.itemsize), dtype=f"u{stored_type.itemsize}")
         return self.volume.physical(patterns.view(stored_type))
@@ -83,17 +101,17 @@ class Visibility:
 
     @cached_property
     def intervals(self) -> np.ndarray:
-        """(k, 2) float64: disjoint half-open intervals of the physical values with an opacity above 0."""
+        """(k, 2) float64: disjoint half-open intervals of physical values with an opacity above 0."""
         return positive_intervals(pieces(self.tf.opacity))
 
     @property
     def key(self) -> str:
-        """A hash of what is shown; two functions that show the same values have the same."""
+        """Hash of the visible values; transfer functions that show the same values have the same key."""
         shown = self.table if self.by_table else self.intervals
         return hashlib.blake2b(shown.tobytes(), digest_size=16).hexdigest()
 
     def relevant(self, blocks: Blocks) -> np.ndarray:
-        """(blocks along z, y, x) uint8: 0 where every voxel of a block is hidden."""
+        """(blocks along z, y, x) uint8: 0 where all voxels of a block are hidden."""
         if self.by_table:
             stored_type = self.volume.voxels.dtype
             lowest = np.iinfo(stored_type).min
@@ -112,14 +130,36 @@ class Visibility:
 
 
 def row_offsets(counts: np.ndarray) -> np.ndarray:
-    """(n + 1,) int64 running totals of n counts, starting with 0."""
+    """(n + 1,) int64 running totals of n counts, beginning with 0."""
     offsets = np.zeros(len(counts) + 1, dtype=np.int64)
     np.cumsum(counts, out=offsets[1:], dtype=np.int64)
     return offsets
 
 
 def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; returns (visible voxels, connected pieces) per row, each (nz * ny,)."""
+    """Count visible voxels.
+
+    Parameters
+    ----------
+    shown : Visibility
+    blocks : Blocks
+        Of the same volume.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    counts : (nz * ny,) ndarray of int64
+        Visible voxels of each row.
+    row_pieces : (nz * ny,) ndarray of int32
+        Connected pieces that they form.
+    """
     _, ny, nz = shown.volume.shape_xyz
     counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
     for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
@@ -141,7 +181,28 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
 
 
 def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; returns the VisibleVoxels.  ``counted``: what ``count_steps`` returned."""
+    """List the visible voxels.
+
+    Parameters
+    ----------
+    shown : Visibility
+    blocks : Blocks
+        Of the same volume.
+    counted : tuple
+        What ``count_steps`` returned.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    VisibleVoxels
+    """
     nx, ny, nz = shown.volume.shape_xyz
     counts, row_pieces = counted
     row_start = row_offsets(counts)
@@ -168,16 +229,18 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "au
 
 
 def _list_type(shown: Visibility) -> np.dtype:
+    """Type of ``VisibleVoxels.stored``."""
     own = shown.volume.voxels.dtype
     return np.dtype(f"u{own.itemsize}") if shown.by_table else own
 
 
 def _scaling(shown: Visibility) -> tuple[float, float]:
+    """(slope, intercept) as floats."""
     return float(shown.volume.slope), float(shown.volume.intercept)
 
 
 def _pieces_of_work(shown: Visibility, blocks: Blocks, backend, threads):
-    """(first plane, last plane, their rows, their relevant blocks), one piece after the other."""
+    """Yield (first plane, last plane, their rows, their relevant blocks) for pieces of the volume."""
     nx, ny, nz = shown.volume.shape_xyz
     voxels = shown.volume.voxels
     finer = isinstance(voxels, FineVoxels)
@@ -197,12 +260,12 @@ def _pieces_of_work(shown: Visibility, blocks: Blocks, backend, threads):
 
 
 def _seen_numpy(shown: Visibility, rows) -> np.ndarray:
-    """Twin of the passes: (rows, nx) bool."""
+    """Reference implementation of the passes: (rows, nx) bool."""
     if shown.by_table:
         return shown.table[rows].astype(bool)
     slope, intercept = _scaling(shown)
     seen = np.zeros(rows.shape, bool)
-    for row, stored in zip(seen, rows):  # row by row: no float64 copy of large volumes
+    for row, stored in zip(seen, rows):  # row by row, to avoid a float64 copy of a large volume
         with np.errstate(over="ignore"):
             values = np.clip(stored.astype(np.float64) * slope + intercept, -LARGEST, LARGEST)
         row[:] = ((values[:, None] >= shown.intervals[:, 0]) & (values[:, None] < shown.intervals[:, 1])).any(axis=1)

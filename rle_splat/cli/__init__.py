@@ -1,1 +1,1 @@
-"""The command line: one module a command, the option groups they share, and the writers of what comes out."""
+"""The command line: one module for each command, the option groups they share, and the writers of their output."""

@@ -1,4 +1,4 @@
-"""``rle-splat accuracy``: what accuracy costs in time on one volume and view: a table, a report, a plot."""
+"""``rle-splat accuracy``: error against time of several plans on one volume and view, as table, report and plot."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def add_arguments(parser) -> None:
         "--plot", metavar="FILE.png", help=f"draw time against error ({', '.join(SUFFIXES)}); needs matplotlib"
     )
     parser.add_argument(
-        "-o", "--output", action="append", default=[], metavar="OUT", help="where the chosen plan's picture goes"
+        "-o", "--output", action="append", default=[], metavar="OUT", help="write the chosen plan's picture to OUT"
     )
     parser.add_argument(
         "--front", default=ERROR_NAMES[0], metavar="|".join(ERROR_NAMES),
-        help=f"the error by which plans beat one another ({ERROR_NAMES[0]})",
+        help=f"the error that decides which plans are on the front ({ERROR_NAMES[0]})",
     )
-    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels held against truth ({PROBES})")
-    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed ({REPEATS})")
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
+    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
     add_size_option(parser)
     add_report_options(parser)
     add_scene_options(parser)
@@ -65,14 +65,16 @@ def run(args) -> None:
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
     if args.plot is not None and Path(args.plot).suffix.lower() not in SUFFIXES:
-        raise RleSplatError(f"{args.plot} is no plot that can be drawn; end its name in {', '.join(SUFFIXES)}.")
+        raise RleSplatError(f"A plot cannot be written as {args.plot}; end its name in {', '.join(SUFFIXES)}.")
     if args.front not in ERROR_NAMES:
         raise RleSplatError(f"There is no error called {args.front!r}; choose {', '.join(ERROR_NAMES)}.")
     quality = quality_from(args)
     placement = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    from ..accuracy.planner.cost_of_accuracy import TOLERANCES, sensible_plans, sweep_steps, table_lines
+    from ..accuracy.planner.measure_plans import TOLERANCES, sweep_steps
+    from ..accuracy.planner.plans import sensible_plans
+    from ..accuracy.planner.table import table_lines
     from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:

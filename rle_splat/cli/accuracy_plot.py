@@ -1,4 +1,4 @@
-"""The plot of time against error.  matplotlib is never part of the extension: it is used where it is installed."""
+"""The plot of error against time, with matplotlib, which is optional and never part of the extension."""
 
 from __future__ import annotations
 
@@ -9,41 +9,53 @@ import numpy as np
 
 from ..accuracy.metrics import ERRORS, LEVEL, display_encoded
 
-PLOT_NEEDS = "a plot needs matplotlib; get it with pip install matplotlib, and run the same command again."
+PLOT_NEEDS = "a plot needs matplotlib; install it with pip install matplotlib and run the command again."
 SUFFIXES = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 110
-COLOURS = {"T1": "#c2570c", "T2": "#1b62a5"}  # told apart by any eye, and dark enough on white
+COLORS = {"T1": "#c2570c", "T2": "#1b62a5"}  # distinct with color blindness too, and dark enough on white
 FAINT = "#8a8a8a"
-FEW = (1.0, 3.0)  # of the numbers of a decade, where there is little room
-MOST_CROPS = 5  # along the front, and the chosen plan's
-FAINTEST_ERROR = 0.05  # levels, at the dark end of the errors' colours
-# Where a label may stand from its point: shares of its own width and height, and of as much again, further out.
+FEW = (1.0, 3.0)  # ticks per decade in small plots
+MOST_CROPS = 5  # along the front, besides the chosen plan
+FAINTEST_ERROR = 0.05  # levels at the dark end of the color scale
+# Directions from a point to its label, in widths and heights of the label, and distances to try.
 DIRECTIONS = ((1, 0.15), (1, 1), (1, -1), (-1, 0.15), (-1, 1), (-1, -1), (0, 1), (0, -1))
 DISTANCES = (7, 15, 26, 40)  # points
 APART = 6  # pixels between labels side by side
-FAR = 15  # from here on a thin line leads from a label to its point
+FAR = 15  # points; from this distance on a thin line connects a label with its point
 
 
 def can_plot() -> bool:
-    """Whether matplotlib is here."""
+    """Whether matplotlib is installed."""
     return find_spec("matplotlib") is not None
 
 
 def sweep_plot(sweep, path, suffix: str, title: str) -> None:
-    """Draw a Sweep into a file of that suffix: every plan, the front of each truth, and crops along one of them."""
+    """Plot a sweep: all plans, the front of each truth, and crops of the plans along one front.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The measured plans.
+    path : path-like
+        The file to write.
+    suffix : str
+        Its format, one of SUFFIXES.
+    title : str
+        What was measured.
+    """
     report = sweep.report
     names = crops_of(sweep)
     figure = new_figure((11.5, 10.2))
     upper, lower = figure.subfigures(2, 1, height_ratios=(1.45, 1.0))
     axes = upper.subplots()
     draw_plans(axes, report["plans"], report["front_by"], report["fronts"])
-    axes.set_title(f"{title}: what accuracy costs in time")
+    axes.set_title(f"{title}: error against time")
     draw_crops(lower, sweep, names)
     save(figure, path, suffix)
 
 
 def new_figure(size):
-    """An empty figure that belongs to no window."""
+    """An empty figure without a window; ``size`` in inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -53,7 +65,7 @@ def new_figure(size):
 
 
 def save(figure, path, suffix: str) -> None:
-    """Write a figure in the format of ``suffix``, free labels put where they overlap nothing."""
+    """Place the free labels of a figure and write it in the format of ``suffix``."""
     figure.draw_without_rendering()
     for axes in figure.findobj(lambda artist: hasattr(artist, "free_labels")):
         _place_labels(figure, axes)
@@ -61,26 +73,40 @@ def save(figure, path, suffix: str) -> None:
 
 
 def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = True) -> None:
-    """Time against error, both logarithmic: each plan a point with its name, each truth's front a line.
+    """Draw plans as points and the front of each truth as a line, on logarithmic axes.
 
-    ``named``: only these plans by name, where there is no room for all."""
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to draw.
+    plans : list of dict
+        The plans of a report.
+    key : str
+        The error to show, a key of ERRORS.
+    fronts : dict
+        Truth -> names of the plans on its front.
+    named : collection of str, optional
+        Label only these plans.
+    legend : bool
+        Whether to add a legend.
+    """
     axes.free_labels = []
     for truth_name, front_names in fronts.items():
-        colour = COLOURS[truth_name]
+        color = COLORS[truth_name]
         mine = [entry for entry in plans if entry["truth"] == truth_name]
         on_front = [entry for name in front_names for entry in mine if entry["name"] == name]
-        axes.plot(*_places(on_front, key), "-", color=colour, lw=1.6, alpha=0.7, label=f"front, against {truth_name}")
+        axes.plot(*_places(on_front, key), "-", color=color, lw=1.6, alpha=0.7, label=f"front, against {truth_name}")
         for entry in mine:
             (x,), (y,) = _places([entry], key)
-            axes.plot(x, y, "o", ms=7, color=colour, mfc=colour if entry["on_front"] else "white")
+            axes.plot(x, y, "o", ms=7, color=color, mfc=color if entry["on_front"] else "white")
             if entry["chosen"]:
                 axes.plot(x, y, "o", ms=15, mfc="none", mec="black", mew=1.4)
             if named is None or entry["name"] in named:
                 axes.free_labels.append((entry["name"], x, y, "black" if entry["on_front"] else FAINT))
-    axes.plot([], [], "o", ms=7, color=FAINT, mfc="white", ls="none", label="beaten in both by another plan")
+    axes.plot([], [], "o", ms=7, color=FAINT, mfc="white", ls="none", label="another plan is faster and more accurate")
     if any(entry["chosen"] for entry in plans):
         axes.plot([], [], "o", ms=12, mfc="none", mec="black", mew=1.4, ls="none", label="the chosen plan")
-    axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame", ylabel=f"{ERRORS[key]}, levels")
+    axes.set(xscale="log", yscale="log", xlabel="milliseconds per frame", ylabel=f"{ERRORS[key]}, levels")
     for axis in (axes.xaxis, axes.yaxis):
         plain_numbers(axis, *(() if named is None else (FEW,)))
     axes.margins(x=0.14, y=0.14)
@@ -91,7 +117,7 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
 
 
 def plain_numbers(axis, marks=(1.0, 2.0, 5.0)) -> None:
-    """Ticks of a logarithmic axis as 0.2 or 50, not as powers of ten; ``marks``: which numbers of each decade."""
+    """Label a logarithmic axis with plain numbers such as 0.2 or 50; ``marks``: the ticks in each decade."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis.set_major_locator(LogLocator(subs=marks, numticks=15))
@@ -104,20 +130,20 @@ def _places(plans, key: str):
 
 
 def _place_labels(figure, axes) -> None:
-    """Write each free label at the nearest place where it overlaps no point, line or other label."""
+    """Draw each free label at the nearest position where it overlaps no point, line or other label."""
     canvas = figure.canvas.get_renderer()
     frame = axes.get_window_extent()
     taken = [axes.get_legend().get_window_extent(canvas).extents] if axes.get_legend() else []
     scale = figure.dpi / 72.0
     for line in axes.lines:
         points = axes.transData.transform(np.column_stack(line.get_data()).reshape(-1, 2))
-        if len(points) > 1:  # so that a line counts along all its length
+        if len(points) > 1:  # sample the line along its length
             steps = np.linspace(0.0, 1.0, 25)[:, None]
             points = np.concatenate([a + steps * (b - a) for a, b in pairwise(points)])
         reach = (2.0 if len(points) > 1 else 0.5 * line.get_markersize()) * scale
         taken += [(x - reach, y - reach, x + reach, y + reach) for x, y in points]
-    for text, x, y, colour in axes.free_labels:
-        label = axes.annotate(text, (x, y), (0, 0), textcoords="offset points", fontsize=9, color=colour)
+    for text, x, y, color in axes.free_labels:
+        label = axes.annotate(text, (x, y), (0, 0), textcoords="offset points", fontsize=9, color=color)
         box = label.get_window_extent(canvas)
         at = axes.transData.transform((x, y))
         best = None
@@ -135,21 +161,32 @@ def _place_labels(figure, axes) -> None:
         label.remove()
         leader = None if distance < FAR else dict(arrowstyle="-", color=FAINT, lw=0.7, shrinkA=1.0, shrinkB=4.0)
         axes.annotate(
-            text, (x, y), offset, textcoords="offset points", fontsize=9, color=colour, arrowprops=leader
+            text, (x, y), offset, textcoords="offset points", fontsize=9, color=color, arrowprops=leader
         )
         taken.append((place[0] - APART, place[1], place[2] + APART, place[3]))
     axes.free_labels = []
 
 
 def _overlap(one, other) -> float:
-    """Area that two boxes (left, low, right, high) share."""
+    """The common area of two boxes (left, low, right, high)."""
     wide = min(one[2], other[2]) - max(one[0], other[0])
     tall = min(one[3], other[3]) - max(one[1], other[1])
     return wide * tall if wide > 0.0 and tall > 0.0 else 0.0
 
 
 def crops_of(sweep) -> list[str]:
-    """The plans whose crops are shown: along the front of the chosen plan's truth, quickest first, and that plan."""
+    """Names of the plans whose crops are shown: some on the front of the chosen plan's truth, and the chosen plan.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The measured plans.
+
+    Returns
+    -------
+    list of str
+        Names, fastest plan first.
+    """
     chosen = sweep.plan(sweep.report["chosen"])
     front = sweep.report["fronts"][chosen["truth"]]
     spread = np.unique(np.linspace(0, len(front) - 1, min(len(front), MOST_CROPS)).round().astype(int))
@@ -158,7 +195,7 @@ def crops_of(sweep) -> list[str]:
 
 
 def draw_crops(figure, sweep, names) -> None:
-    """Two rows: the truth's crop and the plans', as a display shows them; and how far each plan's is from it."""
+    """Draw two rows: the crops of the truth and of the plans, display-encoded, and the error of each plan's crop."""
     from matplotlib.colors import LogNorm
 
     chosen = sweep.report["chosen"]
@@ -187,7 +224,7 @@ def draw_crops(figure, sweep, names) -> None:
 
 
 def _digits(value: float) -> str:
-    """Two digits that count, without exponents."""
+    """A number with two significant digits, without an exponent."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 

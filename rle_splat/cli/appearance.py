@@ -1,4 +1,4 @@
-"""The transfer function from the options, and the reason for it."""
+"""The transfer function from the options, with the reason for it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,23 @@ from ..classify.transfer_function import TransferFunction
 
 
 def read_transfer_function(args):
-    """What can be refused before the volume is read: the function of a file, or None; a preset's name is checked."""
+    """Read and check the options that need no volume.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``transfer_function`` and ``preset``.
+
+    Returns
+    -------
+    TransferFunction or None
+        The transfer function of a file; None without one.
+
+    Raises
+    ------
+    RleSplatError
+        For a bad file, or an unknown preset.
+    """
     if args.transfer_function is not None:
         return TransferFunction.from_json(args.transfer_function)
     if args.preset is not None:
@@ -17,7 +33,24 @@ def read_transfer_function(args):
 
 
 def choose_transfer_function(args, volume, given):
-    """(TransferFunction in the volume's values, one sentence that says why this one)."""
+    """Choose the transfer function of a volume.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``transfer_function`` and ``preset``.
+    volume : Volume
+        The volume.
+    given : TransferFunction or None
+        The result of ``read_transfer_function``.
+
+    Returns
+    -------
+    transfer_function : TransferFunction
+        In the values of the volume.
+    reason : str
+        Why it was chosen, for the report.
+    """
     if given is not None:
         return given, f"read from {args.transfer_function}"
     if args.preset is not None:

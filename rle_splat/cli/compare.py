@@ -1,4 +1,4 @@
-"""``rle-splat compare``: the systems that the paper names, side by side on one volume and view."""
+"""``rle-splat compare``: this renderer and the other methods that the paper names, on one volume and view."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def add_arguments(parser) -> None:
     add_volume_argument(parser)
     parser.add_argument(
         "--system", action="append", metavar="NAME",
-        help="only this one; may be given several times, the first is what the others are measured against",
+        help="compare only this system; repeatable, the others are measured against the first one",
     )
-    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels held against T1 ({PROBES})")
-    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames timed ({REPEATS})")
+    parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
+    parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
     add_size_option(parser)
     add_report_options(parser)
     add_scene_options(parser)

@@ -1,4 +1,4 @@
-"""``rle-splat convert``: a volume from one format to another, saying what the new file cannot keep."""
+"""``rle-splat convert``: write a volume in another format and report what that format cannot store."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run(args) -> None:
     target = format_of(args.output)
     if target is None or target.writer is None:
         raise RleSplatError(
-            f"{args.output} has no suffix that can be written; end its name in {', '.join(suffixes(writable=True))}."
+            f"{args.output} has no suffix of a format that can be written; use {', '.join(suffixes(writable=True))}."
         )
     check_outputs([args.output, *([args.json] if args.json else [])], inputs=(args.volume,))
     start = perf_counter()
@@ -61,18 +61,18 @@ def run(args) -> None:
 
 
 def _lost(volume, options: dict) -> list[str]:
-    """Sentences on what the new file does not hold; ``options`` are those it must be read back with."""
+    """Sentences on what the new file does not store; ``options``: those needed to read it back."""
     lost = []
     if "shape" in options:
-        lost.append("A raw file holds voxels only: shape, type, spacing and scaling have to be given again.")
+        lost.append("A raw file holds only voxels; give shape, type, spacing and scaling again when you read it.")
         if not np.allclose(volume.affine, np.diag((*volume.spacing, 1.0))):
-            lost.append("The affine's rotation, mirroring or offset is lost; only its spacing can be given again.")
+            lost.append("The rotation, mirroring or offset of the affine is lost; only the spacing can be given again.")
         return lost
-    lost.append("Voxels at the background's value are not stored, so what is read back may span a smaller box.")
+    lost.append("Voxels with the background value are not stored, so the volume that is read back may be smaller.")
     if volume.slope != 1.0 or volume.intercept != 0.0:
-        lost.append("Physical values were written; the stored ones, with their slope and intercept, are lost.")
+        lost.append("Physical values were written; the stored values, slope and intercept are lost.")
     if volume.voxels.dtype.kind != "f":
-        lost.append(f"The type {volume.voxels.dtype.name} is lost: a grid of floating-point numbers was written.")
+        lost.append(f"The type {volume.voxels.dtype.name} is lost; a floating-point grid was written.")
     rounded = rounded_on_writing(volume)
     if rounded:
         lost.append(rounded)
@@ -80,7 +80,7 @@ def _lost(volume, options: dict) -> list[str]:
 
 
 def _as_words(options: dict) -> str:
-    """Options of read_volume as words of this command line."""
+    """Options of ``read_volume`` as command-line options."""
     words = []
     for name, value in options.items():
         if value is None:
@@ -92,5 +92,5 @@ def _as_words(options: dict) -> str:
 
 
 def _exact(number) -> str:
-    """The shortest text that reads back as the same number."""
+    """A number as the shortest text that gives the same number when it is read."""
     return number_text(number) if float(number_text(number)) == number else repr(float(number))

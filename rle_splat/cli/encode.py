@@ -1,4 +1,4 @@
-"""``rle-splat encode``: a volume classified, shaded and run-length encoded, kept in a .rle file."""
+"""``rle-splat encode``: classify, shade and run-length encode a volume into a .rle file."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ SUFFIX = ".rle"
 
 def add_arguments(parser) -> None:
     add_volume_argument(parser)
-    parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="where the tables go")
-    parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (all three)")
+    parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="the file to write")
+    parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (default all three)")
     add_report_options(parser)
     add_scene_options(parser)
     add_model_option(parser)
     add_machine_options(parser)
-    parser.set_defaults(size=DEFAULT_SIZE)  # a view has a size, though its colours do not depend on it
+    parser.set_defaults(size=DEFAULT_SIZE)  # a Scene needs a size, but the encoded colors do not depend on it
 
 
 def run(args) -> None:
     start = perf_counter()
     if Path(args.output).suffix.lower() != SUFFIX:
-        raise RleSplatError(f"{args.output} has another suffix than {SUFFIX}; end its name in {SUFFIX}.")
+        raise RleSplatError(f"{args.output} does not have the suffix {SUFFIX}; end the name in {SUFFIX}.")
     axes = _axes(args.axes)
     outputs = [args.output, *([args.json] if args.json else [])]
     check_outputs(outputs, inputs=scene_inputs(args))
@@ -90,19 +90,19 @@ def run(args) -> None:
 
 
 def _axes(names: str) -> list[int]:
-    """Axis numbers from letters, each at most once."""
+    """Axis numbers from letters; RleSplatError for a repeated or unknown letter."""
     if not names or len(set(names)) != len(names) or not set(names) <= set(AXIS_NAMES):
-        raise RleSplatError(f"--axes takes one to three of the letters xyz, each once, not {names!r}.")
+        raise RleSplatError(f"--axes is {names!r}; give one to three of the letters x, y and z, each once.")
     return sorted(AXIS_NAMES.index(name) for name in names)
 
 
 def _say(report: dict) -> None:
-    """The sizes of the four tables of each principal axis, on stdout."""
+    """Print the sizes of the four tables of each principal axis."""
     for remark in report["remarks"]:
         print(remark)
     function, volume = report["transfer_function"], report["volume"]
     print(f"Transfer function {function['name']}: {function['reason']}")
-    print(f"{volume['visible_voxels']} of the voxels are not transparent ({volume['visible_fraction']:.2%}).")
+    print(f"{volume['visible_voxels']} of the voxels are visible ({volume['visible_fraction']:.2%}).")
     print(f"{'principal axis':<16}{'scanline pointers':>18}{'data pointers':>15}{'runs':>12}{'voxel data':>13}")
     for name, entry in report["axes"].items():
         memory = entry["memory_bytes"]

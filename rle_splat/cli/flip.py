@@ -1,5 +1,5 @@
-"""FLIP, how different two pictures look when one is flicked over the other (Andersson and others 2020), by NVIDIA's
-own package flip-evaluator: never part of the extension, and used where somebody installed it."""
+"""FLIP, the visible difference when two pictures alternate (Andersson et al. 2020), by NVIDIA's package
+flip-evaluator.  The package is optional and never part of the extension."""
 
 from __future__ import annotations
 
@@ -12,12 +12,24 @@ try:
 except ImportError:
     flip_evaluator = None
 
-PIXELS_PER_DEGREE = 67.0  # FLIP's own: a display 0.7 m wide of 3840 pixels, seen from 0.7 m
+PIXELS_PER_DEGREE = 67.0  # FLIP's default: a display 0.7 m wide with 3840 pixels, seen from 0.7 m
 
 
 def mean_flip(image, reference, background=(0.0, 0.0, 0.0)) -> float | None:
-    """Mean FLIP of premultiplied scene-linear pictures (H, W, 4) as a display shows them: 0 when they are equal, 1 at
-    most; None where the package is not installed."""
+    """Mean FLIP of two pictures.
+
+    Parameters
+    ----------
+    image, reference : ndarray, shape (height, width, 4)
+        Premultiplied scene-linear colors.
+    background : tuple of float
+        Scene-linear color under both.
+
+    Returns
+    -------
+    float or None
+        From 0 (equal) to 1; None if flip-evaluator is not installed.
+    """
     if flip_evaluator is None:
         return None
     shown, wanted = (np.ascontiguousarray(display_encoded(p, background), np.float32) for p in (image, reference))

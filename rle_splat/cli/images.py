@@ -1,7 +1,11 @@
-"""Pictures to files: the sRGB encoding and one writer a suffix.
+"""Writing pictures: sRGB encoding and one writer for each file suffix.
 
-Every writer takes ``path`` and a Rendering-like pair ``rgba`` (H, W, 4) float32 scene-linear premultiplied, ``depth``
-(H, W) float32, row 0 on top, and ``background``, three scene-linear numbers or None.
+Every writer takes
+
+- ``path``: the file;
+- ``rgba``: (height, width, 4) float32, premultiplied scene-linear, row 0 on top;
+- ``depth``: (height, width) float32, world units;
+- ``background``: three scene-linear numbers, or None.
 """
 
 from __future__ import annotations
@@ -15,31 +19,42 @@ from ..scene import RleSplatError
 # The sRGB transfer curve (IEC 61966-2-1): linear below the threshold, then an offset power.
 LINEAR_LIMIT, LINEAR_SLOPE = 0.0031308, 12.92
 OFFSET, EXPONENT = 0.055, 1.0 / 2.4
-ROWS = 32  # made into bytes at once
+ROWS = 32  # encoded together
 
 
 def encode_srgb(linear) -> np.ndarray:
-    """Scene-linear values, clamped to [0, 1], to sRGB-encoded values of the same shape, float32."""
+    """sRGB-encode scene-linear values.
+
+    Parameters
+    ----------
+    linear : array_like
+        Scene-linear values; they are clamped to [0, 1].
+
+    Returns
+    -------
+    ndarray, float32
+        Encoded values in [0, 1], of the same shape.
+    """
     clamped = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0)
     power = (1.0 + OFFSET) * clamped**EXPONENT - OFFSET
     return np.where(clamped <= LINEAR_LIMIT, LINEAR_SLOPE * clamped, power).astype(np.float32)
 
 
 def over_background(rgba, background) -> np.ndarray:
-    """(H, W, 3) float32 scene-linear: the premultiplied picture over one background colour."""
+    """(H, W, 3) float32 scene-linear: the premultiplied picture over one background color."""
     return rgba[..., :3] + (1.0 - rgba[..., 3:4]) * np.asarray(background, dtype=np.float32)
 
 
 def straight_alpha(rgba) -> np.ndarray:
-    """(H, W, 4) float32: colours divided by alpha, as PNG wants them; black where alpha is zero."""
+    """(H, W, 4) float32: colors divided by alpha, as PNG wants them; black where alpha is zero."""
     alpha = rgba[..., 3:4]
     color = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0.0)
     return np.concatenate((color, alpha), axis=-1)
 
 
 def to_bytes(rgba, background=None) -> np.ndarray:
-    """uint8 picture, sRGB-encoded: (H, W, 3) over ``background``, or (H, W, 4) straight with linear alpha."""
-    # A few rows at once, since what is made of them then stays in the processor's cache (measured: half the time).
+    """(H, W, 3) uint8 sRGB over ``background``, or without one (H, W, 4) with straight linear alpha."""
+    # In bands of rows, whose intermediate arrays fit into the processor's cache (measured: half the time).
     return np.concatenate([_to_bytes(rgba[top : top + ROWS], background) for top in range(0, len(rgba), ROWS)])
 
 
@@ -53,18 +68,17 @@ def _to_bytes(rgba, background):
 
 
 def write_png(path, rgba, depth, background=None) -> None:
-    """8 bits a channel, sRGB-encoded, with the sRGB chunk that says so."""
+    """Write 8 bits per channel, sRGB-encoded, with an sRGB chunk."""
     from PIL import Image, PngImagePlugin
 
     chunks = PngImagePlugin.PngInfo()
     chunks.add(b"sRGB", b"\x00")  # rendering intent 0: perceptual
-    # Of what a pixel differs from its neighbours by, only runs repeat (measured: by looking for runs alone pictures of
-    # scans get at most 8 % larger, and are deflated in a third of the time).
+    # Z_RLE looks only for runs (measured on pictures of scans: at most 8 % larger, a third of the compression time).
     Image.fromarray(to_bytes(rgba, background)).save(path, format="PNG", pnginfo=chunks, compress_type=zlib.Z_RLE)
 
 
 def write_exr(path, rgba, depth, background=None) -> None:
-    """float32 R, G, B, A premultiplied scene-linear and a ``Depth.Z`` layer; the background stays out of it."""
+    """Write float32 R, G, B, A, premultiplied scene-linear, and a layer ``Depth.Z``; the background is ignored."""
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -77,12 +91,12 @@ def write_exr(path, rgba, depth, background=None) -> None:
 
 
 def write_npy(path, rgba, depth, background=None) -> None:
-    """float32 (H, W, 4), scene-linear, premultiplied; the background stays out of it."""
+    """Write (H, W, 4) float32, premultiplied scene-linear; the background is ignored."""
     with open(path, "wb") as file:
         np.save(file, np.ascontiguousarray(rgba, dtype=np.float32))
 
 
-# One table: suffix -> (writer, the module it needs beyond numpy, that module's package).
+# Suffix -> (writer, the module that it needs besides numpy, the package of that module).
 WRITERS = {
     ".png": (write_png, "PIL", "Pillow"),
     ".exr": (write_exr, "OpenEXR", "OpenEXR"),
@@ -91,13 +105,13 @@ WRITERS = {
 
 
 def writer_for(path):
-    """The writer of a path's suffix; a RleSplatError when there is none or its package is not installed."""
+    """The writer for a file's suffix; RleSplatError if there is none, or its package is not installed."""
     from importlib.util import find_spec
     from pathlib import Path
 
     suffix = Path(path).suffix.lower()
     if suffix not in WRITERS:
-        raise RleSplatError(f"{path} has no suffix that can be written; end its name in {', '.join(WRITERS)}.")
+        raise RleSplatError(f"{path} has no suffix of a format that can be written; use {', '.join(WRITERS)}.")
     writer, module, package = WRITERS[suffix]
     if module is not None and find_spec(module) is None:
         raise RleSplatError(f"Writing {suffix} needs the package {package}; install it or choose another suffix.")

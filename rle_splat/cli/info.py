@@ -1,4 +1,4 @@
-"""``rle-splat info``: what a volume is and what is odd about it, before anything is rendered."""
+"""``rle-splat info``: describe a volume and report unusual data, without rendering."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from .progress import ProgressLine
 from .report import number_text, write_report
 
 PERCENTS = (1.0, 25.0, 50.0, 75.0, 99.0, 99.9)
-# Bins of the histogram in the JSON report: one a value for 8-bit data, enough to see the peaks of the others.
+# Bins of the histogram in the JSON report: one per value of 8-bit data, enough to show the peaks of other types.
 REPORT_BINS = 256
 # Rows and columns of the histogram as text.
 TEXT_ROWS, TEXT_COLUMNS = 16, 48
-# Above this share one value is worth a remark: a picture is then decided by the rest.
+# A value that more than this share of the voxels have gets a remark.
 MOSTLY_ONE_VALUE = 0.5
 
 
@@ -62,10 +62,23 @@ def run(args) -> None:
 
 
 def describe(volume, choice) -> dict:
-    """The report of a volume and of the (transfer function, reason) that would render it."""
+    """The report of a volume.
+
+    Parameters
+    ----------
+    volume : Volume
+        The volume.
+    choice : tuple
+        The transfer function that a picture would use, and the reason for it.
+
+    Returns
+    -------
+    dict
+        The report, ready for JSON after ``report.plain``.
+    """
     function, reason = choice
     counted = histogram(volume, bins=REPORT_BINS)
-    quality = Quality()  # as render has them where it is told nothing else
+    quality = Quality()  # the defaults of the command render
     picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
     memory, classified = estimate(volume, function, quality, picture=picture), estimate(volume, function)
     low, high = volume.value_range
@@ -104,7 +117,7 @@ def describe(volume, choice) -> dict:
 
 
 def _odd(volume, counted) -> list[str]:
-    """Sentences on values that will surprise."""
+    """Sentences on unusual values."""
     total, low_high = counted.total, volume.value_range
     odd = []
     if counted.not_finite == total:
@@ -116,22 +129,22 @@ def _odd(volume, counted) -> list[str]:
     elif counted.counts.max() > MOSTLY_ONE_VALUE * total:
         fullest = int(counted.counts.argmax())
         near = number_text(counted.centers[fullest])
-        odd.append(f"{counted.counts[fullest] / total:.0%} of the voxels lie at or about one value, {near}.")
+        odd.append(f"{counted.counts[fullest] / total:.0%} of the voxels have about the same value, {near}.")
     spacing = volume.spacing
     if spacing.max() > 4.0 * spacing.min():
-        odd.append(f"The spacing is very uneven ({_times(spacing)}); check it.")
+        odd.append(f"The spacing is very uneven ({_times(spacing)}); check it, and give --spacing if it is wrong.")
     return odd
 
 
 def text_lines(report: dict) -> list[str]:
-    """The report as a person reads it."""
+    """The report as lines of text."""
     unit = report["value_unit"] or "no unit"
     function, memory = report["transfer_function"], report["memory_bytes"]
     facts = [
         ("shape", f"{_times(report['shape_xyz'])} voxels (x, y, z)"),
         ("type", f"{report['type']}, {bytes_text(memory['voxels'])}"),
         ("spacing", f"{_times(report['spacing'])} {report['unit']}"),
-        ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centres"),
+        ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centers"),
         ("modality", report["modality"] or "not known"),
         ("values", f"{number_text(report['range'][0])} to {number_text(report['range'][1])} ({unit})"),
         ("scaling", f"value = {number_text(report['slope'])} * stored + {number_text(report['intercept'])}"),
@@ -151,13 +164,13 @@ def text_lines(report: dict) -> list[str]:
 
 
 def _records_text(records: dict) -> str:
-    """What each size of record takes, to encode all three axes."""
+    """The memory for encoding all three axes with each size of voxel record."""
     sizes = ", ".join(f"{record}: {bytes_text(needs['encode'])}" for record, needs in records.items())
     return f"three axes encoded, by --record: {sizes}"
 
 
 def _bars(counted: dict) -> list[str]:
-    """The histogram as text: neighbouring bins gathered into at most TEXT_ROWS rows."""
+    """The histogram as text, with adjacent bins merged into at most TEXT_ROWS rows."""
     counts, edges = np.asarray(counted["counts"]), np.asarray(counted["edges"])
     width = -(-counts.size // TEXT_ROWS)
     starts = np.arange(0, counts.size, width)

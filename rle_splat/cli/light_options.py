@@ -1,4 +1,4 @@
-"""Options of the light that reaches voxels: shadows, the world's light, ambient occlusion."""
+"""Options of shadows, world light and ambient occlusion."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ def add_light_effect_options(parser) -> None:
     group = parser.add_argument_group("shadows and ambient light")
     group.add_argument(
         "--shadows", action="store_true",
-        help="let the lights of --lights that cast shadows cast them in the volume; a headlight never does",
+        help="let the lights of --lights cast shadows, except those with casts_shadow false; a headlight casts none",
     )
     group.add_argument(
         "--world", nargs=3, type=float, metavar=("R", "G", "B"),
-        help="scene-linear radiance that comes from everywhere, as of Blender's world",
+        help="scene-linear radiance from all directions, like the color of Blender's world",
     )
     group.add_argument(
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
-        help="how much of the light from everywhere is taken away where the sky is hidden, 0 to 1",
+        help="darken places where the volume blocks the light from all directions, 0 (off, the default) to 1",
     )
     group.add_argument(
         "--shadow-pass", metavar="FILE",
-        help="write another picture, of the share of each pixel's light that shadows and ambient occlusion take away",
+        help="also write a picture of the share of each pixel's light that shadows and ambient occlusion remove",
     )
 
 
 def check_light_effects(args) -> None:
-    """Refuse what contradicts itself, or would do nothing, before anything is read."""
+    """Refuse options that contradict each other or have no effect, before any file is read."""
     wanted = {
         "shadows": args.shadows, "world": args.world is not None, "ambient-occlusion": args.ambient_occlusion != 0.0,
     }
@@ -36,22 +36,23 @@ def check_light_effects(args) -> None:
     if name is not None and args.no_shading:
         raise RleSplatError(f"--no-shading and --{name} contradict each other; give one of the two.")
     if args.shadow_pass is not None and not (args.shadows or args.ambient_occlusion):
-        raise RleSplatError("--shadow-pass is of shadows; add --shadows or --ambient-occlusion.")
+        raise RleSplatError("--shadow-pass needs shadows; add --shadows or --ambient-occlusion.")
     if args.shadow_pass is not None and args.tolerance is not None:
-        raise RleSplatError("--tolerance is of light without shadows; leave --shadow-pass out, or choose a --quality.")
+        raise RleSplatError("--tolerance renders without shadows; remove --shadow-pass, or use --quality instead.")
     if args.shadows and args.lights is None:
-        raise RleSplatError("--shadows are those of lights; give some with --lights, for a headlight casts none.")
+        raise RleSplatError("--shadows needs lights; give some with --lights, because a headlight casts none.")
 
 
 def refuse_light_effects(args) -> None:
-    """Refuse them all for a `.rle` file, whose light is what it is."""
+    """Refuse these options for a .rle file, whose light is already encoded."""
     if args.shadows or args.world is not None or args.ambient_occlusion != 0.0:
         raise RleSplatError(
-            f"{args.volume} is lit as it was encoded; leave --shadows, --world and --ambient-occlusion out, or render "
-            "the volume it was encoded from."
+            f"The light of {args.volume} is already encoded; remove --shadows, --world and --ambient-occlusion, or "
+            "render the original volume."
         )
 
 
 def with_light_effects(args, scene: Scene) -> Scene:
+    """The scene with the shadows, world light and ambient occlusion of the options."""
     world = None if args.world is None else tuple(args.world)
     return replace(scene, volume_shadows=args.shadows, world=world, ambient_occlusion=args.ambient_occlusion)

@@ -1,4 +1,4 @@
-"""Whether a command asks for other lights than those a .rle file was encoded under."""
+"""Checks that the requested lights are those that a .rle file was encoded with."""
 
 from __future__ import annotations
 
@@ -7,24 +7,40 @@ import numpy as np
 from ..pipeline.encode_scene import describe_light, looking_direction
 from ..scene import RleSplatError
 
-# Directions that differ by less than this are one; a .rle keeps them exactly, a camera file may round.
+# Directions that differ by less than this are equal: a .rle file stores them exactly, a camera file may round them.
 DIRECTION_TOLERANCE = 1e-6
 
 
 def check_lighting(args, lighting, lights, camera) -> None:
-    """Refuse lights that are asked for and are not those of ``lighting``, the description in the .rle file.
+    """Refuse options that ask for other lights than those of a .rle file.
 
-    ``lights`` are those of --lights.  What is not asked for by an option is taken as it was encoded.
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``volume``, ``no_shading``, ``lights`` and ``headlight``; an option that is not given is not checked.
+    lighting : dict
+        The description of the lights in the .rle file.
+    lights : tuple of Light
+        The lights of --lights.
+    camera : Camera
+        The camera, for the direction of a headlight.
+
+    Raises
+    ------
+    RleSplatError
+        If they differ.
     """
     if args.no_shading and lighting.get("shaded", True):
-        raise RleSplatError(f"{args.volume} was encoded with shading; leave --no-shading out or encode it again.")
+        raise RleSplatError(f"{args.volume} was encoded with shading; remove --no-shading, or encode it again.")
     if args.lights is not None and [describe_light(light) for light in lights] != lighting.get("lights"):
-        raise RleSplatError(f"{args.volume} was encoded under other lights than {args.lights}; encode it again.")
+        raise RleSplatError(
+            f"{args.volume} was encoded with other lights than {args.lights}; remove --lights, or encode it again.")
     headlight = lighting.get("headlight_direction")
     if args.headlight is False and headlight is not None:
-        raise RleSplatError(f"{args.volume} was encoded with a headlight; leave --no-headlight out or encode it again.")
+        raise RleSplatError(f"{args.volume} was encoded with a headlight; remove --no-headlight, or encode it again.")
     if args.headlight and not _shines_along(headlight, looking_direction(camera)):
-        raise RleSplatError(f"{args.volume} was not encoded with a headlight from this view; encode it again.")
+        raise RleSplatError(
+            f"{args.volume} was not encoded with a headlight from this view; remove --headlight, or encode it again.")
 
 
 def _shines_along(headlight, looking) -> bool:

@@ -1,8 +1,8 @@
-"""``rle-splat COMMAND ...``: picks the command and keeps the error policy.
+"""``rle-splat COMMAND ...``: runs a command and handles its errors.
 
-Exit codes: 0 done, 2 bad input or usage, 1 a failure of ours, 130 stopped with Ctrl-C.  Whatever goes wrong, the
-user reads one sentence on stderr; a traceback only with ``--debug``.  Heavy imports wait until a command needs
-them, and happen inside ``main`` so that the policy covers them too.
+Exit codes: 0 success, 1 an internal error, 2 bad input or usage, 130 stopped with Ctrl-C.  An error prints one sentence
+on stderr, and a traceback only with ``--debug``.  Heavy imports happen inside ``main``, so that only the commands that
+need them pay for them and their errors are handled too.
 """
 
 from __future__ import annotations
@@ -13,36 +13,36 @@ import re
 import sys
 from decimal import Decimal
 from importlib import import_module
+from importlib.util import find_spec
 
 from ..runtime.interpreter import collector_paused, with_room
 
 DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
-# One table of commands: name -> what it does, as the help shows it.  Each is a module of this folder with
-# ``add_arguments(parser)`` and ``run(args)``.
+# Command -> its description in the help.  Each command is a module of this folder with ``add_arguments(parser)`` and
+# ``run(args)``.  A command without its module is left out: the extension has no compare.
 COMMANDS = {
-    "render": "splat a volume into a picture (.png, .exr, .npy)",
-    "info": "say what a volume is: shape, type, spacing, range, histogram, what is odd about it",
+    "render": "render a volume to a picture (.png, .exr, .npy)",
+    "info": "describe a volume: shape, type, spacing, range, histogram, unusual data",
     "encode": "classify, shade and run-length encode a volume into a .rle file",
-    "convert": "copy a volume from one format to another",
-    "accuracy": "measure error against time over the sensible plans on a volume and view: table, JSON, plot",
-    "compare": "hold the systems that the paper names side by side: time, memory, error",
+    "convert": "write a volume in another format",
+    "accuracy": "measure error and time of several quality settings on a volume and view: table, JSON, plot",
+    "prepare": "compile ahead what a default picture needs, so that the first one is quick",
+    "compare": "compare the methods that the paper names: time, memory, error",
 }
+COMMANDS = {name: purpose for name, purpose in COMMANDS.items() if find_spec(f"{__package__}.{name}")}
 
 NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
 
 
 def _sentence(message) -> str:
-    """``message`` on one line, ending as a sentence does."""
+    """A message on one line, ending with a period unless it has an end mark."""
     text = " ".join(str(message).split())
     return text if text.endswith((".", "!", "?")) else text + "."
 
 
 def _join_size(argv: list[str]) -> list[str]:
-    """``--size W H`` as ``--size WxH``.
-
-    argparse would hand every following word to an option that takes one or two, the VOLUME included.
-    """
+    """Replace ``--size W H`` by ``--size WxH``; an option with one or two values would swallow VOLUME in argparse."""
     joined = []
     for word in argv:
         if len(joined) >= 2 and joined[-2] == "--size" and joined[-1].isdigit() and word.isdigit():
@@ -53,29 +53,31 @@ def _join_size(argv: list[str]) -> list[str]:
 
 
 def _plain_negatives(argv: list[str]) -> list[str]:
-    """Negative numbers without exponents, since argparse would take ``-1e3`` for an option; all else as it is."""
+    """Write negative numbers without exponents, because argparse takes ``-1e3`` for an option."""
     return [format(Decimal(word), "f") if NEGATIVE_NUMBER.fullmatch(word) else word for word in argv]
 
 
 def _build_parser(asked: str | None):
-    """The parser of all commands' names, and of the options of the one that is asked for: those of the others would
-    have their modules loaded (measured: a tenth of a small picture's time)."""
+    """The parser of all commands, with options only for the command ``asked``.
+
+    Options of the other commands would load their modules (measured: a tenth of a small picture's time).
+    """
     import argparse
 
     from ..scene import RleSplatError
 
     class Parser(argparse.ArgumentParser):
-        """argparse that reports a wrong command line as every other wrong input is reported."""
+        """An argparse parser that raises RleSplatError for a wrong command line."""
 
         def error(self, message):
             if message.startswith("the following arguments are required: "):
-                message = f"Something is missing: {message.split(': ', 1)[1]}"
+                message = f"Required arguments are missing: {message.split(': ', 1)[1]}"
             elif message.startswith("argument "):
                 message = "Option " + message[len("argument ") :]
             raise RleSplatError(f"{message}; see {self.prog} --help.")
 
     parser = Parser(
-        prog="rle-splat", allow_abbrev=False, description="Splat run-length encoded volumes into pictures."
+        prog="rle-splat", allow_abbrev=False, description="Render volumes by splatting run-length encoded voxels."
     )
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
@@ -100,7 +102,7 @@ def _run(argv: list[str]) -> None:
     parser = _build_parser(first)
     args, unknown = parser.parse_known_args(_plain_negatives(_join_size(argv)))
     if args.command is None:
-        raise RleSplatError(f"Say what to do: {', '.join(COMMANDS)}; see rle-splat --help.")
+        raise RleSplatError(f"No command was given; choose {', '.join(COMMANDS)}, or see rle-splat --help.")
     if unknown:
         raise RleSplatError(_unknown_words(unknown, args))
     args.run(args)
@@ -109,12 +111,23 @@ def _run(argv: list[str]) -> None:
 def _unknown_words(unknown: list[str], args) -> str:
     option = next((word for word in unknown if word.startswith("-")), None)
     if option is None:
-        return f"{unknown[0]!r} is one word too many; see {args.prog} --help."
-    return f"{args.prog} has no option {option.split('=')[0]}; see {args.prog} --help for those it has."
+        return f"The argument {unknown[0]!r} is unexpected; remove it, or see {args.prog} --help."
+    return f"{args.prog} has no option {option.split('=')[0]}; see {args.prog} --help for its options."
 
 
 def main(argv=None) -> int:
-    """Run one command line (default: the process's own) and return the exit code."""
+    """Run one command line.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The arguments; default those of the process.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
     argv = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in argv
     try:
@@ -130,7 +143,7 @@ def main(argv=None) -> int:
     except SystemExit as end:  # --help leaves this way
         return DONE if end.code is None else end.code
     except BrokenPipeError:
-        # The reader of our output has gone (``| head``): say nothing, and keep the interpreter's last flush quiet.
+        # The reader of our output has ended (``| head``): exit silently, and keep Python's final flush silent too.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except (Exception, KeyboardInterrupt) as problem:
@@ -145,10 +158,10 @@ def main(argv=None) -> int:
 
 @with_room
 def run_process() -> int:
-    """``main`` for a process of its own, which leaves at once.
+    """``main`` for a process that ends afterward.
 
-    Python would look through all that is in memory for what refers to itself, to take it apart piece by piece, before
-    the system takes the memory back as a whole (measured: 0.15 to 0.2 s, which a user waits for).
+    Freezing the garbage collector skips its final collection before the system frees the memory anyway (measured: it
+    takes 0.15 to 0.2 s).
     """
     code = main()
     gc.freeze()
@@ -156,15 +169,15 @@ def run_process() -> int:
 
 
 def _verdict(problem, bad_input, cancelled) -> tuple[str, int]:
-    """The sentence and the exit code for an exception; the two last are our own classes."""
+    """The sentence and the exit code of an exception; ``bad_input`` and ``cancelled`` are our exception classes."""
     if isinstance(problem, bad_input):
         return str(problem), BAD_INPUT
     if isinstance(problem, (KeyboardInterrupt, cancelled)):
         return "Stopped; nothing was written.", INTERRUPTED
     detail = f" ({problem})" if str(problem) else ""
     if isinstance(problem, MemoryError):
-        return f"There is not enough memory for this{detail}; use a smaller volume, image or sheet density.", FAILURE
+        return f"There is not enough memory{detail}; use a smaller volume, image or sheet density.", FAILURE
     if isinstance(problem, OSError):
         place = f" ({problem.filename})" if problem.filename else ""
-        return f"The system refused: {problem.strerror or problem}{place}.", FAILURE
-    return f"This failed for a reason of our own ({type(problem).__name__}{detail}); --debug shows where.", FAILURE
+        return f"The system reported an error: {problem.strerror or problem}{place}.", FAILURE
+    return f"An internal error occurred ({type(problem).__name__}{detail}); add --debug to see where.", FAILURE

@@ -4,47 +4,83 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..classify.label_looks import labels_of, read_label_looks
+from ..classify.label_styles import labels_of, read_label_styles
 from ..classify.transfer_function import TransferFunction
 from ..scene import Channel, RleSplatError, Scene
 
 
 def add_mixing_options(parser) -> None:
-    group = parser.add_argument_group("labels and channels", "further volumes on the same grid; rendered by pre")
-    group.add_argument("--labels", metavar="FILE", help="a volume of whole numbers: what each voxel belongs to")
+    """Add the options of labels and channels."""
+    group = parser.add_argument_group(
+        "labels and channels", "further volumes on the same grid; they are rendered pre-classified")
+    group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers")
     group.add_argument(
         "--label-functions", metavar="FILE.json",
-        help="what labels look like: a list of {label, name, hidden, color, preset, transfer_function}",
+        help="the looks of the labels: a list of {label, name, hidden, color, preset, transfer_function}",
     )
     group.add_argument(
-        "--channel", action="append", default=[], metavar="FILE", help="another channel; may be given several times"
+        "--channel", action="append", default=[], metavar="FILE",
+        help="a volume to add to the picture; may be given several times",
     )
     group.add_argument(
         "--channel-function", action="append", default=[], metavar="FILE.json",
-        help="the transfer function of a channel, in the order of the channels",
+        help="the transfer function of a channel; give one for each --channel, in the same order",
     )
 
 
 def mixing_inputs(args) -> tuple:
-    """The files that the options name."""
+    """The input files of these options; None for one that was not given."""
     return args.labels, args.label_functions, *args.channel, *args.channel_function
 
 
 def read_looks(args) -> tuple[tuple, tuple]:
-    """(looks of labels, transfer functions of channels); what can be refused is, before any volume is read."""
+    """Read the JSON files of the options, and check the options, before any volume is read.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``labels``, ``label_functions``, ``channel`` and ``channel_function``.
+
+    Returns
+    -------
+    looks : tuple of LabelLook
+        The looks of the labels.
+    functions : tuple of TransferFunction
+        The transfer functions of the channels.
+
+    Raises
+    ------
+    RleSplatError
+        If an option is missing its counterpart, or a file is bad.
+    """
     if (args.labels is None) != (args.label_functions is None):
-        raise RleSplatError("--labels is the labels' volume and --label-functions what they look like; give both.")
+        raise RleSplatError("--labels and --label-functions need each other; give both.")
     if len(args.channel) != len(args.channel_function):
         raise RleSplatError(
-            f"There are {len(args.channel)} of --channel and {len(args.channel_function)} of --channel-function; give "
-            "each channel its function."
+            f"There are {len(args.channel)} --channel and {len(args.channel_function)} --channel-function; give each "
+            "channel its function."
         )
-    looks = () if args.label_functions is None else read_label_looks(args.label_functions)
+    looks = () if args.label_functions is None else read_label_styles(args.label_functions)
     return looks, tuple(TransferFunction.from_json(path) for path in args.channel_function)
 
 
 def mixed(args, scene: Scene, looks, functions) -> Scene:
-    """The scene with the labels and channels of the options, and what ``read_looks`` made of them."""
+    """Add the labels and channels of the options to a scene.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``labels`` and ``channel``.
+    scene : Scene
+        The scene.
+    looks, functions
+        The results of ``read_looks``.
+
+    Returns
+    -------
+    Scene
+        The scene with labels and channels.
+    """
     if args.labels is not None:
         labels = labels_of(_read_beside(scene, args.labels), looks, scene.volume, scene.transfer_function)
         scene = replace(scene, labels=labels)
@@ -53,7 +89,7 @@ def mixed(args, scene: Scene, looks, functions) -> Scene:
 
 
 def _read_beside(scene: Scene, path):
-    """The volume at ``path``; bare voxels are on the grid of the scene's volume."""
+    """Read a volume; a raw file is read with the shape of the scene's volume."""
     from ..read.formats import format_of, read_volume
 
     kind = format_of(path)

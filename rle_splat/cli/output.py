@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Output files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -10,12 +10,25 @@ from ..scene import RleSplatError
 
 
 def _part(path: Path) -> Path:
-    """The file beside ``path`` that is written first; hidden, and of this process only."""
+    """The temporary file beside ``path``: hidden, with the process id in its name."""
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
 def check_outputs(paths, inputs=()) -> None:
-    """Refuse, before any work is done, outputs that could not be written or would overwrite an input."""
+    """Check the outputs of a command before any work is done.
+
+    Parameters
+    ----------
+    paths : iterable of path-like
+        The files to write.
+    inputs : iterable of path-like or None
+        The files that the command reads.
+
+    Raises
+    ------
+    RleSplatError
+        If an output cannot be written, is named twice, or would overwrite an input.
+    """
     seen = set()
     for path in map(Path, paths):
         folder = path.parent
@@ -41,9 +54,19 @@ def check_outputs(paths, inputs=()) -> None:
 
 @contextmanager
 def whole_files(paths):
-    """Yield a temporary path for each of ``paths``; on success they take the real names, else they vanish.
+    """Context manager: temporary files that are renamed to their targets on success and deleted on failure.
 
-    All are written before the first is renamed, so a stop half-way leaves neither a new file nor a damaged old one.
+    All are written before the first is renamed, so an interruption leaves no new or damaged file.
+
+    Parameters
+    ----------
+    paths : iterable of path-like
+        The target files.
+
+    Yields
+    ------
+    list of Path
+        A temporary path for each target.
     """
     targets = [Path(path) for path in paths]
     parts = [_part(target) for target in targets]

@@ -1,4 +1,4 @@
-"""One line on stderr that says how far long work has come."""
+"""A progress line on stderr."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ import sys
 import time
 from contextlib import contextmanager
 
-# A line is redrawn at most this often, in seconds, so that a terminal costs nothing; a new message shows at once.
-REDRAW_INTERVAL = 0.1
+from ..runtime.steps import drain
+
+REDRAW_INTERVAL = 0.1  # seconds between redraws with the same message; a new message shows at once
 
 
 class ProgressLine:
-    """``with ProgressLine(wanted) as line: line.show(0.3, "reading")``; cleared at the end.
+    """A progress line, as a context manager that clears the line at its end.
 
-    ``wanted`` None shows it only where stderr is a terminal.
+    Parameters
+    ----------
+    wanted : bool or None
+        Whether to show the line; None shows it only if the stream is a terminal.
+    stream : file, optional
+        Where to write; default stderr.
+
+    Examples
+    --------
+    ``with ProgressLine(None) as line: line.show(0.3, "reading")``
     """
 
     def __init__(self, wanted=None, stream=None):
@@ -30,7 +40,15 @@ class ProgressLine:
         return False
 
     def show(self, fraction, message: str) -> None:
-        """Draw ``message`` with ``fraction`` of the work done, 0 to 1, or None where that is unknown."""
+        """Show a message.
+
+        Parameters
+        ----------
+        fraction : float or None
+            Part of the work that is done, 0 to 1; None if unknown.
+        message : str
+            What is being done.
+        """
         now = time.perf_counter()
         if message == self._message and now - self._time < REDRAW_INTERVAL:
             return
@@ -38,20 +56,32 @@ class ProgressLine:
         self._draw(message if fraction is None else f"{100.0 * fraction:3.0f} %  {message}")
 
     def follow(self, steps, start: float = 0.0):
-        """Run a generator of Progress to its end and return its value; its fractions fill [start, 1]."""
+        """Run a generator of Progress to its end and show each step.
+
+        Parameters
+        ----------
+        steps : generator
+            Yields Progress.
+        start : float
+            Where its fractions begin on the line; they fill [start, 1].
+
+        Returns
+        -------
+        object
+            The generator's result.
+        """
+
+        def show(progress):
+            self.show(start + (1.0 - start) * progress.fraction, progress.message)
+
         try:
-            while True:
-                try:
-                    progress = next(steps)
-                except StopIteration as end:
-                    return end.value
-                self.show(start + (1.0 - start) * progress.fraction, progress.message)
+            return drain(steps, show)
         finally:
             steps.close()
 
     @contextmanager
     def compiling(self):
-        """While this is open the line says when kernels are compiled, which takes a while but happens once."""
+        """Context manager: show a message while kernels are compiled, which happens only once but is slow."""
         from ..runtime.jit import numba
 
         if numba is None or not self._on:
@@ -66,7 +96,7 @@ class ProgressLine:
                 show(None, "compiling kernels (first run only)")
 
             def on_end(self, _):
-                """Nothing to say: the next step speaks for itself."""
+                """Show nothing: the next step has its own message."""
 
         with event.install_listener("numba:compile", Compiling()):
             yield

@@ -1,4 +1,4 @@
-"""``rle-splat render``: a volume on disk to a picture on disk."""
+"""``rle-splat render``: render a volume file to picture files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def add_arguments(parser) -> None:
     add_volume_argument(parser, also=(ENCODED_SUFFIX,))
     parser.add_argument(
         "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in WRITERS)}}}",
-        help="where the picture goes; may be given several times",
+        help="the picture to write; may be given several times",
     )
     add_image_options(parser)
     add_mode_option(parser)
@@ -51,7 +51,8 @@ def add_arguments(parser) -> None:
     add_scene_options(parser)
     parser.add_argument(
         "--motion", metavar="FILE.json",
-        help="a list of poses, camera_matrix, volume_matrix or both, from when the shutter opens to when it closes",
+        help="motion blur: a list of poses, each with camera_matrix, volume_matrix or both, equally spaced in time "
+        "while the shutter is open",
     )
     add_clip_option(parser)
     add_light_effect_options(parser)
@@ -62,7 +63,21 @@ def add_arguments(parser) -> None:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What is rendered and how, with what the report says of it."""
+    """A scene to render, its quality, and entries for the report.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene.
+    quality : Quality
+        The knobs.
+    read_ms : float
+        Milliseconds for reading the volume.
+    transfer_function : dict
+        Its ``name`` and the ``reason`` for it.
+    remarks : tuple of str
+        Further remarks.
+    """
 
     scene: Scene
     quality: Quality
@@ -84,7 +99,8 @@ def run(args) -> None:
     poses, looks = read_motion(args.motion), read_looks(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
-        raise RleSplatError("A .rle file holds voxels that are classified already; give the volume with labels.")
+        raise RleSplatError(
+            "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
     quality = quality_from(args, "pre" if is_encoded else None)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
@@ -111,8 +127,7 @@ def run(args) -> None:
 
 
 def _steps(args, prepared: Prepared):
-    """The work: by a plan that keeps the tolerance, where there is one, else by the quality that was asked for.
-    Generator of Progress: (Rendering, the shadow pass, None where none is wanted)."""
+    """Generator of Progress: render with the tolerance or the quality; return (Rendering, shadow pass or None)."""
     if args.shadow_pass is not None:
         from ..pipeline.shadow_pass import shadow_pass_steps
 
@@ -130,11 +145,12 @@ def _steps(args, prepared: Prepared):
 
 def _check_background(background) -> None:
     if background is not None and not all(np.isfinite(c) and c >= 0.0 for c in background):
-        raise RleSplatError("--background takes three finite numbers, none below zero.")
+        numbers = " ".join(f"{c:g}" for c in background)
+        raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
 
 
 def _prepare_voxels(args, quality) -> Prepared:
-    """Read a volume and choose a look, a place and lights for it; what can be refused is, before the reading."""
+    """Read a volume and make its scene; options are checked before the volume is read."""
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
@@ -152,7 +168,7 @@ def _prepare_voxels(args, quality) -> Prepared:
 
 
 def _prepare_tables(args, quality) -> Prepared:
-    """Load a .rle file: its transfer function, its lights and its model are what they are."""
+    """Load a .rle file, with its own transfer function, lights, model and record, and make its scene."""
     from ..classify.transfer_function import TransferFunction
     from ..encode.store import load
     from .lighting import check_lighting
@@ -163,22 +179,22 @@ def _prepare_tables(args, quality) -> Prepared:
     refuse_light_effects(args)
     if volume_options(args):
         option = next(iter(volume_options(args))).replace("_", "-")
-        raise RleSplatError(f"A .rle file says itself how its voxels lie; leave --{option} out.")
+        raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")
     if quality.classification != "pre":
         raise RleSplatError(
-            f"A .rle file holds voxels that are classified already; leave --classification {quality.classification} "
-            "out, or render the volume it was encoded from."
+            "The voxels of a .rle file are classified already; leave --classification "
+            f"{quality.classification} out, or render the original volume."
         )
     began = perf_counter()
     stored = load(args.volume)
     read_ms = 1e3 * (perf_counter() - began)
     if stored.transfer_function is None or not isinstance(stored.lighting, dict):
-        raise RleSplatError(f"{args.volume} does not say how it was classified and lit; encode the volume again.")
+        raise RleSplatError(f"{args.volume} lacks its transfer function or its lights; encode the volume again.")
     function = TransferFunction.from_json(stored.transfer_function)
     if args.preset is not None or (given_function is not None and given_function.key != function.key):
         raise RleSplatError(
-            f"{args.volume} was classified with {function.name or 'its own transfer function'}; leave the option for "
-            "another one out, or encode the volume again."
+            f"{args.volume} was classified with {function.name or 'its own transfer function'}; remove --preset or "
+            "--transfer-function, or encode the volume again."
         )
     camera, matrix = place(args, stored, camera, matrix)
     check_lighting(args, stored.lighting, lights, camera)
@@ -186,16 +202,16 @@ def _prepare_tables(args, quality) -> Prepared:
         quality = replace(quality, model=stored.model)
     if args.record not in (None, stored.record):
         raise RleSplatError(
-            f"{args.volume} holds records of {stored.record} bytes; leave --record out, or encode the volume again."
+            f"{args.volume} holds records of {stored.record} bytes; remove --record, or encode the volume again."
         )
     quality = replace(quality, record=stored.record)
     scene = make_scene(args, stored, function, camera, matrix, (), False)
-    remark = "Lit as it was encoded." if stored.lighting.get("shaded") else "Unshaded, as it was encoded."
-    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "baked into the .rle file"}, (remark,))
+    remark = "The light is that of the .rle file." if stored.lighting.get("shaded") else "The .rle file is unshaded."
+    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "stored in the .rle file"}, (remark,))
 
 
 def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) -> dict:
-    """The renderer's report with what the command adds; ``total`` is reading to writing."""
+    """The renderer's report with the command's entries; ``total`` includes reading and writing."""
     report = {"command": "render", "input": {"path": str(args.volume)}, **rendering.report}
     rendered = dict(report["stages_ms"])
     report["stages_ms"] = {
@@ -210,7 +226,7 @@ def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) 
 
 
 def _say(report: dict) -> None:
-    """What came of it, on stdout: a few lines."""
+    """Print a summary of the report."""
     from ..pipeline.single_rays import rays_lines
 
     for remark in report["remarks"]:

@@ -1,4 +1,4 @@
-"""The machine-readable report: JSON that any reader takes."""
+"""Writing reports as strict JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,18 @@ import numpy as np
 
 
 def plain(value):
-    """``value`` with numpy's and our own types turned into JSON's; a number that is not finite becomes null."""
+    """Convert a value to JSON types.
+
+    Parameters
+    ----------
+    value : object
+        Any nesting of dict, list, tuple, set, numpy and plain types; other types become their ``str``.
+
+    Returns
+    -------
+    object
+        The value; numbers that are not finite become None.
+    """
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple, set)):
@@ -27,10 +38,10 @@ def plain(value):
 
 
 def write_report(path, report: dict) -> None:
-    """Write ``report`` to ``path`` as indented UTF-8 JSON."""
+    """Write a report to a file as indented UTF-8 JSON."""
     Path(path).write_text(json.dumps(plain(report), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def number_text(value: float) -> str:
-    """A number in at most six significant digits."""
+    """A number with at most six significant digits."""
     return f"{value:.6g}"

@@ -1,4 +1,4 @@
-"""Camera, placement and lights from the options, and the scene they make."""
+"""The camera, placement and lights from the options, and the scene made from them."""
 
 from __future__ import annotations
 
@@ -10,31 +10,56 @@ from ..scene import MODES, Camera, Clip, Light, Mist, Pose, RleSplatError, Scene
 from ..view.turntable import turntable
 from .options import effects_from
 
-LARGEST_SIDE = 65536  # pixels, as Scene has it
-# What the turntable takes, each by its name in the parsed arguments, with its default.
+LARGEST_SIDE = 65536  # pixels, the limit of Scene
+# The turntable's arguments, by their names in the parsed arguments, with their defaults.
 TURNTABLE_DEFAULTS = {"azimuth": 0.0, "elevation": 0.0, "fit": 1.25, "perspective": False, "fov": 40.0}
 
 
 def check_scene_options(args) -> None:
-    """Refuse contradictory or impossible options of view, lights and effects before anything is read."""
+    """Check the options of view, lights and effects, before any volume is read.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With the options of ``add_scene_options`` and ``size``.
+
+    Raises
+    ------
+    RleSplatError
+        If options contradict each other, or a value is out of range.
+    """
     effects_from(args)
     read_clips(args)
     given = [name for name in TURNTABLE_DEFAULTS if getattr(args, name) is not None]
     if args.camera is not None and given:
         raise RleSplatError(f"--camera and --{given[0]} contradict each other; give one of the two.")
     if args.fov is not None and not args.perspective:
-        raise RleSplatError("--fov is the angle of a perspective view; add --perspective or leave it out.")
+        raise RleSplatError("--fov has no effect on an orthographic view; add --perspective, or remove --fov.")
     if not (np.isfinite(args.scene_scale) and args.scene_scale > 0.0):
-        raise RleSplatError("--scene-scale must be a finite number above zero.")
+        raise RleSplatError(f"--scene-scale is {args.scene_scale:g}; give a finite number above zero.")
     if not all(1 <= side <= LARGEST_SIDE for side in args.size):
-        raise RleSplatError(f"--size takes whole numbers of pixels from 1 to {LARGEST_SIDE}.")
+        sides = " ".join(map(str, args.size))
+        raise RleSplatError(f"--size is {sides}; give whole numbers of pixels from 1 to {LARGEST_SIDE}.")
     if args.no_shading and (args.lights is not None or args.headlight):
         other = "--lights" if args.lights is not None else "--headlight"
         raise RleSplatError(f"--no-shading and {other} contradict each other; give one of the two.")
 
 
 def read_placement(args):
-    """(Camera or None, (4, 4) matrix): what --camera and --volume-matrix hold; the identity without the latter."""
+    """Read the files of --camera and --volume-matrix.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``camera`` and ``volume_matrix``.
+
+    Returns
+    -------
+    camera : Camera or None
+        None without --camera.
+    matrix : ndarray, shape (4, 4), float64
+        The volume's own space to the world; the identity without --volume-matrix.
+    """
     camera = None if args.camera is None else Camera.from_json(args.camera)
     if args.volume_matrix is None:
         return camera, as_matrix(np.eye(4), "the identity")
@@ -42,10 +67,26 @@ def read_placement(args):
 
 
 def place(args, volume, camera, matrix):
-    """(Camera, (4, 4) volume matrix) for the volume that has been read.
+    """The camera and the volume's matrix for a volume.
 
-    The turntable stands about the volume where ``matrix`` puts it: the world's axes are the volume's before that
-    matrix, and the aim follows the middle of the box.
+    Without a camera file the turntable camera is used.  It is centered on the box where ``matrix`` puts it; its axes
+    are the volume's axes before ``matrix``.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With the turntable options, ``size`` and ``scene_scale``.
+    volume : Volume
+        The volume.
+    camera, matrix
+        The results of ``read_placement``.
+
+    Returns
+    -------
+    camera : Camera
+        The camera.
+    matrix : ndarray, shape (4, 4), float64
+        The volume's own space to the world.
     """
     if camera is not None:
         return camera, matrix
@@ -60,7 +101,20 @@ def place(args, volume, camera, matrix):
 
 
 def read_lights(args) -> tuple[tuple, bool]:
-    """(lights, headlight): what --lights, --headlight and --no-shading ask for."""
+    """The lights from the options.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``lights``, ``headlight``, ``no_shading`` and ``camera``.
+
+    Returns
+    -------
+    lights : tuple of Light
+        The lights of --lights.
+    headlight : bool
+        Whether there is a headlight.
+    """
     if args.no_shading:
         return (), False
     lights = () if args.lights is None else Light.list_from_json(args.lights)
@@ -70,19 +124,42 @@ def read_lights(args) -> tuple[tuple, bool]:
 
 
 def read_clips(args) -> tuple:
-    """The planes and boxes of --clip, of commands that have it."""
+    """The planes and boxes of --clip; none for a command without it."""
     path = getattr(args, "clip", None)
     return () if path is None else Clip.list_from_json(path)
 
 
 def read_mist(args) -> Mist | None:
-    """What --mist holds, of commands that have it."""
+    """The mist of --mist; None for a command without it."""
     path = getattr(args, "mist", None)
     return None if path is None else Mist.from_json(path)
 
 
 def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Scene:
-    """The Scene of the placement options and of what has been read."""
+    """Make the scene.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``size``, ``scene_scale``, ``effect``, and ``clip``, ``mode`` and ``mist`` if the command has them.
+    volume : Volume or StoredVolume
+        The volume.
+    function : TransferFunction
+        Its transfer function.
+    camera : Camera
+        The camera.
+    matrix : ndarray, shape (4, 4)
+        The volume's own space to the world.
+    lights : tuple of Light
+        The lights.
+    headlight : bool
+        Whether there is a headlight.
+
+    Returns
+    -------
+    Scene
+        The scene.
+    """
     width, height = args.size
     return Scene(
         volume=volume, transfer_function=function, camera=camera, width=width, height=height, volume_matrix=matrix,
@@ -93,15 +170,28 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
 
 
 def read_motion(path) -> list[dict]:
-    """What the file of --motion holds: a list of poses, each with one of a Pose's matrices or both."""
+    """Read the file of --motion: a list of poses, each a dict with one or both matrices of a Pose."""
     entries = [] if path is None else read_json(path, "the motion file")
     if not isinstance(entries, list):
-        raise RleSplatError(f"The motion file {path} must hold a list of poses.")
+        raise RleSplatError(f"The motion file {path} does not hold a list; give a list of poses.")
     return entries
 
 
 def moving(scene: Scene, poses: list[dict]) -> Scene:
-    """The scene with a shutter that is open during ``poses``; a matrix that one leaves out is the scene's own."""
+    """Add the poses of an open shutter to a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    poses : list of dict
+        The result of ``read_motion``; a missing matrix is that of the scene.
+
+    Returns
+    -------
+    Scene
+        The scene with ``motion``.
+    """
     own = {"camera_matrix": scene.camera.matrix_world, "volume_matrix": scene.volume_matrix}
     what = "A pose of the motion file"
     motion = [from_mapping(Pose, {**own, **pose} if isinstance(pose, dict) else pose, what) for pose in poses]

@@ -1,1 +1,1 @@
-"""The systems that the paper names, each small, each real, on the same scene description, for comparison."""
+"""The other methods that the paper names, each a small working implementation, for comparison on the same scenes."""

@@ -1,4 +1,4 @@
-"""All named systems on one scene, side by side: time, memory, and error against the truth T1 at probe pixels."""
+"""All systems on one scene: time, memory, and error against the truth T1 at probe pixels."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from ..accuracy.metrics import difference
 from ..runtime.jit import thread_count
 from ..runtime.steps import Progress, drain
 from ..scene import Quality, RleSplatError, Scene
-from .judge import probe_truth
 from .medium import Medium, scene_medium
+from .probe_truth import probe_truth
 from .system import System
 from .table import SYSTEMS, system_of
 
 PROBES = 256
-REPEATS = 3  # frames timed, once compiled and warm; the best counts
+REPEATS = 3  # frames timed after one that compiles and warms up; the best counts
 
 
 def compare(scene: Scene, quality: Quality, names=None, probes: int = PROBES, repeats: int = REPEATS) -> dict:
@@ -23,17 +23,35 @@ def compare(scene: Scene, quality: Quality, names=None, probes: int = PROBES, re
 
 
 def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROBES, repeats: int = REPEATS):
-    """Generator: yields Progress, returns a JSON-ready report.
+    """Compare systems on one scene.  Generator of Progress.
 
-    ``names``: of SYSTEMS, all when None; the first one is what the others are measured against.  A system that
-    cannot draw this scene says why in its entry, under "refused".  Errors are in levels, 1/255; a system's picture
-    is held against T1 in the channels it claims, "judged", and everyone's alpha beside that.
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+    names : sequence of str, optional
+        Of SYSTEMS, by default all.  The others are measured against the first one.
+    probes : int
+        Probe pixels.
+    repeats : int
+        Frames timed.
+
+    Returns
+    -------
+    dict
+        JSON-ready report.  A system that cannot draw the scene has the reason in its entry, under ``refused``.  Errors
+        are in levels, 1/255: of the channels that the system claims to draw as T1, ``judged``, and of alpha.
+
+    Raises
+    ------
+    RleSplatError
+        For unknown systems, and scenes that the systems cannot draw.
     """
     systems = [system_of(name) for name in (SYSTEMS if names is None else names)]
     if probes < 1 or repeats < 1:
         raise RleSplatError("Comparing takes one probe and one repeat at least.")
     yield Progress(0.0, "Classifying")
-    scene_medium(scene, quality)  # compiles, so that what the shared stages take is told warm
+    scene_medium(scene, quality)  # compiles the kernels, so that the times of the shared stages are without that
     medium = scene_medium(scene, quality)
     yield Progress(0.05, "Integrating the truth")
     began = time.perf_counter()
@@ -66,10 +84,10 @@ def _measured(system: System, medium: Medium, quality: Quality, truth, repeats: 
     """One system's entry of the report."""
     entry = {
         "name": system.name, "title": system.title, "reference": system.reference, "differs": system.differs,
-        "judged": system.judged,
+        "judged": system.channels,
     }
     try:
-        system.prepare(medium, quality).draw()  # compiles and warms
+        system.prepare(medium, quality).draw()  # compiles the kernels and warms up
     except RleSplatError as refusal:
         return {**entry, "refused": str(refusal)}
     began = time.perf_counter()
@@ -83,7 +101,7 @@ def _measured(system: System, medium: Medium, quality: Quality, truth, repeats: 
         best = spent if best is None else min(best, spent)
     columns, rows, true = truth
     found = rendering.rgba[rows, columns]
-    channels = slice(0, 4) if system.judged == "rgba" else slice(3, 4)
+    channels = slice(0, 4) if system.channels == "rgba" else slice(3, 4)
     error, alpha = difference(found[:, channels], true[:, channels]), difference(found[:, 3], true[:, 3])
     return {
         **entry, "prepare_ms": prepare_ms, "draw_ms": best,
@@ -93,7 +111,7 @@ def _measured(system: System, medium: Medium, quality: Quality, truth, repeats: 
 
 
 def table_lines(report: dict) -> list[str]:
-    """The report as lines of text for a person."""
+    """The report as lines of text for people."""
     volume, image = report["volume"], report["image"]
     lines = [
         f"{' x '.join(map(str, volume['shape_xyz']))} voxels, {volume['visible_fraction']:.1%} not transparent; "

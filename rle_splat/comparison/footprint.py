@@ -1,7 +1,7 @@
-"""Footprint tables: how much of a voxel's kernel each ray through its neighbourhood meets (Westover's footprints).
+"""Footprint tables (Westover): the integral of a voxel's kernel along each ray near the voxel.
 
-Under parallel projection every voxel has the same footprint but for its place within a pixel, so it is integrated
-once for a view and looked up ever after.
+In parallel projection the footprints of all voxels differ only by their offset within a pixel.  So the footprint is
+integrated once for a view, for a table of offsets.
 """
 
 from __future__ import annotations
@@ -15,19 +15,27 @@ from ..runtime.jit import kernel
 from ..view.eye import IndexView
 from .pixel_rays import pixel_frame
 
-# Places within a pixel that the table tells apart, along each side: so many that a footprint is never misplaced by
-# more than 1/160 of its reach, as far as MOST_SUBPIXELS allow; large footprints need few.
+# Offsets within a pixel, along each side: enough to misplace no footprint by more than 1/160 of its reach, up to
+# MOST_SUBPIXELS.
 PLACES_PER_REACH = 80.0
 MOST_SUBPIXELS = 32
-_GAUSS = (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0))  # exact for the cubics that three tents make
+_GAUSS = (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0))  # exact for products of three linear functions
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """``weights``: flat float32 (subpixels, subpixels, height, width): the world length of a ray through a pixel,
-    weighted by the kernel of a voxel; the first two tell where between pixel centres the footprint begins, row
-    before column.  ``shape``: (3,) int64, subpixels, height, width.  ``reach``: (2,) float64 half width and half
-    height, pixels."""
+    """A footprint table.
+
+    Attributes
+    ----------
+    weights : (subpixels * subpixels * height * width,) float32
+        The world length of a ray through a pixel, weighted by the kernel of a voxel.  The first two axes are the offset
+        of the footprint's begin between pixel centers, row before column.
+    shape : (3,) int64
+        Subpixels, height, width.
+    reach : (2,) float64
+        Half width and half height, in pixels.
+    """
 
     weights: np.ndarray
     shape: np.ndarray
@@ -35,7 +43,7 @@ class Footprint:
 
 
 def footprint(view: IndexView, scale: float = 1.0) -> Footprint:
-    """The footprint of a trilinear kernel ``scale`` voxels wide on either side, for a view with parallel rays."""
+    """Make the footprint of a trilinear kernel of half width ``scale`` voxels, for a view with parallel rays."""
     frame, _ = pixel_frame(view)
     reach = scale * np.abs(frame[:2]).sum(axis=1)
     width, height = (math.floor(2.0 * r) + 1 for r in reach)
@@ -55,7 +63,7 @@ def footprint(view: IndexView, scale: float = 1.0) -> Footprint:
 
 
 def tent_line_integral(points: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """(N,) float64: integral over t of tent(x) tent(y) tent(z) along points (N, 3) + t * along (3,); exact."""
+    """(N,) float64: the exact integral over t of tent(x) tent(y) tent(z) at points (N, 3) + t * along (3,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         kinks = (np.array((-1.0, 0.0, 1.0)) - points[:, :, None]) / along[:, None]
     runs = along != 0.0
@@ -74,8 +82,8 @@ def tent_line_integral(points: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 @kernel(inline="always")
 def first_pixel(position, reach, subpixels):
-    """First pixel of a footprint about ``position`` (pixels, one coordinate), and which of the ``subpixels`` places
-    its centre lies at."""
+    """The first pixel of a footprint around ``position`` (one coordinate, in pixels), and the index of its offset, of
+    ``subpixels``."""
     edge = position - 0.5 - reach
     first = math.ceil(edge)
     return int(first), min(int((first - edge) * subpixels), subpixels - 1)
@@ -83,14 +91,15 @@ def first_pixel(position, reach, subpixels):
 
 @kernel(inline="always")
 def composite_sample(image, row, column, length, red, green, blue, sigma):
-    """One sample over what is behind nothing yet: front to back, ``image`` (H, W, 4) colour and transmittance.
+    """Composite one sample behind a pixel of ``image`` (H, W, 4), color and transmittance.
 
-    ``length``: world length; the rest a voxel's record.  C += T (1 - exp(-tau)) Q / tau;  T *= exp(-tau).
+    ``length``: world length.  ``red``, ``green``, ``blue``, ``sigma``: a voxel's record.
+    C += T (1 - exp(-tau)) Q / tau;  T *= exp(-tau).
     """
-    clear = image[row, column, 3]
+    transmittance = image[row, column, 3]
     tau = sigma * length
-    weight = -clear * math.expm1(-tau) / sigma
+    weight = -transmittance * math.expm1(-tau) / sigma
     image[row, column, 0] += weight * red
     image[row, column, 1] += weight * green
     image[row, column, 2] += weight * blue
-    image[row, column, 3] = clear * math.exp(-tau)
+    image[row, column, 3] = transmittance * math.exp(-tau)

@@ -1,8 +1,8 @@
 """Ihm and Lee's indexed splatting: the voxels of each slice sorted by density, so that a window is a range.
 
 I. Ihm and R. K. Lee, On enhancing the speed of splatting with indexing, Visualization 1995: the paper's [10].
-When the transfer function changes, the voxels that it shows are found by bisection; none of the others is looked
-at.  They go into our encoder and renderer.
+When the transfer function changes, bisection finds the voxels that are not transparent, without a look at the others.
+They are encoded and rendered by this package.
 """
 
 from __future__ import annotations
@@ -22,15 +22,23 @@ from . import ours
 from .medium import Medium
 from .system import Prepared
 
-ROW = 4096  # voxels classified as one row of a volume of shown voxels
+ROW = 4096  # visible voxels are classified in rows of this length
 RECORD = 16  # bytes of a run-length voxel record, for the comparison of memory
 
 
 @dataclass(frozen=True, eq=False)
 class DensityIndex:
-    """``order``: (nz, ny * nx) uint16 or uint32, places ``y * nx + x`` in a slice by ascending stored value.
-    ``values``: (nz, ny * nx), the stored values in that order, NaN last.  ``numbers``: (nz,) int64, how many are
-    not NaN."""
+    """The voxels of each slice sorted by stored value.
+
+    Attributes
+    ----------
+    order : (nz, ny * nx) uint16 or uint32
+        Positions ``y * nx + x`` in a slice, by ascending stored value.
+    values : (nz, ny * nx)
+        The stored values in that order, NaN last.
+    numbers : (nz,) int64
+        The number of values that are not NaN.
+    """
 
     order: np.ndarray
     values: np.ndarray
@@ -38,15 +46,16 @@ class DensityIndex:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all three."""
         return self.order.nbytes + self.values.nbytes + self.numbers.nbytes
 
 
 def index_volume(volume: Volume) -> DensityIndex:
-    """Sort every slice of a volume by stored value, once for all transfer functions."""
+    """Sort each slice of a volume by stored value, once for all transfer functions."""
     slices = volume.voxels.reshape(volume.voxels.shape[0], -1)
     order = np.empty(slices.shape, np.uint16 if slices.shape[1] <= 65536 else np.uint32)
     values = np.empty_like(slices)
-    for k, stored in enumerate(slices):  # slice by slice: argsort's 8-byte places are never held for all
+    for k, stored in enumerate(slices):  # slice by slice, because argsort returns 8 bytes a voxel
         order[k] = np.argsort(stored, kind="stable")
         values[k] = stored[order[k]]
     missing = np.isnan(values).sum(axis=1) if values.dtype.kind == "f" else np.zeros(len(values), np.int64)
@@ -54,8 +63,8 @@ def index_volume(volume: Volume) -> DensityIndex:
 
 
 def _first(index: DensityIndex, volume: Volume, reached) -> np.ndarray:
-    """(nz,) int64: the first place in every sorted slice whose physical value is ``reached``; bisection of all
-    slices at once, for a predicate that is false and then true."""
+    """(nz,) int64: the first position in each sorted slice whose physical value is ``reached``, a predicate that is
+    false and then true; bisection of all slices at once."""
     low, high = np.zeros_like(index.numbers), index.numbers.copy()
     slices = np.arange(len(low))
     while (low < high).any():
@@ -69,7 +78,7 @@ def _first(index: DensityIndex, volume: Volume, reached) -> np.ndarray:
 
 
 def shown_places(index: DensityIndex, volume: Volume, transfer_function) -> list[np.ndarray]:
-    """Per slice the ascending places ``y * nx + x`` of the voxels in the value ranges that the function shows."""
+    """For each slice the ascending positions ``y * nx + x`` of the voxels whose values are not transparent."""
     ranges = []
     for low, high in positive_intervals(pieces(transfer_function.opacity)):
         ends = [_first(index, volume, (lambda v, e=end: v >= e) if volume.slope > 0.0 else (lambda v, e=end: v < e))
@@ -86,12 +95,12 @@ def shown_places(index: DensityIndex, volume: Volume, transfer_function) -> list
 
 
 def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index_to_world, **how) -> ClassifiedVolume:
-    """What ``classify`` returns, found through the index; ``how``: its backend and threads."""
+    """As ``classify``, with the visible voxels found by the index; ``how``: the backend and threads of ``classify``."""
     nx, ny, nz = volume.shape_xyz
     shown = shown_places(index, volume, transfer_function)
     counts = [len(places) for places in shown]
     total = sum(counts)
-    # The shown voxels alone, as a volume of their own: rows of ROW voxels, the last one filled up.
+    # Classify the visible voxels alone, as a volume with rows of ROW voxels; the last one is filled up.
     stored = np.zeros(max(-(-total // ROW), 1) * ROW, volume.voxels.dtype)
     slices = volume.voxels.reshape(nz, -1)
     for begin, places, voxels in zip(row_offsets(np.array(counts)), shown, slices):
@@ -99,7 +108,7 @@ def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index
     found = classify(replace(volume, voxels=stored.reshape(1, -1, ROW)), transfer_function, index_to_world, **how)
     row = np.repeat(np.arange(len(found.row_start) - 1), np.diff(found.row_start))
     seen = row * ROW + found.column
-    kept = slice(0, int(np.searchsorted(seen, total)))  # what fills up the last row comes after all others
+    kept = slice(0, int(np.searchsorted(seen, total)))  # without the filling of the last row
     place = np.concatenate([k * (ny * nx) + places for k, places in enumerate(shown)])[seen[kept]]
     per_row = np.bincount(place // nx, minlength=nz * ny)
     lists = (found.extinction[kept], found.opacity[kept], found.color[kept])
@@ -110,7 +119,7 @@ def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index
 
 
 def prepare(medium: Medium, quality: Quality) -> Prepared:
-    """Index the volume, find the shown voxels through it, encode those and render them at ``quality``."""
+    """Index the volume, find the visible voxels by the index, encode them and render them at ``quality``."""
     scene = medium.scene
     how = dict(backend=quality.backend, threads=quality.threads)
     began = time.perf_counter()

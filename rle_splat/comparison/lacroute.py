@@ -1,4 +1,4 @@
-"""Lacroute and Levoy's shear-warp factorisation, as settings of our renderer.
+"""Lacroute and Levoy's shear-warp factorization, as settings of our renderer.
 
 P. Lacroute and M. Levoy, Fast volume rendering using a shear-warp factorization of the viewing transformation,
 SIGGRAPH 1994: the paper's [7].
@@ -11,7 +11,7 @@ from . import ours
 from .medium import Medium
 from .system import Prepared
 
-# A ray counts as opaque at 95 % opacity: the limit that shear-warp programs are nearly always run with.
+# Rays end at an opacity of 95 %, the usual limit of shear-warp programs.
 TERMINATION = 0.05
 DIFFERS = (
     "Slice planes, one sheet pixel per voxel, opacity resampled linearly within a slice and corrected for the "
@@ -21,7 +21,7 @@ DIFFERS = (
 
 
 def shear_warp(**overrides) -> Quality:
-    """The quality knobs at which our renderer does what the shear-warp program does."""
+    """The quality with which our renderer does the same as the shear-warp program."""
     return Quality(
         classification="pre", depth_rule="slice", sheet_density=0.0, kernel="tent", warp_filter="bilinear",
         termination=TERMINATION, model="opacity", length_correction=True, name="shear-warp", **overrides,
@@ -29,5 +29,5 @@ def shear_warp(**overrides) -> Quality:
 
 
 def prepare(medium: Medium, quality: Quality) -> Prepared:
-    """Our renderer with the shear-warp settings; of ``quality`` only threads and backend count."""
+    """Our renderer with the shear-warp settings; only threads and backend of ``quality`` count."""
     return ours.prepare(medium, shear_warp(threads=quality.threads, backend=quality.backend))

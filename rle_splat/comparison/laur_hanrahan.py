@@ -1,7 +1,7 @@
-"""Laur and Hanrahan's hierarchical splatting: a pyramid of averages, cut where its stored error is small enough.
+"""Laur and Hanrahan's hierarchical splatting: a pyramid of averages, drawn at the nodes of a small enough error.
 
 D. Laur and P. Hanrahan, Hierarchical splatting: a progressive refinement algorithm for volume rendering, SIGGRAPH
-1991: the paper's [9].  ``progressive.py`` has their progressive refinement: pictures that arrive coarse to fine.
+1991: the paper's [9].  Their progressive refinement, pictures from coarse to fine, is in the package's previews.
 """
 
 from __future__ import annotations
@@ -13,20 +13,30 @@ import numpy as np
 from ..classify.visible import row_offsets
 from ..runtime.jit import kernel, parallel_call, prange, read_only
 from ..scene import Quality
-from ..volume import pyramid
+from . import pyramid
 from .footprint import composite_sample, first_pixel, footprint
 from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
 from .system import Prepared, need_kernels, picture
 
 TITLE = "Hierarchical splatting"
 LEVELS = 3  # above the voxels: nodes of up to 8 voxels a side
-THRESHOLD = 0.05  # optical depth of one voxel by which a node may misstate any voxel below it
+THRESHOLD = 0.05  # the largest error of a node, in the optical depth of one voxel below it
 BANDS_PER_THREAD = 4
 
 
 def prepare(medium: Medium, quality: Quality, threshold: float = THRESHOLD, levels: int = LEVELS) -> Prepared:
-    """The coarsest nodes whose stored error is at most ``threshold`` (in optical depth of one voxel), each splatted
-    with a footprint of its own size, front to back, every sample composited."""
+    """Splat the coarsest nodes whose error is at most a threshold, front to back, compositing every sample.
+
+    Parameters
+    ----------
+    medium : Medium
+    quality : Quality
+        Only its threads count.
+    threshold : float
+        In the optical depth of one voxel.
+    levels : int
+        Of the pyramid, above the voxels.
+    """
     need_kernels(quality, TITLE)
     need_parallel_rays(medium, TITLE)
     need_whole_volume(medium, TITLE)
@@ -46,8 +56,7 @@ def prepare(medium: Medium, quality: Quality, threshold: float = THRESHOLD, leve
 def in_order(medium: Medium, tree, nodes):
     """Pixels (m, 2) float64, level (m,) int64 and record (m, 4) float32 of the nodes, front to back.
 
-    Octants whose corner is nearer along every axis come first; that is Morton order with the axes turned towards
-    the eye.
+    Octants whose corner is nearer along all axes come first: Morton order, with the axes directed away from the eye.
     """
     direction = -medium.view.eye[:3][::-1]  # z, y, x
     projection = medium.view.projection[:2]
@@ -56,8 +65,8 @@ def in_order(medium: Medium, tree, nodes):
     pixels, level_of, records, keys = [], [], [], []
     for number, (level, found) in enumerate(zip(tree, nodes)):
         corner = found * 2**number
-        centre = corner + 0.5 * (2**number - 1)
-        pixels.append(centre[:, ::-1] @ projection[:, :3].T + projection[:, 3])
+        center = corner + 0.5 * (2**number - 1)
+        pixels.append(center[:, ::-1] @ projection[:, :3].T + projection[:, 3])
         level_of.append(np.full(len(found), number))
         records.append(level.means[tuple(found.T)])
         nearest = np.where(direction < 0.0, size - corner - 2**number, corner)
@@ -67,7 +76,7 @@ def in_order(medium: Medium, tree, nodes):
 
 
 def _morton(places: np.ndarray) -> np.ndarray:
-    """(m,) int64: the bits of (m, 3) non-negative places, up to 2^21, interleaved."""
+    """(m,) int64: the interleaved bits of (m, 3) positions from 0 to 2^21."""
     key = np.zeros(len(places), np.int64)
     for bit in range(int(places.max(initial=0)).bit_length()):
         for axis in range(3):
@@ -91,11 +100,12 @@ def draw(medium: Medium, quality: Quality, splats, tables):
 
 @kernel(parallel=True)
 def splat_nodes(workers, pixels, level_of, records, starts, weights, shapes, reaches, image):
-    """Nodes (m,), front to back, each on to the screen with the footprint table of its level.
+    """Splat m nodes front to back, each with the footprint table of its level.
 
-    ``pixels``: (m, 2) float64 column and row of its centre.  ``records``: (m, 4) float32.  Per level: ``starts``
-    into the flat ``weights``, ``shapes`` (subpixels, height, width), ``reaches`` (half width, half height).  ``image``:
-    (H, W, 4) float32 colour and transmittance, updated.  Bands of rows are independent of each other.
+    ``pixels``: (m, 2) float64, column and row of the centers.  ``level_of``: (m,) int64.  ``records``: (m, 4) float32.
+    For each level: ``starts`` in the flat ``weights`` float32, ``shapes`` int64 (subpixels, height, width), ``reaches``
+    float64 (half width, half height).  ``image``: (H, W, 4) float32 color and transmittance, updated.  Bands of rows
+    are independent of each other.
     """
     rows, columns = image.shape[0], image.shape[1]
     bands = min(rows, BANDS_PER_THREAD * workers)

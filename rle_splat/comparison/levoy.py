@@ -17,15 +17,22 @@ from .pixel_rays import pixel_rays
 from .system import Prepared, need_kernels, picture
 
 TITLE = "Levoy's ray casting"
-STEP = 1.0  # of the smallest distance between voxels, as the ray casters of today ship it
-BLOCK = 4  # cells along a side of a block that is leaped over when nothing absorbs in it
+STEP = 1.0  # of the smallest voxel spacing, the default of current ray casters
+BLOCK = 4  # cells along a side of the blocks that are leaped over where nothing absorbs
 
 
 def prepare(medium: Medium, quality: Quality, step: float = STEP, leaping: bool = True) -> Prepared:
-    """Ray casting of the pre-classified medium, trilinear, zero outside the grid.
+    """Cast rays through the pre-classified medium, interpolated trilinearly, zero outside the grid.
 
-    ``step``: distance of samples in voxels (the smallest spacing).  ``leaping``: leap over empty blocks; the
-    picture is the same.  ``quality``: its termination and its threads count.
+    Parameters
+    ----------
+    medium : Medium
+    quality : Quality
+        Only its termination and threads count.
+    step : float
+        Distance of samples, in the smallest voxel spacing.
+    leaping : bool
+        Leap over empty blocks; the picture is the same.
     """
     need_kernels(quality, TITLE)
     field = medium.field
@@ -35,9 +42,9 @@ def prepare(medium: Medium, quality: Quality, step: float = STEP, leaping: bool 
 
 
 def occupied_blocks(field: np.ndarray) -> np.ndarray:
-    """(bz, by, bx) uint8: whether anything absorbs in a block of BLOCK^3 cells of a padded (.., .., .., 4) field.
+    """(bz, by, bx) uint8: whether anything absorbs in each block of BLOCK^3 cells of a padded field (.., .., .., 4).
 
-    A cell is absorbing when one of its eight corners is; the corners on a block's far faces are its neighbours'.
+    A cell absorbs where one of its eight corners does; the corners on a block's far faces lie in the next blocks.
     """
     busy = field[..., 3] > 0.0
     for axis in range(3):
@@ -53,7 +60,7 @@ def occupied_blocks(field: np.ndarray) -> np.ndarray:
 
 
 def cast(medium: Medium, quality: Quality, blocks, step: float = STEP, leaping: bool = True):
-    """One frame: a Rendering with depth."""
+    """Cast one frame; a Rendering with depth."""
     view, camera = medium.view, medium.scene.camera
     start, direction = pixel_rays(view)
     start[:, 2] += 1.0  # the field is padded by one voxel
@@ -70,7 +77,7 @@ def cast(medium: Medium, quality: Quality, blocks, step: float = STEP, leaping: 
 
 @kernel(inline="always")
 def _steps_to_leave(position, advance, block):
-    """How many samples further on a ray is out of its block along one axis; far away when it runs along it."""
+    """The number of samples until a ray leaves its block along one axis; 1e30 where it is parallel to the faces."""
     if advance > 0.0:
         return ((block + 1) * BLOCK - position) / advance
     if advance < 0.0:
@@ -80,13 +87,15 @@ def _steps_to_leave(position, advance, block):
 
 @kernel
 def _cast(field, flat, blocks, origin, advance, count, length, least, leaping, sample):
-    """One ray: red, green, blue, transmittance, and the number of steps to transmittance one half (or -1).
+    """Cast one ray: red, green, blue, transmittance, and the number of steps to transmittance one half (or -1).
 
-    ``origin``: (3,) padded index position of the first sample, ``advance``: (3,) from one to the next.
-    ``length``: world length a sample stands for.  Each step is a homogeneous slab: C += T (1 - exp(-tau)) Q / tau.
+    ``field``: (nz + 2, ny + 2, nx + 2, 4) float32; ``flat``: the same, flat.  ``blocks``: uint8.  ``origin``: (3,)
+    padded index position of the first sample.  ``advance``: (3,) from one sample to the next.  ``length``: world length
+    of a sample.  ``least``: transmittance at which the ray ends.  ``sample``: (4,) float32, scratch.  Each step is a
+    homogeneous slab: C += T (1 - exp(-tau)) Q / tau.
     """
     red = green = blue = 0.0
-    clear, half = 1.0, -1.0
+    transmittance, half = 1.0, -1.0
     nz, ny, nx = field.shape[0], field.shape[1], field.shape[2]
     k = 0
     while k < count:
@@ -113,34 +122,37 @@ def _cast(field, flat, blocks, origin, advance, count, length, least, leaping, s
         sigma = float(sample[3])
         if sigma > 0.0:
             tau = sigma * length
-            weight = -clear * math.expm1(-tau) / sigma
+            weight = -transmittance * math.expm1(-tau) / sigma
             red += weight * sample[0]
             green += weight * sample[1]
             blue += weight * sample[2]
-            behind = clear * math.exp(-tau)
-            if clear >= 0.5 and behind < 0.5:
-                half = k + math.log(2.0 * clear) / tau
-            clear = behind
-            if clear < least:
+            behind = transmittance * math.exp(-tau)
+            if transmittance >= 0.5 and behind < 0.5:
+                half = k + math.log(2.0 * transmittance) / tau
+            transmittance = behind
+            if transmittance < least:
                 break
         k += 1
-    return red, green, blue, clear, half
+    return red, green, blue, transmittance, half
 
 
 @kernel(parallel=True)
 def cast_rows(
     workers, field, blocks, start, direction, to_world, near, far, step, least, leaping, image, depth
 ):
-    """Every pixel's ray.  ``field``: (nz + 2, ny + 2, nx + 2, 4) float32.  ``start`` and ``direction``: (3, 3), as
-    ``pixel_rays`` gives them, in padded indices.  ``near``, ``far``: planar depths.  ``step``: world length.
-    Out: ``image`` (H, W, 4) float32 colour and transmittance, ``depth`` (H, W) planar depth of transmittance 1/2.
+    """Cast the ray of each pixel.
+
+    ``field``: (nz + 2, ny + 2, nx + 2, 4) float32.  ``blocks``: (bz, by, bx) uint8.  ``start``, ``direction``: (3, 3)
+    float64 of ``pixel_rays``, in padded indices.  ``to_world``: (3, 3) float64.  ``near``, ``far``: planar depths.
+    ``step``: world length.  ``least``: transmittance at which rays end.  Written: ``image`` (H, W, 4) float32 color and
+    transmittance, ``depth`` (H, W) float32 planar depth of transmittance one half.
     """
     height, width = depth.shape
     flat = field.reshape(-1)
     for worker in prange(workers):
         sample = np.zeros(4, np.float32)
         origin, along, at_zero = np.zeros(3), np.zeros(3), np.zeros(3)
-        for row in range(worker, height, workers):  # in turn: neighbouring rows cost alike
+        for row in range(worker, height, workers):  # in turn, because neighboring rows take the same time
             for column in range(width):
                 c, r = column + 0.5, row + 0.5
                 first, last = near, far
@@ -170,10 +182,10 @@ def cast_rows(
                 for axis in range(3):
                     origin[axis] = at_zero[axis] + (first + 0.5 * stride) * along[axis]
                     along[axis] *= stride
-                red, green, blue, clear, half = _cast(
+                red, green, blue, transmittance, half = _cast(
                     field, flat, blocks, origin, along, count, stride * speed, least, leaping, sample
                 )
                 image[row, column, 0], image[row, column, 1], image[row, column, 2] = red, green, blue
-                image[row, column, 3] = clear
+                image[row, column, 3] = transmittance
                 if half >= 0.0:
                     depth[row, column] = first + half * stride

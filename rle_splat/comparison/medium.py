@@ -1,4 +1,4 @@
-"""The medium that all systems draw: one classification and one shading for them all."""
+"""The medium that all systems draw, classified and shaded once."""
 
 from __future__ import annotations
 
@@ -23,10 +23,17 @@ CHANNELS = 4  # of a voxel record: extinction * RGB, extinction
 
 @dataclass(frozen=True, eq=False)
 class Medium:
-    """A scene's voxels, classified and shaded once.
+    """A scene with its voxels classified and shaded.
 
-    ``classified``: its non-transparent voxels; ``colors``: (m, 3) float32, theirs, shaded and unassociated.
-    ``stages_ms``: what classifying and shading took, and making ``field`` once it is made, milliseconds.
+    Attributes
+    ----------
+    scene : Scene
+    classified : ClassifiedVolume
+        The non-transparent voxels.
+    colors : (m, 3) float32
+        Their shaded, unassociated colors.
+    stages_ms : dict
+        Milliseconds of classifying and shading, and of making ``field``.
     """
 
     scene: Scene
@@ -36,20 +43,21 @@ class Medium:
 
     @cached_property
     def view(self) -> IndexView:
+        """The scene's camera in voxel-index space."""
         return index_view(self.scene.camera, self.scene.index_to_world, self.scene.width, self.scene.height)
 
     @cached_property
     def places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Index z, y, x (m,) int64 of every non-transparent voxel."""
+        """Indices z, y, x, each (m,) int64, of the non-transparent voxels."""
         _, ny, nz = self.classified.shape_xyz
         row = np.repeat(np.arange(nz * ny), np.diff(self.classified.row_start))
         return row // ny, row % ny, self.classified.column.astype(np.int64)
 
     @cached_property
     def field(self) -> np.ndarray:
-        """(nz + 2, ny + 2, nx + 2, 4) float32: every voxel's (extinction * RGB, extinction), 1 / world length.
+        """(nz + 2, ny + 2, nx + 2, 4) float32: (extinction * RGB, extinction) of all voxels, 1 / world length.
 
-        The medium is zero outside the grid: one layer of transparent voxels on every side says so.
+        One layer of transparent voxels is added on each side, because the medium is zero outside the grid.
         """
         began = time.perf_counter()
         nx, ny, nz = self.classified.shape_xyz
@@ -62,7 +70,7 @@ class Medium:
 
     @property
     def principal_axes(self) -> list[int]:
-        """The principal axes (0 x, 1 y, 2 z) that rays of this view belong to."""
+        """The principal axes (0 x, 1 y, 2 z) of the rays of this view."""
         if self.view.is_parallel:
             return [int(dominant_axis(-self.view.eye[:3])[0])]
         # Two pixels of slack, for the margin of the base planes.
@@ -70,9 +78,14 @@ class Medium:
         return sorted({int(axis) for axis in np.unique(dominant_axis(self.view.ray_directions(columns, rows))[0])})
 
     def stored(self, axes: dict, affine=None) -> Scene:
-        """The scene with its volume replaced by run-length tables, ready for the renderer; colours are baked in.
+        """The scene with its volume replaced by run-length tables, for the renderer; the colors include the shading.
 
-        ``axes``: principal axis -> RunLengthVolume.  ``affine``: where their grid lies, the volume's own when None.
+        Parameters
+        ----------
+        axes : dict
+            Principal axis -> RunLengthVolume.
+        affine : (4, 4), optional
+            Of the tables' grid; by default that of the volume.
         """
         scene = self.scene
         volume = StoredVolume(
@@ -83,7 +96,7 @@ class Medium:
 
 
 def scene_medium(scene: Scene, quality: Quality) -> Medium:
-    """Classify and shade a scene for comparison; RleSplatError for what the systems cannot all draw."""
+    """Classify and shade a scene for comparison; raises RleSplatError for scenes that not all systems can draw."""
     if quality.classification != "pre":
         raise RleSplatError(
             f"The systems are compared on one medium of classified voxels; choose the classification pre, not "
@@ -100,13 +113,13 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
 
 
 def need_whole_volume(medium: Medium, title: str) -> None:
-    """Refuse a view whose clip distances cut the volume, for a system without clipping."""
+    """Raise RleSplatError where the clip distances cut the volume, for a system without clipping."""
     nearest, furthest = box_depths(medium.view, medium.classified.shape_xyz)
     if nearest < medium.scene.camera.clip_start or furthest > medium.scene.camera.clip_end:
         raise RleSplatError(f"{title} draws whole volumes only; move the clip distances off the volume.")
 
 
 def need_parallel_rays(medium: Medium, title: str) -> None:
-    """Refuse a perspective view, for a system of parallel projection."""
+    """Raise RleSplatError for a perspective view, for a system of parallel projection."""
     if not medium.view.is_parallel:
         raise RleSplatError(f"{title} is a method of parallel projection; choose an orthographic camera.")

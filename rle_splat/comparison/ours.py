@@ -1,11 +1,9 @@
-"""The paper's own method, as a named system beside the others: run-length-encoded sheet-buffer splatting.
+"""The paper's own method as one of the systems: run-length-encoded sheet-buffer splatting.
 
 Zhang, Sun and Sun, Accelerate volume splatting by using run length encoding, ICCS 2003.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 from ..encode.encode import encode
 from ..encode.tables import RunLengthVolume
@@ -16,7 +14,7 @@ from .system import Prepared
 
 
 def encoded_axes(medium: Medium, quality: Quality) -> dict[int, RunLengthVolume]:
-    """The run-length tables for the principal axes that this view needs."""
+    """Encode the run-length tables of the principal axes that the view needs."""
     arguments = dict(backend=quality.backend, threads=quality.threads)
     return {
         axis: encode(medium.classified, medium.colors, axis, quality.model, **arguments)
@@ -25,12 +23,12 @@ def encoded_axes(medium: Medium, quality: Quality) -> dict[int, RunLengthVolume]
 
 
 def prepare(medium: Medium, quality: Quality) -> Prepared:
-    """The renderer at ``quality``, from tables made beforehand."""
+    """The renderer at ``quality``, from tables made in advance."""
     return prepared_tables(medium, quality, encoded_axes(medium, quality))
 
 
 def prepared_tables(medium: Medium, quality: Quality, axes: dict[int, RunLengthVolume], **notes) -> Prepared:
-    """The renderer at ``quality`` from any set of tables, ``axes``: principal axis -> RunLengthVolume."""
+    """The renderer at ``quality`` from given tables, ``axes``: principal axis -> RunLengthVolume."""
     scene = medium.stored(axes)
     memory: dict = {}
     for encoded in axes.values():
@@ -40,10 +38,5 @@ def prepared_tables(medium: Medium, quality: Quality, axes: dict[int, RunLengthV
 
 
 def prepare_paper(medium: Medium, quality: Quality) -> Prepared:
-    """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel."""
+    """The paper's pipeline to the letter: opacities added in slice-plane sheets, one sheet pixel per voxel."""
     return prepare(medium, Quality.paper(threads=quality.threads, backend=quality.backend))
-
-
-def extinction(quality: Quality) -> Quality:
-    """``quality`` with extinction as its model: the one whose averages keep the optical depth."""
-    return replace(quality, model="extinction", length_correction=True)

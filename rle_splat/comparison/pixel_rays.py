@@ -1,4 +1,4 @@
-"""The ray of every pixel in voxel-index space, as two matrices."""
+"""The rays of all pixels in voxel-index space, as two matrices."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The spectrum of a voxel grid, looked up at any frequency: an oversampled FFT and a short interpolation kernel.
+"""The spectrum of a voxel grid at any frequency: an oversampled FFT and a short interpolation kernel.
 
-The kernel is the "exponential of semicircle" exp(beta (sqrt(1 - (2 t / w)^2) - 1)); voxels are divided by its
-transform beforehand, so that interpolating with it is exact but for what leaks from beyond the oversampled grid
-(about exp(-pi w sqrt(1 - 1 / oversampling)), 2e-5 here).
+The kernel is the "exponential of semicircle" exp(beta (sqrt(1 - (2 t / w)^2) - 1)).  Voxels are divided by its
+transform in advance, which makes the interpolation exact except for aliases from beyond the oversampled grid (about
+exp(-pi w sqrt(1 - 1 / oversampling)), 2e-5 here).
 """
 
 from __future__ import annotations
@@ -17,26 +17,35 @@ from ..runtime.jit import kernel, prange
 TAPS = 6
 OVERSAMPLING = 1.5
 BETA = math.pi * TAPS * (1.0 - 0.5 / OVERSAMPLING)
-HALO = TAPS // 2 + 1  # columns kept beyond both ends of the half spectrum, so that taps need not wrap along x
+HALO = TAPS // 2 + 1  # columns beyond both ends of the half spectrum, so that no tap wraps around along x
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """``values``: (mz, my, mx / 2 + 1 + 2 HALO) complex64, the transform of the padded grid about ``centre``;
-    column HALO is frequency 0 along x.  ``size``: (3,) int64, padded voxels along x, y, z.  ``centre``: (3,)
-    float64, the voxel index that phases refer to."""
+    """The spectrum of a padded grid.
+
+    Attributes
+    ----------
+    values : (mz, my, mx / 2 + 1 + 2 HALO) complex64
+        The transform; column HALO is frequency 0 along x.
+    size : (3,) int64
+        Padded voxels along x, y, z.
+    center : (3,) float64
+        The voxel index that the phases refer to.
+    """
 
     values: np.ndarray
     size: np.ndarray
-    centre: np.ndarray
+    center: np.ndarray
 
     @property
     def nbytes(self) -> int:
+        """Bytes of the values."""
         return self.values.nbytes
 
 
 def fast_size(least: int) -> int:
-    """The smallest even number from ``least`` on with no prime factor above 5."""
+    """The smallest even number of at least ``least`` without prime factors above 5."""
     size = max(least + least % 2, 2)
     while True:
         rest = size
@@ -57,13 +66,13 @@ def _kernel_transform(frequencies: np.ndarray) -> np.ndarray:
 
 
 def transform(voxels: np.ndarray) -> Spectrum:
-    """The spectrum of a (nz, ny, nx) real grid; slice by slice, so that little more than it is ever held."""
+    """The spectrum of a real grid (nz, ny, nx), slice by slice, in little more memory than the result takes."""
     counts = voxels.shape
     sizes = [fast_size(max(math.ceil(OVERSAMPLING * n), n + TAPS)) for n in counts]
-    centres = [n // 2 for n in counts]
+    centers = [n // 2 for n in counts]
     places, scales = [], []
-    for n, size, centre in zip(counts, sizes, centres):
-        away = np.arange(n) - centre
+    for n, size, center in zip(counts, sizes, centers):
+        away = np.arange(n) - center
         places.append(away % size)
         scales.append(1.0 / _kernel_transform(away / size))
     half = sizes[2] // 2 + 1
@@ -75,17 +84,17 @@ def transform(voxels: np.ndarray) -> Spectrum:
         core[places[0][k]] = np.fft.rfft2(plane)
     for j in range(sizes[1]):
         core[:, j] = np.fft.fft(core[:, j], axis=0)
-    # A real grid's spectrum at -f is the conjugate of that at f: what lies beyond both ends along x.
+    # The spectrum of a real grid at -f is the conjugate of that at f; this fills the columns beyond both ends.
     opposite = [-np.arange(size) % size for size in sizes[:2]]
     for i in range(1, HALO + 1):
         values[:, :, HALO - i] = np.conj(core[:, :, i][np.ix_(*opposite)])
         values[:, :, HALO + half - 1 + i] = np.conj(core[:, :, half - 1 - i][np.ix_(*opposite)])
-    return Spectrum(values, np.array(sizes[::-1], np.int64), np.array(centres[::-1], np.float64))
+    return Spectrum(values, np.array(sizes[::-1], np.int64), np.array(centers[::-1], np.float64))
 
 
 @kernel(inline="always")
 def _taps(place, weights):
-    """First grid point and the TAPS weights of the interpolation kernel about ``place``."""
+    """The first grid point of the interpolation kernel around ``place``; writes its TAPS ``weights``."""
     first = math.ceil(place - 0.5 * TAPS)
     for i in range(TAPS):
         t = (first + i - place) * (2.0 / TAPS)
@@ -95,10 +104,10 @@ def _taps(place, weights):
 
 @kernel(parallel=True)
 def look_up(values, size, frequencies, across, down, out):
-    """out[b, a] = spectrum at ``across[a] * frequencies[0] + down[b] * frequencies[1]``, cycles per voxel.
+    """out[b, a] = the spectrum at ``across[a] * frequencies[0] + down[b] * frequencies[1]``, in cycles per voxel.
 
     ``values``, ``size``: see ``Spectrum``.  ``frequencies``: (2, 3) float64, x, y, z.  ``across`` (A,) and ``down``
-    (B,) float64.  ``out``: (B, A) complex64, phases about the spectrum's centre.
+    (B,) float64.  ``out``: (B, A) complex64, phases relative to the spectrum's center.
     """
     for b in prange(down.size):
         wx, wy, wz = np.empty(TAPS), np.empty(TAPS), np.empty(TAPS)

@@ -1,4 +1,4 @@
-"""What every named system is: a name, where it comes from, and two verbs, prepare and draw."""
+"""The interface of a system: its description, and the functions prepare and draw."""
 
 from __future__ import annotations
 
@@ -14,10 +14,16 @@ from .medium import Medium
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A system that has done what does not depend on the frame.
+    """A system after the work that does not depend on the frame.
 
-    ``draw``: () -> Rendering, one frame.  ``memory_bytes``: bytes by name of what a frame is drawn from.
-    ``notes``: JSON-ready facts that only this system has.
+    Attributes
+    ----------
+    draw : callable
+        () -> Rendering of one frame.
+    memory_bytes : dict
+        Bytes, by name, of the data that a frame is drawn from.
+    notes : dict
+        JSON-ready facts of this system alone.
     """
 
     draw: Callable[[], Rendering]
@@ -26,6 +32,7 @@ class Prepared:
 
     @property
     def total_bytes(self) -> int:
+        """The sum of ``memory_bytes``."""
         return sum(self.memory_bytes.values())
 
 
@@ -33,9 +40,17 @@ class Prepared:
 class System:
     """One entry of the table of systems.
 
-    ``reference``: the publication, with its number in the paper where the paper cites it.  ``differs``: what sets
-    it apart, from ours and from its original, in words.  ``judged``: the channels in which its picture claims to
-    be T1's: "rgba", or "a" for one without occlusion.
+    Attributes
+    ----------
+    name, title : str
+    reference : str
+        The publication, with its number in the paper where the paper cites it.
+    differs : str
+        Its differences from our renderer and from the original, in words.
+    prepare : callable
+        (Medium, Quality) -> Prepared.
+    channels : str
+        The channels of its picture that are compared with T1: "rgba", or "a" for a system without occlusion.
     """
 
     name: str
@@ -43,18 +58,18 @@ class System:
     reference: str
     differs: str
     prepare: Callable[[Medium, Quality], Prepared]
-    judged: str = "rgba"
+    channels: str = "rgba"
 
 
 def need_kernels(quality: Quality, title: str) -> None:
-    """Refuse the numpy backend for a system that exists as compiled kernels only."""
+    """Raise RleSplatError for the numpy backend, for a system that has compiled kernels only."""
     if not compiled(quality.backend):
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         raise RleSplatError(f"{title} needs numba{reason}; install it or leave --backend numpy out.")
 
 
 def picture(transmittance_image: np.ndarray, depth: np.ndarray | None = None, **report) -> Rendering:
-    """A Rendering from (H, W, 4) premultiplied colour and *transmittance*; no depth unless it is given."""
+    """A Rendering from premultiplied color and *transmittance* (H, W, 4); without depth where none is given."""
     rgba = np.ascontiguousarray(transmittance_image, dtype=np.float32)
     rgba[..., 3] = 1.0 - rgba[..., 3]
     if depth is None:

@@ -1,4 +1,4 @@
-"""The one table of named systems: name -> how to prepare and draw, and what to know of it."""
+"""The table of systems: name -> System."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SYSTEMS = {
     for system in (
         System(
             "rle", "Run-length-encoded sheet-buffer splatting (ours)", "Zhang, Sun and Sun 2003, the paper",
-            "The quality asked for.", ours.prepare,
+            "The chosen quality.", ours.prepare,
         ),
         System(
             "paper", "The same, the paper to the letter", "Zhang, Sun and Sun 2003, the paper",
@@ -29,7 +29,7 @@ SYSTEMS = {
         System(
             "levoy", levoy.TITLE, "Levoy 1990, [3]",
             "Samples one voxel apart, trilinear, early termination, empty blocks leaped over; the medium is "
-            "classified before it is interpolated, as ours.", levoy.prepare,
+            "pre-classified, as in ours.", levoy.prepare,
         ),
         System(
             "westover-sheet", "Westover's splatting, sheet add", "Westover 1990, [6]",
@@ -47,33 +47,33 @@ SYSTEMS = {
         ),
         System(
             "laur-hanrahan", "Laur and Hanrahan's hierarchical splatting", "Laur and Hanrahan 1991, [9]",
-            f"Nodes of a pyramid that misstate no voxel's optical depth by more than {laur_hanrahan.THRESHOLD}, each "
+            f"Nodes of a pyramid whose error in a voxel's optical depth is at most {laur_hanrahan.THRESHOLD}, each "
             "with a footprint of its size, every sample composited.",
             laur_hanrahan.prepare,
         ),
         System(
             "ihm-lee", "Ihm and Lee's indexed splatting", "Ihm and Lee 1995, [10]",
-            "Voxels of each slice sorted by density, so that a changed window is found by bisection; drawn by our "
+            "Voxels of each slice sorted by density, so that bisection finds those of a changed window; drawn by our "
             "renderer.", ihm_lee.prepare,
         ),
         System(
             "totsuka-levoy", "Totsuka and Levoy's frequency domain X-ray", "Totsuka and Levoy 1993, [8]",
-            "Absorption only: nothing hides anything, so the alpha is judged and the colour is the medium's mean. "
-            "Without their directional shading and depth cueing.", totsuka_levoy.prepare, judged="a",
+            "Absorption only: nothing hides anything, so only alpha is compared, and the color is the medium's mean. "
+            "Without their directional shading and depth cueing.", totsuka_levoy.prepare, channels="a",
         ),
     )
 }
 
 
 def system_of(name: str) -> System:
-    """The system called ``name``, or a RleSplatError that lists the names."""
+    """The system ``name``; raises RleSplatError, with a list of the names, where there is none."""
     if name not in SYSTEMS:
         raise RleSplatError(f"There is no system called {name!r}; choose {', '.join(SYSTEMS)}.")
     return SYSTEMS[name]
 
 
 def draw(name: str, scene: Scene, quality: Quality) -> Rendering:
-    """One picture by one system, with its own report: milliseconds, bytes, and what differs."""
+    """Draw one picture with the system ``name``; its report holds milliseconds, bytes and differences."""
     system = system_of(name)
     medium = scene_medium(scene, quality)
     began = time.perf_counter()

@@ -1,8 +1,8 @@
-"""Totsuka and Levoy's frequency domain rendering: an X-ray is a slice of the volume's spectrum, transformed back.
+"""Totsuka and Levoy's frequency domain rendering: an X-ray is the inverse transform of a slice of the spectrum.
 
 T. Totsuka and M. Levoy, Frequency domain volume rendering, SIGGRAPH 1993: the paper's [8].  The work of a frame
-grows with the picture and not with the volume, but nothing can hide anything: the picture is one of absorption
-only, for parallel projection.
+grows with the picture and not with the volume.  But there is no occlusion: the picture shows absorption only, in
+parallel projection.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .spectrum import TAPS, Spectrum, fast_size, look_up, transform
 from .system import Prepared, need_kernels
 
 TITLE = "Frequency domain rendering"
-BANDS = 2  # frequencies up to this many times what the pixels can carry; the rest of the tents' spectrum is cut off
-MARGIN = 4  # pixels about the projected volume, so that what the cut rings does not come round
+BANDS = 2  # frequencies up to this many times the pixels' Nyquist frequency; higher ones are cut off
+MARGIN = 4  # pixels around the projected volume, for the ringing of the cut
 
 
 def prepare(medium: Medium, quality: Quality, bands: int = BANDS) -> Prepared:
-    """The spectrum of the extinction, once; a frame is a slice of it.
+    """Transform the extinction; a frame is a slice of its spectrum.
 
-    ``bands``: see BANDS.  The picture: alpha = 1 - exp(-optical depth) in the medium's mean colour.
+    The picture is alpha = 1 - exp(-optical depth) in the medium's mean color.  ``bands``: see BANDS.
     """
     need_kernels(quality, TITLE)
     need_parallel_rays(medium, TITLE)
@@ -39,24 +39,24 @@ def prepare(medium: Medium, quality: Quality, bands: int = BANDS) -> Prepared:
 
 
 def draw(medium: Medium, quality: Quality, spectrum: Spectrum, mean_color, bands: int = BANDS) -> Rendering:
-    """One frame."""
+    """Draw one frame."""
     alpha = -np.expm1(-np.maximum(optical_depth(medium, quality, spectrum, bands), 0.0))
     rgba = np.concatenate((alpha[..., None] * mean_color, alpha[..., None]), axis=2).astype(np.float32)
     return Rendering(rgba, np.full(alpha.shape, NO_DEPTH, np.float32), {})
 
 
 def optical_depth(medium: Medium, quality: Quality, spectrum: Spectrum, bands: int = BANDS) -> np.ndarray:
-    """(H, W) float64: the optical depth of every pixel's ray through the trilinear medium (projection-slice theorem).
+    """(H, W) float64: the optical depth of each pixel's ray through the trilinear medium (projection-slice theorem).
 
     With pixel = P x + o the transform of the picture at (a, b) cycles per pixel is that of the medium at
-    a P_0 + b P_1 cycles per voxel; the medium's is that of its samples times that of the tents, sinc^2 each.
+    a P_0 + b P_1 cycles per voxel.  That is the transform of its samples times that of the tents, sinc^2 each.
     """
     view = medium.view
     frame, offset = pixel_frame(view)
     along = np.linalg.inv(frame)[:, 2]
     # World length per unit of planar depth, times the voxels per (pixel, pixel, depth).
     scale = np.linalg.norm(view.to_world @ along) * abs(np.linalg.det(frame))
-    middle = frame[:2] @ spectrum.centre + offset[:2]
+    middle = frame[:2] @ spectrum.center + offset[:2]
     shape = np.array(medium.classified.shape_xyz)
     reach = np.abs(frame[:2]) @ (0.5 * shape + 1.5) + MARGIN
     columns, rows = (fast_size(int(np.ceil(2.0 * r))) for r in reach)
@@ -66,7 +66,7 @@ def optical_depth(medium: Medium, quality: Quality, spectrum: Spectrum, bands: i
     with parallel_call(quality.threads):
         look_up(read_only(spectrum.values), spectrum.size, frame[:2].copy(), across, down, slice_)
     found = scale * slice_ * _tents(frame, across, down)
-    found[:, 1:] *= 2.0  # the other half is conjugate; the real part of the sum is taken at the end
+    found[:, 1:] *= 2.0  # for the other, conjugate half; only the real part of the sum is used below
     first = np.round(middle).astype(int) - (columns // 2, rows // 2)
     shift = first + 0.5 - middle
     found *= np.exp(2j * np.pi * across * shift[0]) * np.exp(2j * np.pi * down * shift[1])[:, None]
@@ -75,7 +75,7 @@ def optical_depth(medium: Medium, quality: Quality, spectrum: Spectrum, bands: i
 
 
 def _tents(frame, across, down) -> np.ndarray:
-    """(B, A) float64: transform of the trilinear kernel at the frequencies of the slice."""
+    """(B, A) float64: the transform of the trilinear kernel at the frequencies of the slice."""
     product = np.ones((len(down), len(across)))
     for axis in range(3):
         product *= np.sinc(across * frame[0, axis] + down[:, None] * frame[1, axis]) ** 2
@@ -83,9 +83,7 @@ def _tents(frame, across, down) -> np.ndarray:
 
 
 def _folded(values, period: int, axis: int, zero_at: int) -> np.ndarray:
-    """Frequencies beyond the pixels' own added to those that look the same at pixel centres.
-
-    ``zero_at``: the place of frequency 0 along ``axis``."""
+    """Add the frequencies beyond ``period`` to their aliases; ``zero_at``: the index of frequency 0 along ``axis``."""
     shape = list(values.shape)
     shape[axis] = period
     folded = np.zeros(shape, np.complex128)
@@ -95,7 +93,7 @@ def _folded(values, period: int, axis: int, zero_at: int) -> np.ndarray:
 
 
 def _placed(values: np.ndarray, first, shape) -> np.ndarray:
-    """The part of an (h, w) array that lies in a picture of ``shape``, its corner at column and row ``first``."""
+    """The part of an array (h, w) inside a picture of ``shape``, for a corner at column and row ``first``."""
     picture = np.zeros(shape)
     column, row = first
     top, left = max(row, 0), max(column, 0)

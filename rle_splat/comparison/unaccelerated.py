@@ -1,15 +1,13 @@
 """The baseline of the paper's Table 2: sheet-buffer splatting that visits every voxel.
 
-Nothing is written twice for it.  The same compiled loops, on the same threads, with the same termination, get
-tables in which every scanline is one run of "non-transparent" voxels, so that the runs skip nothing.  What is left
-out is what the paper adds, and only that.
+It runs the same compiled loops, on the same threads, with the same termination.  Its tables hold each scanline as one
+run of "non-transparent" voxels, so that no run is skipped.  That is the only difference.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..encode.decode import decode
 from ..encode.tables import (
     RunLengthVolume,
     data_pointers_from_scanlines,
@@ -19,6 +17,7 @@ from ..encode.tables import (
 )
 from ..scene import Quality
 from . import ours
+from .decode import decode
 from .medium import Medium
 from .system import Prepared
 
@@ -29,7 +28,7 @@ DIFFERS = (
 
 
 def prepare(medium: Medium, quality: Quality) -> Prepared:
-    """The renderer at ``quality``, every voxel visited."""
+    """The renderer at ``quality``, visiting every voxel."""
     axes = {
         axis: every_voxel(encoded, quality.backend, quality.threads)
         for axis, encoded in ours.encoded_axes(medium, quality).items()
@@ -38,7 +37,7 @@ def prepare(medium: Medium, quality: Quality) -> Prepared:
 
 
 def every_voxel(encoded: RunLengthVolume, backend: str = "auto", threads: int = 0) -> RunLengthVolume:
-    """The same volume with all its voxels stored: one transparent run of length 0 and one of the whole scanline."""
+    """The same volume with all voxels stored: for each scanline a transparent run of length 0 and one of all voxels."""
     voxels = decode(encoded, backend=backend, threads=threads).reshape(-1, 4)
     shape = (encoded.n_slices, encoded.n_scanlines)
     scanline_pointers, _ = scanline_pointers_from_counts(np.full(shape, 2, np.int64))

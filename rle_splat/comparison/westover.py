@@ -1,8 +1,8 @@
-"""Westover's splatting: every voxel visited, its footprint looked up in a table and thrown on to the screen.
+"""Westover's splatting: each voxel is visited, and its footprint from a table is splatted on the screen.
 
 L. Westover, Interactive volume rendering, 1989, and Footprint evaluation for volume rendering, SIGGRAPH 1990: the
-paper's [5] and [6].  Two ways to join footprints: every one is composited as it comes, or those of a sheet of
-voxels, parallel to the volume's face, are first added in a sheet buffer.
+paper's [5] and [6].  Footprints are combined in two ways: each is composited by itself, or those of a sheet of voxels,
+parallel to a face of the volume, are first added in a sheet buffer.
 """
 
 from __future__ import annotations
@@ -20,15 +20,21 @@ from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
 from .system import Prepared, need_kernels, picture
 
 TITLE = "Westover's splatting"
-BANDS_PER_THREAD = 2  # each band of screen rows visits the voxel rows that fall on it; few, so that few do twice
+BANDS_PER_THREAD = 2  # bands of screen rows; few, because voxel rows at their borders are visited twice
 
 
 def prepare(medium: Medium, quality: Quality, sheets: bool = True, cull: bool = True) -> Prepared:
-    """Splatting of every voxel of the dense grid under parallel projection.
+    """Splat every voxel of the dense grid in parallel projection.
 
-    ``sheets``: add the footprints of a sheet before compositing it; else composite every sample.  ``cull``: a
-    transparent voxel is looked at and left out; else its footprint of zeros is splatted as any other (sheets
-    only: the composite of nothing is nothing).
+    Parameters
+    ----------
+    medium : Medium
+    quality : Quality
+        Only its threads count.
+    sheets : bool
+        Add the footprints of a sheet before compositing it; otherwise composite every sample.
+    cull : bool
+        Leave out transparent voxels; otherwise their footprints of zeros are splatted too (with ``sheets``).
     """
     need_kernels(quality, TITLE)
     need_parallel_rays(medium, TITLE)
@@ -40,8 +46,17 @@ def prepare(medium: Medium, quality: Quality, sheets: bool = True, cull: bool = 
 
 
 def front_to_back(medium: Medium):
-    """The voxels as a (slices, scanlines, width, 4) view of the field, nearest first along every axis, with the pixel
-    position (2,) of the first voxel and the steps (3, 2) along slices, scanlines and voxels; float64."""
+    """The voxels in the order of their depth.
+
+    Returns
+    -------
+    voxels : (slices, scanlines, width, 4) float32
+        A view of the field, nearest first along all axes.
+    corner : (2,) float64
+        The pixel position of the first voxel.
+    steps : (3, 2) float64
+        Pixels from one slice, scanline and voxel to the next.
+    """
     direction = -medium.view.eye[:3]
     axis = int(dominant_axis(direction)[0])
     voxels = medium.field[1:-1, 1:-1, 1:-1]
@@ -61,7 +76,7 @@ def front_to_back(medium: Medium):
 
 
 def draw(medium: Medium, quality: Quality, table: Footprint, sheets: bool, cull: bool):
-    """One frame."""
+    """Draw one frame."""
     view = medium.view
     image = np.zeros((view.height, view.width, CHANNELS), np.float32)
     image[..., 3] = 1.0
@@ -78,10 +93,10 @@ def draw(medium: Medium, quality: Quality, table: Footprint, sheets: bool, cull:
 def _splat_slice(
     voxels, slice_, corner, steps, weights, shape, reach, top, bottom, sheets, cull, target, box
 ):
-    """Throw one slice's footprints on to screen rows [top, bottom).
+    """Splat one slice on the screen rows [top, bottom).
 
-    ``target``: with ``sheets`` the sheet buffer (rows of the band, W, 4), to be added to, else the image.  ``box``:
-    (4,) least and largest touched row and column of the sheet buffer, updated.
+    ``target``: (rows of the band, W, 4), the sheet buffer, with ``sheets``, else the image; updated.  ``box``: (4,)
+    int64, first and last touched row and column of the sheet buffer, updated.  The others as in ``splat_voxels``.
     """
     image_width = target.shape[1]
     subpixels, height, width = shape[0], shape[1], shape[2]
@@ -120,7 +135,7 @@ def _splat_slice(
 
 @kernel
 def _composite_sheet(sheet, image, top, box):
-    """Composite the touched part of the sheet buffer behind the image and clear it."""
+    """Composite the touched part ``box`` of the sheet buffer behind the image, and clear it."""
     for row in range(box[0], box[1]):
         for column in range(box[2], box[3]):
             tau = sheet[row - top, column, 3]
@@ -135,12 +150,12 @@ def _composite_sheet(sheet, image, top, box):
 
 @kernel(parallel=True)
 def splat_voxels(workers, voxels, corner, steps, weights, shape, reach, sheets, cull, image):
-    """Every voxel on to the screen, front to back.
+    """Splat every voxel, front to back.
 
-    ``voxels``: (slices, scanlines, width, 4) float32 records, nearest first; ``corner`` (2,) and ``steps`` (3, 2):
-    pixel = corner + slice * steps[0] + scanline * steps[1] + voxel * steps[2], column before row.  ``weights``,
-    ``shape``, ``reach``: see ``Footprint``.  ``image``: (H, W, 4) float32 colour and transmittance, updated.
-    Bands of screen rows are independent: the same bits for any number of threads.
+    ``voxels``: (slices, scanlines, width, 4) float32 records, nearest first.  ``corner`` (2,) and ``steps`` (3, 2),
+    float64: pixel = corner + slice * steps[0] + scanline * steps[1] + voxel * steps[2], column before row.
+    ``weights``, ``shape``, ``reach``: see ``Footprint``.  ``image``: (H, W, 4) float32 color and transmittance,
+    updated.  Bands of screen rows are independent, so the result is the same for any number of threads.
     """
     rows = image.shape[0]
     bands = min(rows, BANDS_PER_THREAD * workers)

@@ -1,15 +1,15 @@
-"""Run-length encoding of a classified, shaded volume along one principal axis (paper 2.2, algorithm.md 1.1).
+"""Run-length encoding of a classified, shaded volume along one principal axis (paper, section 2.2; algorithm.md, 1.1).
 
-In two halves: the tables that say where voxels are, and the voxel records that go with them.  The second half takes
-some planes of the volume at a time, so that shaded colours never exist for all voxels at once, and is all that a
-change of light redoes.  The result does not depend on the number of threads.
+There are two steps: the tables that state where voxels are, and their voxel records. The second step processes a few
+planes at a time, so that shaded colors never exist for all voxels at once. A change of light repeats only the second
+step. The result does not depend on the number of threads.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..classify.placing import Places
+from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, parallel_call, read_only, thread_count
 from ..runtime.steps import drain
@@ -27,8 +27,8 @@ from .tables import (
     scanline_pointers_from_counts,
 )
 
-# Of shorter records so many for each thread: what they are packed from, 16 bytes each, then stays in a cache.  (64 MiB
-# anew for every light cost as much as the packing.)
+# Records packed at once, per thread: their unpacked form, 16 bytes each, then stays in a cache. (A new buffer of 64 MiB
+# for every change of light would cost as much as the packing.)
 PACKED_AT_ONCE = 1 << 18
 
 
@@ -36,25 +36,46 @@ def encode(
     classified, colors, axis: int, model: str = "extinction", *, record: int = 16, backend: str = "auto",
     threads: int = 0,
 ) -> RunLengthVolume:
-    """The four tables of ``classified`` for principal ``axis`` (0, 1, 2 for x, y, z).
+    """Encode a classified volume for one principal axis.
 
-    ``colors``: (m, 3) float32, the shaded colour of each of its voxels, unassociated.
-    ``model``: "extinction" stores (extinction * RGB, extinction), "opacity" (alpha * RGB, alpha).
-    ``record``: bytes of a voxel's record, 16, 8, 6 or 4.
+    Parameters
+    ----------
+    classified : ClassifiedVolume
+    colors : (m, 3) array_like
+        Shaded unassociated color of each visible voxel.
+    axis : {0, 1, 2}
+        Principal axis: x, y or z.
+    model : {"extinction", "opacity"}
+        Store (extinction * RGB, extinction) or (alpha * RGB, alpha).
+    record : {16, 8, 6, 4}
+        Bytes of a voxel record.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    RunLengthVolume
+
+    Raises
+    ------
+    RleSplatError
+        If a parameter is out of range, or ``colors`` does not match the voxels.
     """
     if record not in RECORDS:
-        raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {record!r}.")
+        raise RleSplatError(f"A voxel record has {', '.join(map(str, RECORDS))} bytes, not {record!r}.")
     if model not in MODELS:
         raise RleSplatError(f"There is no model called {model!r}; choose {' or '.join(MODELS)}.")
     density = classified.extinction if model == "extinction" else classified.opacity
     colors = read_only(np.ascontiguousarray(colors, dtype=np.float32))
     if colors.shape != (len(density), 3):
-        raise RleSplatError(f"There must be one RGB colour per visible voxel, {len(density)}, not {colors.shape}.")
+        raise RleSplatError(f"There must be one RGB color per visible voxel, {len(density)} x 3, not {colors.shape}.")
 
     most_color = float(colors.max(initial=0.0))
 
-    def write(places, records):
-        first, last = places.span
+    def write(positions, records):
+        """Records from ``colors``; see ``record_steps``."""
+        first, last = positions.span
         made = empty_records(16, last - first)
         if compiled(backend):
             with parallel_call(threads):
@@ -62,7 +83,7 @@ def encode(
         else:
             made[:, 3] = density[first:last]
             made[:, :3] = made[:, 3:] * colors[first:last]
-        _place(places, made, records, backend, threads)
+        _place(positions, made, records, backend, threads)
         return most_color
 
     tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
@@ -73,7 +94,26 @@ def encode(
 
 
 def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
-    """Where the visible voxels are, for principal ``axis``."""
+    """Run-length tables of the visible voxels, without records.
+
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+    axis : {0, 1, 2}
+        Principal axis: x, y or z.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    RunTables
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such axis.
+    """
     if axis not in AXES:
         raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
     if not compiled(backend):
@@ -89,40 +129,62 @@ def record_steps(
     tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *,
     backend: str = "auto", threads: int = 0,
 ):
-    """Generator: yields the fraction done; returns the RunLengthVolume of ``tables`` with its voxel records.
+    """Add voxel records to run-length tables.
 
-    ``write(places, records)`` puts the records of some planes' voxels, ``classify.placing.Places``, where they belong
-    in (n, 4) float32 ``records``, and returns the largest channel of their colours.  ``record``, ``decoding``: bytes
-    of a record, and what ``records.decoding_of`` made for them.
+    Parameters
+    ----------
+    tables : RunTables
+    voxels : VisibleVoxels
+        The voxels of ``tables``.
+    write : callable
+        ``write(positions, records)`` writes the records of some voxels (RecordPositions) to their positions in
+        ``records`` (n, 4) float32, and returns the largest channel of their colors.
+    model : {"extinction", "opacity"}
+    record : {16, 8, 6, 4}
+        Bytes of a voxel record.
+    decoding : ndarray of float32 or None
+        As of ``records.decoding_of``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    RunLengthVolume
     """
     voxel_data = empty_records(record, tables.n_voxels)
     floats, codes = empty_records(16, 0), empty_records(record, 0)
     most_color = 0.0
-    in_order = tables.axis == 2  # the voxels' own order: nothing to place
+    in_order = tables.axis == 2  # records stay in the order of the voxels
     for fraction, *slab in _slabs(voxels):
         yield fraction
         if record == 16:
-            most_color = max(most_color, write(_places(tables, voxels, *slab), voxel_data))
+            most_color = max(most_color, write(_positions(tables, voxels, *slab), voxel_data))
             continue
         for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
-            places = Places.in_order(voxels, *planes)
-            first, last = places.span
+            positions = RecordPositions.in_order(voxels, *planes)
+            first, last = positions.span
             if len(floats) < last - first:
                 floats = empty_records(16, last - first)
             if not in_order and len(codes) < last - first:
                 codes = empty_records(record, last - first)
-            most_color = max(most_color, write(places, floats))
+            most_color = max(most_color, write(positions, floats))
             made = voxel_data[first:last] if in_order else codes[: last - first]
             pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
             if not in_order:
-                _place(_places(tables, voxels, *planes), words_of(made), words_of(voxel_data), backend, threads)
+                _place(_positions(tables, voxels, *planes), words_of(made), words_of(voxel_data), backend, threads)
     return tables.with_voxels(model, voxel_data, decoding, most_color)
 
 
 def reorder_steps(
     tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthVolume, *, backend: str = "auto", threads: int = 0
 ):
-    """As ``record_steps``, with the records that principal z already has: they are in the voxels' own order."""
+    """As ``record_steps``, from the records of principal z, ``in_order``, which are in the order of the voxels."""
     voxel_data = empty_records(in_order.record, tables.n_voxels)
     words, target = words_of(in_order.voxel_data), words_of(voxel_data)
     yield from place_slabs(tables, voxels, words, target, backend=backend, threads=threads)
@@ -130,51 +192,88 @@ def reorder_steps(
 
 
 def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; copies records, (m, w) ``words`` in the voxels' own order, to ``target``, in
-    the order of ``tables``."""
+    """Copy records from the order of the voxels to the order of run-length tables.
+
+    Parameters
+    ----------
+    tables : RunTables
+    voxels : VisibleVoxels
+    words : (m, w) ndarray
+        Records in the order of the voxels.
+    target : (m, w) ndarray
+        Output, in the order of ``tables``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+    """
     for fraction, first_plane, last_plane in _slabs(voxels):
         yield fraction
-        places = _places(tables, voxels, first_plane, last_plane)
-        first, last = places.span
-        _place(places, words[first:last], target, backend, threads)
+        positions = _positions(tables, voxels, first_plane, last_plane)
+        first, last = positions.span
+        _place(positions, words[first:last], target, backend, threads)
 
 
 def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; copies records back from ``source``, in the order of ``tables``, of
-    principal x, to ``words``, in the voxels' own order; both (m, w)."""
+    """Copy records back from the order of run-length tables to the order of the voxels.
+
+    Parameters
+    ----------
+    tables : RunTables
+        Of principal x.
+    voxels : VisibleVoxels
+    words : (m, w) ndarray
+        Output, in the order of the voxels.
+    source : (m, w) ndarray
+        Records in the order of ``tables``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+    """
     if tables.axis != 0:
-        raise ValueError("records are fetched from scanlines along y only")
+        raise ValueError(f"records are fetched from scanlines along y (axis 0) only, not from axis {tables.axis}")
     for fraction, first_plane, last_plane in _slabs(voxels):
         yield fraction
-        places = _places(tables, voxels, first_plane, last_plane)
-        first, last = places.span
+        positions = _positions(tables, voxels, first_plane, last_plane)
+        first, last = positions.span
         if compiled(backend):
             with parallel_call(threads):
-                passes.fetch_across(*_moved(places, words[first:last], read_only(_bytes(source))), *_across(voxels))
+                passes.fetch_across(*_moved(positions, words[first:last], read_only(_bytes(source))), *_across(voxels))
         else:
-            words[first:last] = source[places.targets_numpy()]
+            words[first:last] = source[positions.targets_numpy()]
 
 
 def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
-    """Generator: yields the fraction done; returns the largest channel of any colour.  ``write``: see
-    ``record_steps``; what it writes is thrown away."""
+    """Generator: yield the fraction done, return the largest channel of any color.
+
+    ``write``: see ``record_steps``; the records that it writes are discarded.
+    """
     floats = empty_records(16, 0)
     most_color = 0.0
     for fraction, *slab in _slabs(voxels):
         yield fraction
         for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
-            places = Places.in_order(voxels, *planes)
-            first, last = places.span
+            positions = RecordPositions.in_order(voxels, *planes)
+            first, last = positions.span
             if len(floats) < last - first:
                 floats = empty_records(16, last - first)
-            most_color = max(most_color, write(places, floats))
+            most_color = max(most_color, write(positions, floats))
     return most_color
 
 
 def _slabs(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, last: int | None = None):
-    """(fraction done, first plane, last plane) of pieces of planes [first, last), all of them when left out.
+    """Yield (fraction done, first plane, last plane) for pieces of planes [first, last); None for all planes.
 
-    ``at_once``: about how many visible voxels a piece has, VOXELS_AT_ONCE when left out.
+    ``at_once``: approximate number of visible voxels of a piece; None for VOXELS_AT_ONCE.
     """
     _, ny, nz = voxels.shape_xyz
     at_once, end = at_once or VOXELS_AT_ONCE, nz if last is None else last
@@ -186,48 +285,48 @@ def _slabs(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, la
         first = last
 
 
-def _places(tables: RunTables, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> Places:
-    """Where the records of some planes' voxels go in ``tables``."""
+def _positions(tables: RunTables, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> RecordPositions:
+    """Positions of the records of some planes' voxels in ``tables``."""
     starts = tables.scanline_data_pointers
-    # Planes are the slices of principal z, and number the scanlines of the other two.
+    # Planes are the slices of principal z, and the scanline numbers of the other two axes.
     starts = starts[first_plane:last_plane] if tables.axis == 2 else starts[:, first_plane:last_plane].T
-    return Places(voxels, first_plane, tables.axis == 0, starts)
+    return RecordPositions(voxels, first_plane, tables.axis == 0, starts)
 
 
-def _place(places: Places, words, voxel_words, backend, threads):
-    """Copy the records of some planes, as words in the voxels' own order, to the scanlines of the tables."""
+def _place(positions: RecordPositions, words, voxel_words, backend, threads):
+    """Copy the records of some planes, as words in the order of the voxels, to the scanlines of the tables."""
     if compiled(backend):
         with parallel_call(threads):
-            moved = _moved(places, read_only(words), _bytes(voxel_words))
-            if places.across:
-                passes.place_across(*moved, *_across(places.voxels))
+            moved = _moved(positions, read_only(words), _bytes(voxel_words))
+            if positions.across:
+                passes.place_across(*moved, *_across(positions.voxels))
             else:
                 passes.place_rows(*moved)
     else:
-        voxel_words[places.targets_numpy()] = words
+        voxel_words[positions.targets_numpy()] = words
 
 
-def _moved(places: Places, words, voxel_bytes) -> tuple:
-    """What kernels take that move records, (n, w) ``words``; ``voxel_bytes``: of all of them, in scanlines."""
+def _moved(positions: RecordPositions, words, voxel_bytes) -> tuple:
+    """Arguments of kernels that move records: ``words`` (n, w) of some planes, and the bytes of all records."""
     size = words.itemsize * words.shape[1]
     if size > passes.MOST_BYTES:
-        raise ValueError(f"records of {size} bytes, and {passes.MOST_BYTES} at most are moved")
-    n_y, first_plane, row_start, _, _, data_starts = places.arguments
+        raise ValueError(f"records have at most {passes.MOST_BYTES} bytes, not {size}")
+    n_y, first_plane, row_start, _, _, data_starts = positions.arguments
     return n_y, first_plane, row_start, data_starts, size, _bytes(words), voxel_bytes
 
 
 def _across(voxels: VisibleVoxels) -> tuple:
-    """What they take besides where scanlines lie across the rows."""
+    """Further arguments of kernels that move records to scanlines along y."""
     return voxels.bits, voxels.column
 
 
 def _bytes(words) -> np.ndarray:
-    """Of whatever records, flat: one kernel moves them all."""
+    """Records as flat uint8, so that one kernel moves records of all sizes."""
     return words.reshape(-1).view(np.uint8)
 
 
 def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
-    """Principal y or z: a scanline is a row of the visible voxels."""
+    """Tables of principal y or z, where a scanline is a row of the visible voxels."""
     nx, ny, nz = voxels.shape_xyz
     # Row z * ny + y belongs to slice z, scanline y for principal z; to slice y, scanline z for principal y.
     rows = np.arange(nz * ny, dtype=np.int64).reshape(nz, ny)
@@ -247,10 +346,10 @@ def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
 
 
 def _tables_across(voxels: VisibleVoxels, threads):
-    """Principal x: scanlines run along y, so each plane z crosses nx of them at once."""
+    """Tables of principal x, where scanlines run along y, so that each plane z crosses nx of them."""
     nx, ny, nz = voxels.shape_xyz
-    # Written to, not only asked for: the system gives each page when it is first touched, and to two threads at once
-    # it does so slowly.
+    # Filled instead of np.zeros: the system provides a page when it is first touched, which is slow from two threads
+    # at once.
     run_counts, voxel_counts = np.full((2, nz, nx), 0, np.int32)
     with parallel_call(threads):
         passes.count_across(voxels.bits, voxels.row_start, voxels.column, ny, run_counts, voxel_counts)
@@ -264,7 +363,7 @@ def _tables_across(voxels: VisibleVoxels, threads):
 
 
 def _tables_numpy(voxels: VisibleVoxels, axis):
-    """Twin of all the passes: sort the voxels by scanline, then find where runs begin."""
+    """Reference implementation of all passes: sort the voxels by scanline, then find where runs begin."""
     _, ny, nz = voxels.shape_xyz
     row = np.repeat(np.arange(nz * ny, dtype=np.int64), np.diff(voxels.row_start))
     x, y, z = voxels.column.astype(np.int64), row % ny, row // ny

@@ -1,7 +1,7 @@
-"""The passes of the encoder, parallel over scanlines or planes (algorithm.md 1.1; twins in encode.py).
+"""Kernels of the encoder, parallel over scanlines or planes (algorithm.md, section 1.1).
 
-Throughout: ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,) are the visible voxels'; ``bits`` see ``line_bits``;
-``runs`` as in ``tables.RunLengthVolume``.
+Their reference implementations are in encode.py. Common arguments: ``row_start`` (nz * ny + 1,) int64 and ``column``
+(m,) of the visible voxels; ``bits``, see ``line_bits``; ``runs`` as in ``tables.RunLengthVolume``.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from .line_bits import LAST_BIT, NO_BITS, ONE_BIT, WORD, read_row, read_strip, turn_words, word_count, write_runs
 
-MOST_BYTES = 16  # of a record
+MOST_BYTES = 16  # largest record
 
 
 @kernel
 def color_records(density, colors, records):
-    """(n, 4) float32 ``records``: (density * RGB, density), from (n,) and (n, 3) float32."""
+    """Write ``records`` (n, 4) float32, (density * RGB, density), from ``density`` (n,) and ``colors`` (n, 3)."""
     share_out(_color_records, records.shape[0], (density, colors, records))
 
 
 @kernel(inner=True)
 def _color_records(begin, end, density, colors, records):
+    """``color_records`` for records [begin, end)."""
     for i in range(begin, end):
         thickness = density[i]
         records[i, 0] = thickness * colors[i, 0]
@@ -34,12 +35,13 @@ def _color_records(begin, end, density, colors, records):
 
 @kernel
 def fill_row_runs(rows, bits, row_start, column, width, scanline_pointers, runs):
-    """Writes the runs of each scanline that is a row; ``rows`` (n_slices, n_scanlines) int64: which row."""
+    """Write the runs of scanlines that are rows; ``rows`` (n_slices, n_scanlines) int64: row of each scanline."""
     share_out(_fill_row_runs, rows.size, (rows, bits, row_start, column, width, scanline_pointers, runs))
 
 
 @kernel(inner=True)
 def _fill_row_runs(begin, end_line, rows, bits, row_start, column, width, scanline_pointers, runs):
+    """``fill_row_runs`` for scanlines [begin, end_line)."""
     n_scanlines = rows.shape[1]
     words = np.empty(word_count(width), np.uint64)
     for line in range(begin, end_line):
@@ -57,12 +59,13 @@ def _fill_row_runs(begin, end_line, rows, bits, row_start, column, width, scanli
 
 @kernel
 def count_across(bits, row_start, column, n_rows, run_counts, voxel_counts):
-    """Runs and voxels of each scanline along y; both counts (nz, nx), zero on entry, ``n_rows`` = ny."""
+    """Count runs and voxels of each scanline along y; counts (nz, nx), zero on entry; ``n_rows`` = ny."""
     share_out(_count_across, run_counts.shape[0], (bits, row_start, column, n_rows, run_counts, voxel_counts))
 
 
 @kernel(inner=True)
 def _count_across(begin, end_plane, bits, row_start, column, n_rows, run_counts, voxel_counts):
+    """``count_across`` for planes [begin, end_plane)."""
     n_columns = run_counts.shape[1]
     words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
     before = np.empty(n_columns, np.uint64)
@@ -75,14 +78,14 @@ def _count_across(begin, end_plane, bits, row_start, column, n_rows, run_counts,
                     words, x // WORD, block, before[x : x + WORD], run_counts[z, x : x + WORD],
                     voxel_counts[z, x : x + WORD],
                 )
-        for x in range(n_columns):  # what is transparent behind the last voxel is a run, too
+        for x in range(n_columns):  # the transparent rest after the last voxel is a run too
             last = (before[x] >> ((n_rows - 1) % WORD)) & ONE_BIT
             run_counts[z, x] += (voxel_counts[z, x] > 0) & (last == NO_BITS)
 
 
 @inner_loop
 def _count_block(words, n, block, before, runs_of, voxels_of):
-    """A word more of some scanlines; ``before``: their words so far, the last of each."""
+    """Count one more word of some scanlines; ``before``: the previous word of each, updated."""
     some = turn_words(words, n, block)
     for i in range(before.size):
         seen = block[i] if some else NO_BITS
@@ -93,15 +96,16 @@ def _count_block(words, n, block, before, runs_of, voxels_of):
 
 @kernel
 def fill_across_runs(bits, row_start, column, n_rows, run_starts, runs):
-    """Writes the runs of the nx scanlines along y that each plane z crosses.
+    """Write the runs of the nx scanlines along y that each plane z crosses.
 
-    ``run_starts`` (nz, nx): where each scanline starts, -1 when transparent.
+    ``run_starts`` (nz, nx): position of each scanline's first run, -1 if it is transparent.
     """
     share_out(_fill_across_runs, run_starts.shape[0], (bits, row_start, column, n_rows, run_starts, runs))
 
 
 @kernel(inner=True)
 def _fill_across_runs(begin, end_plane, bits, row_start, column, n_rows, run_starts, runs):
+    """``fill_across_runs`` for planes [begin, end_plane)."""
     n_columns = run_starts.shape[1]
     words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
     before = np.empty(n_columns, np.uint64)
@@ -124,8 +128,11 @@ def _fill_across_runs(begin, end_plane, bits, row_start, column, n_rows, run_sta
 
 @inner_loop
 def _fill_block(words, n, block, before, y, cursors, ends, runs):
-    """A word more of some scanlines, whose first bit is voxel ``y``; ``before``, ``cursors`` and ``ends``: their last
-    words, where their next runs go and where their last ones ended."""
+    """Write the runs that end in one more word of some scanlines, whose first bit is voxel ``y``.
+
+    ``before``, ``cursors``, ``ends``: previous word, position of the next run and end of the last run of each scanline,
+    updated.
+    """
     if not turn_words(words, n, block):
         block[:] = NO_BITS
     for i in range(before.size):
@@ -135,16 +142,17 @@ def _fill_block(words, n, block, before, y, cursors, ends, runs):
 
 @kernel
 def place_rows(n_y, first_plane, row_start, data_starts, size, records, target):
-    """Copies voxel records of ``size`` bytes from the voxels' own order to scanlines that are rows.
+    """Copy voxel records of ``size`` bytes from the order of the voxels to scanlines that are rows.
 
-    ``records``: those of some planes, and ``target``: all, in the order of the tables, both flat uint8.  The others:
-    see ``classify.placing``.
+    ``records``: of some planes; ``target``: of all planes, in the order of the tables; both flat uint8. See
+    ``classify.placing.RecordPositions`` for the other arguments.
     """
     share_out(_place_rows, data_starts.size, (n_y, first_plane, row_start, data_starts, size, records, target))
 
 
 @kernel(inner=True)
 def _place_rows(begin, end, n_y, first_plane, row_start, data_starts, size, records, target):
+    """``place_rows`` for rows [begin, end) of the planes."""
     first_row = first_plane * n_y
     for n in range(begin, end):
         at, behind = row_start[first_row + n], row_start[first_row + n + 1]
@@ -154,14 +162,14 @@ def _place_rows(begin, end, n_y, first_plane, row_start, data_starts, size, reco
 
 @kernel
 def place_across(n_y, first_plane, row_start, data_starts, size, records, target, bits, column):
-    """``place_rows`` for scanlines along y.  ``size``: MOST_BYTES at most; ``bits``: see ``line_bits``."""
+    """As ``place_rows``, for scanlines along y. ``size``: at most MOST_BYTES; ``bits``: see ``line_bits``."""
     arguments = (n_y, first_plane, row_start, data_starts, size, records, target, None, bits, column)
     share_out(_move_across, data_starts.shape[0], arguments)
 
 
 @kernel
 def fetch_across(n_y, first_plane, row_start, data_starts, size, records, source, bits, column):
-    """``place_across`` the other way round: from the scanlines back into the voxels' own order."""
+    """Reverse of ``place_across``: from the scanlines to the order of the voxels."""
     arguments = (n_y, first_plane, row_start, data_starts, size, records, None, source, bits, column)
     share_out(_move_across, data_starts.shape[0], arguments)
 
@@ -170,17 +178,16 @@ def fetch_across(n_y, first_plane, row_start, data_starts, size, records, source
 def _move_across(
     begin, end, n_y, first_plane, row_start, data_starts, size, records, target, source, bits, column
 ):
-    """From ``records`` to ``target``, or from ``source`` to ``records``; the other is None.  (Of two branches on one of
-    them numba would compile both.)
+    """Move records from ``records`` to ``target``, or from ``source`` to ``records``; the unused one is None.
 
-    Blocks of 64 x 64 voxels are turned in a scratch that stays in the cache, so that what is next to each other in
-    either order is moved together.
+    (With a flag instead of None, numba would compile both branches.) Blocks of 64 x 64 voxels are transposed in a
+    scratch buffer that stays in the cache, so that neighbors in either order are moved together.
     """
     first = row_start[first_plane * n_y]
     n_columns = data_starts.shape[1]
     words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
     cursors, at = np.empty(n_columns, np.int64), np.empty(WORD, np.int64)
-    # Scanlines of a block, with room behind each for what is copied too much.
+    # Scanlines of a block, with padding after each for bytes that are copied in excess.
     pitch = WORD * size + MOST_BYTES
     turned = np.empty(WORD * pitch, np.uint8)
     for plane in range(begin, end):
@@ -205,12 +212,12 @@ def _move_across(
 
 @inner_loop
 def _turn_records(words, n, rows, at, first, column, size, pitch, records, turned):
-    """Records of the voxels in word ``n`` of ``rows`` rows to scanlines along y, ``pitch`` bytes apart in ``turned``.
+    """Copy the records of word ``n`` of ``rows`` rows to scanlines along y, ``pitch`` bytes apart in ``turned``.
 
-    ``at``: (64,) the rows' next voxels, moved along; ``first``: the one that ``records`` begin with.  What is copied
-    beside a record is written over by the next row's, or lies behind the scanline.
+    ``at`` (64,): next voxel of each row, advanced; ``first``: first voxel of ``records``. Bytes copied in excess are
+    overwritten by the next row, or lie in the padding of the scanline.
     """
-    whole = first + (records.size - MOST_BYTES) // size + 1  # before these, so many bytes can be read
+    whole = first + (records.size - MOST_BYTES) // size + 1  # for voxels before this one, MOST_BYTES can be read
     for j in range(rows):
         begin = at[j]
         at[j] = end = begin + count_bits(words[j, n])
@@ -224,7 +231,7 @@ def _turn_records(words, n, rows, at, first, column, size, pitch, records, turne
 
 @inner_loop
 def _turn_back(words, n, rows, at, first, column, size, pitch, records, turned):
-    """``_turn_records`` the other way round."""
+    """Reverse of ``_turn_records``."""
     for j in range(rows):
         begin = at[j]
         at[j] = end = begin + count_bits(words[j, n])
@@ -234,13 +241,15 @@ def _turn_back(words, n, rows, at, first, column, size, pitch, records, turned):
 
 @inner_loop
 def _move_runs(block, cursors, size, pitch, turned, target, source):
-    """The runs of a block, a word of ``block`` for each scanline, from ``turned`` to ``target`` or from ``source`` to
-    ``turned``; the other is None.  ``cursors``: where each scanline's next record is there, moved along."""
+    """Copy the runs of a block from ``turned`` to ``target``, or from ``source`` to ``turned``; the unused one is None.
+
+    ``block``: bits of each scanline; ``cursors``: position of each scanline's next record, advanced.
+    """
     for i in range(cursors.size):
         kept, there = block[i], cursors[i] * size
         while kept != NO_BITS:
             begin = lowest_bit(kept)
-            rest = ~(kept >> np.uint64(begin))  # the run's end is the first bit that is not set
+            rest = ~(kept >> np.uint64(begin))  # the run ends at the first bit that is not set
             count = min(lowest_bit(rest) if rest != NO_BITS else WORD, WORD - begin)
             here = i * pitch + begin * size
             if target is not None:
@@ -254,7 +263,7 @@ def _move_runs(block, cursors, size, pitch, turned, target, source):
 
 @inner_loop
 def _copy(source, at, target, to, count):
-    """``count`` bytes, the last of them perhaps twice: no other is read or written."""
+    """Copy ``count`` bytes; the last ones may be copied twice, but no others are read or written."""
     if count >= 16:
         for i in range(0, count - 16, 16):
             copy_16(source, at + i, target, to + i)

@@ -1,9 +1,8 @@
-"""Scanlines as bits, one a voxel: runs begin and end where a bit differs from the one before.
+"""Scanlines as bit fields, one bit per voxel; runs begin and end where a bit differs from the previous one.
 
-What lies along y is found a strip at a time, 64 rows of a plane z: a word of each of the scanlines that cross it.
-
-Throughout: ``bits``, ``row_start`` and ``column`` are of ``classify.visible.VisibleVoxels``; ``bits`` are None where
-there are none, and found from the columns.
+Scanlines along y are processed in strips of 64 rows of a plane z: one word of each scanline that crosses the strip.
+Common arguments: ``bits``, ``row_start`` and ``column`` of ``classify.visible.VisibleVoxels``. If ``bits`` is None,
+bits are made from the columns.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ LAST_BIT = np.uint64(WORD - 1)
 
 @inner_loop
 def word_count(voxels):
-    """How many words the bits of a scanline take."""
+    """Words per scanline."""
     return -(-voxels // WORD)
 
 
 @inner_loop
 def read_row(bits, row_start, column, row, words):
-    """The bits of a row along x, in ``words`` (n,) uint64."""
+    """Read the bits of a row along x to ``words`` (n,) uint64."""
     if bits is not None:
         for n in range(words.size):
             words[n] = bits[row, n]
@@ -35,7 +34,7 @@ def read_row(bits, row_start, column, row, words):
         at, word = np.int64(0), NO_BITS
         for i in range(row_start[row], row_start[row + 1]):
             x = np.int64(column[i])
-            if x // WORD != at:  # a word is put together in a register: memory just written takes time to read
+            if x // WORD != at:  # collect a word in a register, because reading memory just written is slow
                 words[at] = word
                 at, word = x // WORD, NO_BITS
             word |= ONE_BIT << np.uint64(x % WORD)
@@ -44,7 +43,7 @@ def read_row(bits, row_start, column, row, words):
 
 @inner_loop
 def read_strip(bits, row_start, column, row, rows, words):
-    """The bits along x of ``rows`` rows from ``row`` on, 64 at most, in ``words`` (64, n); none in those left over."""
+    """Read the bits of ``rows`` rows (at most 64) from ``row`` on to ``words`` (64, n); the other rows become zero."""
     for j in range(rows):
         read_row(bits, row_start, column, row + j, words[j])
     words[rows:] = NO_BITS
@@ -52,15 +51,17 @@ def read_strip(bits, row_start, column, row, rows, words):
 
 @inner_loop
 def turn_words(words, n, block):
-    """Word ``n`` of the rows of a strip turned: bit j of ``block[i]`` (64,) is bit i of row j.  Returns whether any is
-    set."""
+    """Transpose word ``n`` of a strip: bit j of ``block[i]`` (64,) becomes bit i of row j.
+
+    Returns whether any bit is set.
+    """
     seen = NO_BITS
     for j in range(WORD):
         seen |= words[j, n]
         block[j] = words[j, n]
     if seen == NO_BITS:
         return False
-    # Squares of 32 by 32 bits change places, then of 16 by 16 in each of them, and so on.
+    # Swap squares of 32 x 32 bits, then of 16 x 16 in each of them, and so on.
     size = np.uint64(WORD // 2)
     mask = ALL_BITS >> size
     while size != NO_BITS:
@@ -78,10 +79,10 @@ def turn_words(words, n, block):
 
 @inner_loop(forceinline=True)
 def write_runs(word, before, first, end, runs, run):
-    """The runs that end in a word of a scanline, whose first bit is voxel ``first``, to ``runs`` from ``run`` on.
+    """Write the runs that end in a word of a scanline, whose first bit is voxel ``first``, to ``runs`` from ``run`` on.
 
-    ``before``: the bit before, in the last place; ``end``: where the last run ended.  Returns where the next run goes,
-    and where the last one ended.
+    ``before``: the previous bit, in bit 0; ``end``: where the last run ended. Returns the position of the next run, and
+    where the last run ended.
     """
     edges = word ^ ((word << ONE_BIT) | before)
     while edges != NO_BITS:

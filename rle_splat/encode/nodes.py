@@ -1,10 +1,9 @@
-"""Nodes of a pyramid, averaged straight from the visible voxels, and how far a picture of them may be wrong.
+"""Nodes of a pyramid, averaged directly from the visible voxels, with bounds of their error.
 
-Laur and Hanrahan store with every node of a pyramid by how much it misstates the voxels it stands for.  Here the
-node keeps the extremes of its voxels, from which follows, for every place in the volume, a bound of the difference
-between the medium that the voxels make and the one that the nodes make, both with trilinear kernels.
-
-Only what is visible is ever touched, so that the cost follows the visible voxels and the memory the nodes.
+Laur and Hanrahan store with every node of a pyramid its error against the voxels that it replaces. Here a node stores
+the extremes of its voxels. They give, for every point of the volume, a bound of the difference between the medium of
+the voxels and that of the nodes, both interpolated trilinearly. Only visible voxels are read: the cost is proportional
+to the visible voxels, and the memory to the nodes.
 """
 
 from __future__ import annotations
@@ -13,25 +12,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..classify.placing import Places
+from ..classify.placing import RecordPositions
 from ..runtime.jit import compiled, kernel, read_only
 from ..volume.pyramid import pooled
 from .pooling import nodes_shape
 
-# Channels of a node's means, a voxel record: extinction * RGB, extinction.  Its extremes have three more, what the
-# brightest colour would add: extinction * (brightest - RGB).
+# Channels of a node's means (a voxel record: extinction * RGB, extinction) and of its extremes, which have three more:
+# extinction * (brightest - RGB), the difference to the brightest color.
 MEANS, EXTREMES = 4, 7
-VOXELS_AT_ONCE = 1 << 20  # whose records are made together, 16 MiB, or those of one plane
-NODE_BYTES = 4 * (MEANS + 2 * EXTREMES) + 12  # while they are made: means, extremes, a count and two errors
+VOXELS_AT_ONCE = 1 << 20  # voxels whose records are made at once (16 MiB), or those of one plane if more
+NODE_BYTES = 4 * (MEANS + 2 * EXTREMES) + 12  # bytes per node during construction: means, extremes, count, two errors
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """A grid of nodes, each standing for a cube of 2^level voxels a side, transparent ones beyond the volume included.
+    """A grid of nodes. Each averages a cube of 2^level voxels a side; voxels beyond the volume count as transparent.
 
-    ``means``: (nz, ny, nx, 4) float32, average (extinction * RGB, extinction), 1 / world length.
-    ``least`` and ``most``: (nz, ny, nx, 7) float32, extremes of the voxels' (extinction * RGB, extinction,
-    extinction * (brightest - RGB)).  ``brightest``: no channel of any voxel's colour is above it.
+    Attributes
+    ----------
+    level : int
+    means : (nz, ny, nx, 4) ndarray of float32
+        Mean (extinction * RGB, extinction) in 1 / world length.
+    least, most : (nz, ny, nx, 7) ndarray of float32
+        Extremes of the voxels' (extinction * RGB, extinction, extinction * (brightest - RGB)).
+    brightest : float
+        Upper bound of any channel of any voxel's color.
     """
 
     level: int
@@ -41,7 +46,7 @@ class Nodes:
     brightest: float
 
     def coarser(self) -> Nodes:
-        """The next level, of half as many nodes a side."""
+        """The next level, with half as many nodes a side."""
         return Nodes(
             self.level + 1, 0.125 * pooled(self.means, np.add), pooled(self.least, np.minimum),
             pooled(self.most, np.maximum), self.brightest,
@@ -49,9 +54,26 @@ class Nodes:
 
 
 def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto"):
-    """Generator: yields the fraction done; returns the Nodes of a ``level``.
+    """Average visible voxels to nodes.
 
-    ``voxels``: VisibleVoxels.  ``write(places, records)``: see ``encode.record_steps``.
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+    write : callable
+        See ``encode.record_steps``.
+    level : int
+    brightest : float
+        Upper bound of any channel of any voxel's color.
+    backend : {"auto", "numba", "numpy"}
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    Nodes
     """
     _, ny, nz = voxels.shape_xyz
     shape = nodes_shape(voxels.shape_xyz, level)
@@ -66,24 +88,24 @@ def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto
     pool = pool_records if compiled(backend) else pool_records_numpy
     for plane in range(0, nz, planes_at_once):
         yield plane / nz
-        places = Places.in_order(voxels, plane, min(plane + planes_at_once, nz))
-        first, last = places.span
+        positions = RecordPositions.in_order(voxels, plane, min(plane + planes_at_once, nz))
+        first, last = positions.span
         if last > first:
-            write(places, records)
+            write(positions, records)
             pool(
                 read_only(voxels.row_start), read_only(voxels.column), first, records[: last - first], ny, level,
                 np.float32(brightest), counts, totals, least, most,
             )
-    least[counts < 8**level] = 0.0  # a voxel of the node is transparent
+    least[counts < 8**level] = 0.0  # the node has a transparent voxel
     return Nodes(level, totals * np.float32(0.125**level), least, most, brightest)
 
 
 @kernel
 def pool_records(row_start, column, first, records, n_y, level, brightest, counts, totals, least, most):
-    """Add the records (n, 4) of the voxels from number ``first`` on to their nodes.
+    """Add ``records`` (n, 4) of the voxels from number ``first`` on to their nodes.
 
-    ``row_start``, ``column``: see VisibleVoxels.  ``counts`` (nz, ny, nx) int32, ``totals`` (nz, ny, nx, 4), ``least``
-    and ``most`` (nz, ny, nx, 7) float32: updated.
+    ``row_start``, ``column``: see VisibleVoxels. Updates ``counts`` (nz, ny, nx) int32, ``totals`` (nz, ny, nx, 4), and
+    ``least`` and ``most`` (nz, ny, nx, 7) float32.
     """
     row = np.searchsorted(row_start, first, side="right") - 1
     last = first + len(records)
@@ -106,7 +128,7 @@ def pool_records(row_start, column, first, records, n_y, level, brightest, count
 
 
 def pool_records_numpy(row_start, column, first, records, n_y, level, brightest, counts, totals, least, most):
-    """Twin of ``pool_records``."""
+    """Reference implementation of ``pool_records``."""
     voxels = np.arange(first, first + len(records))
     row = np.searchsorted(row_start, voxels, side="right") - 1
     node = (row // n_y >> level, row % n_y >> level, column[voxels].astype(np.int64) >> level)
@@ -118,31 +140,43 @@ def pool_records_numpy(row_start, column, first, records, n_y, level, brightest,
 
 
 def _with_complement(records, brightest) -> np.ndarray:
-    """(..., 7) of (..., 4) records: with what the brightest colour would add."""
+    """(..., 7) from records (..., 4): appends the difference to the brightest color."""
     return np.concatenate((records, brightest * records[..., 3:] - records[..., :3]), axis=-1)
 
 
 def node_errors(nodes: Nodes, backend: str = "auto") -> np.ndarray:
-    """(nz + 2, ny + 2, nx + 2) float32, 1 / world length: how wrong the medium of the nodes may be about each node.
+    """Bounds of the error of nodes.
 
-    Between eight node centres the voxels' medium is an average of voxels of these nodes, and the nodes' medium one
-    of their means; what is left of either beyond the other's extremes bounds the difference.  A node takes the
-    largest bound of the cells about it, so that errors interpolated between nodes bound the difference everywhere.
-    One layer of nodes beyond the volume is included: there the medium falls off to nothing.
+    Parameters
+    ----------
+    nodes : Nodes
+    backend : {"auto", "numba", "numpy"}
+
+    Returns
+    -------
+    (nz + 2, ny + 2, nx + 2) ndarray of float32
+        Largest difference between the medium of the voxels and that of the nodes around each node, 1 / world length;
+        with one layer of nodes beyond the volume, where the medium ramps to zero.
+
+    Notes
+    -----
+    Between eight node centers, the medium of the voxels is an average of voxels of these nodes, and the medium of the
+    nodes is an average of their means. The distance of either beyond the other's extremes bounds the difference. A node
+    takes the largest bound of the adjacent cells, so that interpolated errors are bounds everywhere.
     """
     nz, ny, nx = nodes.means.shape[:3]
     cells = np.empty((nz + 1, ny + 1, nx + 1), np.float32)
     run = cell_errors if compiled(backend) else cell_errors_numpy
     run(nodes.means, nodes.least, nodes.most, np.float32(nodes.brightest), cells)
-    return _of_neighbours(np.pad(cells, 1), np.maximum)
+    return _of_neighbors(np.pad(cells, 1), np.maximum)
 
 
 @kernel
 def cell_errors(means, least, most, brightest, cells):
-    """For each cell between eight nodes the largest difference of a voxel's record from a mean, over the channels.
+    """Largest difference of a voxel's record from a mean, over the channels, for each cell between eight nodes.
 
-    ``means`` (nz, ny, nx, 4), ``least`` and ``most`` (nz, ny, nx, 7): see Nodes.  ``cells``: (nz + 1, ny + 1, nx + 1)
-    float32, written; cell (0, 0, 0) lies before node (0, 0, 0), and beyond the grid everything is zero.
+    ``means`` (nz, ny, nx, 4), ``least`` and ``most`` (nz, ny, nx, 7): see Nodes. Writes ``cells`` (nz + 1, ny + 1,
+    nx + 1) float32. Cell (0, 0, 0) lies before node (0, 0, 0); beyond the grid everything is zero.
     """
     nz, ny, nx = means.shape[0], means.shape[1], means.shape[2]
     for z in range(nz + 1):
@@ -172,16 +206,16 @@ def cell_errors(means, least, most, brightest, cells):
 
 
 def cell_errors_numpy(means, least, most, brightest, cells):
-    """Twin of ``cell_errors``."""
+    """Reference implementation of ``cell_errors``."""
     around = ((1, 1), (1, 1), (1, 1), (0, 0))
     means, least, most = (np.pad(part, around) for part in (_with_complement(means, brightest), least, most))
-    above = _of_neighbours(most, np.maximum) - _of_neighbours(means, np.minimum)
-    below = _of_neighbours(means, np.maximum) - _of_neighbours(least, np.minimum)
+    above = _of_neighbors(most, np.maximum) - _of_neighbors(means, np.minimum)
+    below = _of_neighbors(means, np.maximum) - _of_neighbors(least, np.minimum)
     cells[:] = np.maximum(above, below).max(axis=3)
 
 
-def _of_neighbours(values: np.ndarray, join) -> np.ndarray:
-    """Neighbours joined along z, y and x by a ufunc ``join``: one fewer along each."""
+def _of_neighbors(values: np.ndarray, join) -> np.ndarray:
+    """Combine neighbors along z, y and x by a ufunc ``join``; each axis gets one entry shorter."""
     for axis in range(3):
         values = np.moveaxis(values, axis, 0)
         values = np.moveaxis(join(values[1:], values[:-1]), 0, axis)

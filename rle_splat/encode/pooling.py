@@ -1,7 +1,7 @@
-"""Average pooling: nodes that stand for cubes of voxels, for pictures in which many voxels share a pixel.
+"""Average pooling: nodes that replace cubes of voxels, for pictures in which many voxels share a pixel.
 
-Averages of extinction keep the optical depth of whatever they stand for (algorithm.md 1.5, minification).  A plane of
-nodes at a time, so that no grid of the volume's size is ever made.
+Averages of extinction preserve the optical depth (algorithm.md, section 1.5, minification). One plane of nodes is made
+at a time, so that no grid of the volume's size is allocated.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume
-from ..classify.placing import Places
+from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels, row_offsets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
@@ -17,13 +17,13 @@ from .records import empty_records
 
 
 def nodes_shape(shape_xyz, level: int) -> tuple[int, int, int]:
-    """(nz, ny, nx): how many nodes of 2^level voxels a side cover a volume."""
+    """(nz, ny, nx): number of nodes of 2^level voxels a side that cover a volume."""
     nx, ny, nz = (-(-n >> level) for n in shape_xyz)
     return nz, ny, nx
 
 
 def node_to_voxel(level: int) -> np.ndarray:
-    """(4, 4) float64: node index (x, y, z, 1) to the voxel index of its centre."""
+    """(4, 4) float64 matrix from node index (x, y, z, 1) to the voxel index of its center."""
     side = 2**level
     matrix = np.diag((side, side, side, 1.0))
     matrix[:3, 3] = 0.5 * (side - 1)
@@ -33,10 +33,29 @@ def node_to_voxel(level: int) -> np.ndarray:
 def pooled_steps(
     voxels: VisibleVoxels, write, level: int, finest: ClassifiedVolume, *, backend: str = "auto", threads: int = 0
 ):
-    """Generator: yields the fraction done; returns the nodes of a ``level`` as ``classified_nodes`` does.
+    """Average visible voxels to nodes.
 
-    ``write(places, records)``: see ``encode.record_steps``, of (extinction * RGB, extinction).
-    ``finest``: the voxels classified, which tells the lengths.
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+    write : callable
+        See ``encode.record_steps``; writes (extinction * RGB, extinction).
+    level : int
+    finest : ClassifiedVolume
+        The classified voxels, for their lengths.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    tuple
+        As of ``classified_nodes``.
     """
     nz, ny, nx = nodes_shape(voxels.shape_xyz, level)
     means = np.empty((1, ny, nx, 4), np.float32)
@@ -45,13 +64,13 @@ def pooled_steps(
     for node_plane in range(nz):
         yield node_plane / nz
         planes = node_plane << level, min((node_plane + 1) << level, voxels.shape_xyz[2])
-        places = Places.in_order(voxels, *planes)
-        first, last = places.span
+        positions = RecordPositions.in_order(voxels, *planes)
+        first, last = positions.span
         means[:] = 0.0
         if last > first:
             if len(records) < last - first:
                 records = empty_records(16, last - first)
-            write(places, records)
+            write(positions, records)
             made = records[: last - first]
             if compiled(backend):
                 arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(made)
@@ -66,9 +85,9 @@ def pooled_steps(
 
 @kernel
 def add_to_nodes(row_start, column, records, first_plane, last_plane, n_y, level, totals):
-    """Add the (n, 4) float32 ``records`` of the voxels of some planes to one plane of nodes.
+    """Add ``records`` (n, 4) float32 of the voxels of some planes to one plane of nodes.
 
-    ``row_start``, ``column``: see VisibleVoxels.  ``n_y``: rows of a plane.  ``totals``: (ny, nx, 4) float32, updated.
+    ``row_start``, ``column``: see VisibleVoxels. ``n_y``: rows of a plane. Updates ``totals`` (ny, nx, 4) float32.
     """
     share_out(
         _add_to_nodes, totals.shape[0], (row_start, column, records, first_plane, last_plane, n_y, level, totals)
@@ -77,6 +96,7 @@ def add_to_nodes(row_start, column, records, first_plane, last_plane, n_y, level
 
 @kernel(inner=True)
 def _add_to_nodes(begin, end, row_start, column, records, first_plane, last_plane, n_y, level, totals):
+    """``add_to_nodes`` for rows of nodes [begin, end)."""
     first = row_start[first_plane * n_y]
     for node_row in range(begin, end):
         for z in range(first_plane, last_plane):
@@ -88,7 +108,7 @@ def _add_to_nodes(begin, end, row_start, column, records, first_plane, last_plan
 
 
 def _add_to_nodes_numpy(voxels: VisibleVoxels, first: int, records, level: int, totals):
-    """Twin of ``add_to_nodes``."""
+    """Reference implementation of ``add_to_nodes``."""
     number = np.arange(first, first + len(records))
     row = np.searchsorted(voxels.row_start, number, side="right") - 1
     y = row % voxels.shape_xyz[1] >> level
@@ -96,16 +116,29 @@ def _add_to_nodes_numpy(voxels: VisibleVoxels, first: int, records, level: int, 
 
 
 def node_lists(means: np.ndarray):
-    """Those of the nodes (nz, ny, nx, 4) that absorb: (m, 4) records, (m,) column, (nz * ny,) how many in each row."""
+    """List the nodes (nz, ny, nx, 4) with extinction: (m, 4) records, (m,) column, (nz * ny,) count of each row."""
     seen = means[..., 3] > 0.0
     column = np.nonzero(seen)[2].astype(np.uint16 if means.shape[2] <= 65536 else np.int32)
     return means[seen], column, seen.sum(axis=2).ravel()
 
 
 def classified_nodes(lists, shape_xyz, finest: ClassifiedVolume) -> tuple[ClassifiedVolume, np.ndarray]:
-    """Nodes as classified voxels, and their (m, 3) float32 colours; ``lists``: of ``node_lists``, of planes in order.
+    """Make a classified volume of nodes.
 
-    ``finest``: the voxels classified, which tells the lengths.
+    Parameters
+    ----------
+    lists : sequence of tuple
+        As of ``node_lists``, of planes in order.
+    shape_xyz : (nx, ny, nz)
+        Number of nodes.
+    finest : ClassifiedVolume
+        The classified voxels, for their lengths.
+
+    Returns
+    -------
+    classified : ClassifiedVolume
+    colors : (m, 3) ndarray of float32
+        Unassociated colors.
     """
     visible, column, counts = (np.concatenate(parts) for parts in zip(*lists, strict=True))
     colors = np.ascontiguousarray(visible[:, :3] / visible[:, 3:])

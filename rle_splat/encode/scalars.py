@@ -1,8 +1,8 @@
-"""The tables of a scalar volume for one principal axis: what post-classified sheets are splatted from.
+"""Run-length tables of a scalar volume for one principal axis, from which post-classified sheets are splatted.
 
-The paper's scanline pointers, data pointers and runs, of the voxels that matter to the transfer function's range of
-values (``classify.relevant``); a voxel's record is its scalar, in the volume's own type where that is a small one,
-and the light that falls on it where anything shines.
+These are the paper's scanline pointers, data pointers and runs of the voxels that the transfer function needs
+(``classify.relevant``). A voxel record is the scalar, in the volume's own type if that is small, and the light on the
+voxel if there is any light.
 """
 
 from __future__ import annotations
@@ -16,18 +16,27 @@ from ..classify.visible import VisibleVoxels
 from .encode import place_slabs, run_tables
 from .tables import RunTables
 
-OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # kept as they are; others become float32
-AT_ONCE = 1 << 16  # voxels of other types that are made float32 together
-NOT_A_NUMBER = np.float32(-3e38)  # of voxels that are none: like those that are not kept
+OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # stored unchanged; other types become float32
+AT_ONCE = 1 << 16  # voxels of other types that are converted at once
+NOT_A_NUMBER = np.float32(-3e38)  # replaces NaN; treated like a voxel that is not kept
 
 
 @dataclass(frozen=True, eq=False)
 class ScalarVolume:
-    """The voxels that matter, run-length encoded along one principal axis, with their scalars and light.
+    """The kept voxels of a volume, run-length encoded along one principal axis, with their scalars and light.
 
-    ``tables``: where they are.  ``scalars``: (m,) in the tables' order, stored values less ``centre``.  ``lights``:
-    (m, channels) uint16 codes of ``voxel_light``, or None where nothing shines; ``light_unit`` makes numbers of them.
-    ``thinned``: whether the last channel is a factor of extinction instead.
+    Attributes
+    ----------
+    tables : RunTables
+    scalars : (m,) ndarray
+        Stored values minus ``centre``, in the order of ``tables``.
+    centre : float
+    lights : (m, channels) ndarray of uint16 or None
+        Codes as of ``shade.voxel_light``; None without light.
+    light_unit : float
+        Scale of the codes.
+    thinned : bool
+        Whether the last channel of ``lights`` is a factor of the extinction.
     """
 
     tables: RunTables
@@ -44,32 +53,37 @@ class ScalarVolume:
 
     @property
     def axis(self) -> int:
+        """Principal axis."""
         return self.tables.axis
 
     @property
     def width(self) -> int:
+        """Voxels of a scanline."""
         return self.tables.width
 
     @property
     def n_slices(self) -> int:
+        """Number of slices."""
         return self.tables.n_slices
 
     @property
     def data_pointers(self) -> np.ndarray:
+        """See RunLengthVolume."""
         return self.tables.data_pointers
 
     @property
     def filled_slices(self) -> np.ndarray:
+        """See RunTables."""
         return self.tables.filled_slices
 
     @property
     def record(self) -> int:
-        """Bytes of a voxel's record."""
+        """Bytes of a voxel record."""
         return self.scalars.itemsize + (0 if self.lights is None else 2 * self.lights.shape[1])
 
     @property
     def table_bytes(self) -> dict[str, int]:
-        """Bytes of each table by the paper's names, and of the derived one."""
+        """Bytes of each table by the paper's names, and of the derived table."""
         tables = self.tables
         return {
             "scanline_pointers": tables.scanline_pointers.nbytes, "data_pointers": tables.data_pointers.nbytes,
@@ -79,13 +93,27 @@ class ScalarVolume:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all tables."""
         return sum(self.table_bytes.values())
 
 
 def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarray:
-    """(m,) scalars in the voxels' own order: stored values of type ``kind``, less ``centre``.
+    """Scalars of voxels.
 
-    ``infinite``: what stands for minus and plus infinity; no numbers where nothing is infinite.
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+    kind : dtype
+        Type of the stored values.
+    infinite : (low, high) or ()
+        Values that replace minus and plus infinity, if any.
+    centre : float
+        Subtracted from the values, unless the type is a small integer.
+
+    Returns
+    -------
+    (m,) ndarray
+        In the order of the voxels.
     """
     stored = voxels.stored.view(kind) if np.dtype(kind).itemsize == voxels.stored.itemsize else voxels.stored
     if np.dtype(kind).name in OWN_TYPES[:-1]:
@@ -103,13 +131,12 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarr
 
 
 def is_shared(axis: int) -> bool:
-    """Whether a principal axis has the records in the voxels' own order: scanlines of y and z are rows along x."""
+    """Whether records stay in the order of the voxels: true for y and z, whose scanlines are rows along x."""
     return axis != 0
 
 
 def scalar_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
-    """Where the voxels are, for principal ``axis``: as ``encode.run_tables``, but y takes its records from where z has
-    them, row by row, so that the two share one list."""
+    """As ``encode.run_tables``, but principal y uses the records of principal z, so that both share one list."""
     tables = run_tables(voxels, axis, backend=backend, threads=threads)
     if axis != 1:
         return tables
@@ -119,8 +146,10 @@ def scalar_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", th
 
 
 def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done; returns records (m,) or (m, w) of the voxels, which come in the voxels' own
-    order, in the order of ``tables``, which are of ``scalar_tables``."""
+    """Generator: yield the fraction done, return the records of the voxels in the order of ``tables``.
+
+    ``tables``: of ``scalar_tables``; ``words`` (m,) or (m, w): records in the order of the voxels.
+    """
     if is_shared(tables.axis):
         return words
     rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))

@@ -1,8 +1,8 @@
-"""`.rle` files: the tables of one or more principal axes with what is needed to place and explain them.
+"""`.rle` files: run-length tables of one or more principal axes, with their position in space and their origin.
 
-A zip archive of uncompressed `.npy` members, as numpy's `savez` writes it, plus a JSON header.  Nothing in it is
-ever unpickled, every member's size is checked before memory is taken for it, and the tables are validated before
-any kernel sees them.
+A file is a zip archive of uncompressed `.npy` members, as written by numpy's `savez`, and a JSON header. Nothing is
+unpickled, the size of every member is checked before memory is allocated, and the tables are validated before any
+kernel reads them.
 """
 
 from __future__ import annotations
@@ -28,25 +28,35 @@ from .validate import scanline_data_pointers
 FORMAT = "rle-splat"
 VERSION = 2
 HEADER = "header"
-DECODING = "decoding"  # what the codes of short records are multiplied by
-# What zipfile, numpy's reader of array headers (a Python literal) and the checks below raise at damaged files.
+DECODING = "decoding"  # scales of short records
+# Exceptions that zipfile, numpy's parser of array headers (a Python literal) and the checks below raise for bad files.
 DAMAGE = (
     zipfile.BadZipFile, struct.error, tokenize.TokenError, SyntaxError, EOFError, LookupError, ValueError, TypeError,
     AttributeError, OverflowError, RuntimeError,
 )  # fmt: skip
 LONGEST_REASON = 150  # characters
-CHUNK_BYTES = 1 << 24  # read at once, so that no table is ever held twice
+CHUNK_BYTES = 1 << 24  # read at once, so that no table is held twice
 
 
 @dataclass(frozen=True, eq=False)
 class StoredVolume:
-    """What a `.rle` file holds.
+    """Content of a `.rle` file.
 
-    ``axes``: axis (0, 1, 2) -> RunLengthVolume, one at least, all of one shape and model.
-    ``affine``: (4, 4) float64, voxel index to the volume's own space in ``unit``.
-    ``unit_length``: world length of one unit for which the extinctions are (see ``classification.unit_length``).
-    ``transfer_function``, ``lighting``: JSON-ready descriptions of what the colours were made with.
-    ``source``: name of the file the volume was read from.
+    Attributes
+    ----------
+    axes : dict of int to RunLengthVolume
+        By principal axis (0, 1, 2); at least one, all of the same shape, model and record size.
+    affine : (4, 4) ndarray of float64
+        Voxel index (x, y, z, 1) to the volume's own space, in ``unit``.
+    unit : str
+        Unit of length of the volume's own space.
+    unit_length : float
+        World length of one unit to which the extinctions refer; see ``classification.unit_length``.
+    transfer_function, lighting
+        JSON-compatible descriptions of how the colors were made.
+    source : str
+        Name of the file from which the volume was read.
+    remarks : tuple of str
     """
 
     axes: dict
@@ -60,31 +70,47 @@ class StoredVolume:
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of voxels along x, y, z."""
         return self._any_axis.shape_xyz
 
     @property
     def spacing(self) -> np.ndarray:
-        """(3,) float64: distance between neighbouring voxel centres along x, y, z, in ``unit``."""
+        """(3,) float64: distance between the centers of neighboring voxels along x, y, z, in ``unit``."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
 
     @property
     def model(self) -> str:
+        """Model of the voxel data: "extinction" or "opacity"."""
         return self._any_axis.model
 
     @property
     def record(self) -> int:
-        """Bytes of a voxel's record."""
+        """Bytes of a voxel record."""
         return self._any_axis.record
 
     @property
     def _any_axis(self) -> RunLengthVolume:
+        """Any of the encodings."""
         return next(iter(self.axes.values()))
 
 
 def save(path, stored: StoredVolume) -> None:
-    """Write a `.rle` file; the old one stays until the new one is whole.  RleSplatError when it cannot be written."""
+    """Write a `.rle` file. An existing file is replaced only when the new one is complete.
+
+    Parameters
+    ----------
+    path : str or Path
+    stored : StoredVolume
+
+    Raises
+    ------
+    RleSplatError
+        If the encodings do not match or the file cannot be written.
+    """
     if len({(e.shape_xyz, e.model, e.record) for e in stored.axes.values()}) != 1:
-        raise RleSplatError("A .rle file holds at least one encoding, and all of the same volume, model and record.")
+        raise RleSplatError(
+            "A .rle file needs at least one encoding, and all of the same volume, model and record size; encode again."
+        )
     header = {
         "format": FORMAT, "version": VERSION, "shape_xyz": list(stored.shape_xyz), "model": stored.model,
         "record": stored.record,
@@ -105,13 +131,29 @@ def save(path, stored: StoredVolume) -> None:
             np.savez(file, **members)
         os.replace(unfinished, path)
     except OSError as problem:
-        raise RleSplatError(f"Cannot write {path}: {problem.strerror or problem}.") from None
-    finally:  # also when the user interrupts: nothing half-made is left behind
+        raise RleSplatError(
+            f"Cannot write {path}: {problem.strerror or problem}; choose another location."
+        ) from None
+    finally:  # also after an interrupt: no partial file is left
         unfinished.unlink(missing_ok=True)
 
 
 def load(path) -> StoredVolume:
-    """Read and validate a `.rle` file; RleSplatError, in one sentence, for anything that is not one."""
+    """Read and validate a `.rle` file.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    StoredVolume
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read or is not a valid `.rle` file.
+    """
     try:
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             return _read(archive, os.fstat(file.fileno()).st_size)
@@ -120,18 +162,22 @@ def load(path) -> StoredVolume:
     except DAMAGE as problem:
         told = str(problem).splitlines()[:1]
         reason = f" ({told[0][:LONGEST_REASON]})" if told else ""
-        sentence = f"Cannot read {path}: it is not a whole .rle file{reason}; encode the volume again."
+        sentence = f"Cannot read {path}: it is not a complete .rle file{reason}; encode the volume again."
         raise RleSplatError(sentence) from None
     except OSError as problem:
-        raise RleSplatError(f"Cannot read {path}: {problem.strerror or problem}.") from None
+        raise RleSplatError(
+            f"Cannot read {path}: {problem.strerror or problem}; check the path and its permissions."
+        ) from None
 
 
 def _member(axis: int, table: str) -> str:
+    """Name of an array in the archive."""
     return f"{AXIS_NAMES[axis]}_{table}"
 
 
 def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
-    refuse_beyond(file_bytes, "its tables need", "encode fewer principal axes, or shorter voxel records")
+    """Read and validate the content of an archive."""
+    refuse_beyond(file_bytes, "its tables need", "encode fewer principal axes, or use smaller voxel records")
     header = _read_header(_read_array(archive, HEADER, file_bytes))
     axes = {}
     for axis in header["axes"]:
@@ -142,9 +188,9 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
         derived = scanline_data_pointers(axis, header["shape_xyz"], header["model"], *tables, decoding)
         axes[axis] = RunLengthVolume(axis, header["shape_xyz"], header["model"], *tables, derived, decoding)
         if axes[axis].record != header["record"]:
-            raise ValueError("its voxel data are not of the kind it names")
-        if not axes[axis].most_color <= 2.0 * BRIGHTEST:  # twice, since short records are rounded
-            raise ValueError(f"its colours are brighter than {BRIGHTEST:g}, where white is 1")
+            raise ValueError("its voxel data do not have the stated record size")
+        if not axes[axis].most_color <= 2.0 * BRIGHTEST:  # twice, because short records are rounded
+            raise ValueError(f"its colors are brighter than {BRIGHTEST:g}, where white is 1")
     return StoredVolume(
         axes, header["affine"], header["unit"], header["unit_length"], header["transfer_function"],
         header["lighting"], header["source"], tuple(header["remarks"]),
@@ -152,19 +198,19 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
 
 
 def _read_array(archive: zipfile.ZipFile, name: str, file_bytes: int) -> np.ndarray:
-    """One `.npy` member in native byte order and C order; its claims are held against the file's size first."""
+    """Read one `.npy` member (native byte order, C order); its header is checked against the file's size first."""
     entry = archive.getinfo(f"{name}.npy")
     if entry.compress_type != zipfile.ZIP_STORED or entry.file_size > file_bytes:
-        raise ValueError(f"{name} is compressed or cut short")
+        raise ValueError(f"{name} is compressed or truncated")
     with archive.open(entry) as member:
         major = np.lib.format.read_magic(member)[0]
         read_claims = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
         shape, fortran_order, dtype = read_claims(member)
         n_bytes = math.prod(shape) * dtype.itemsize
         if dtype.hasobject or fortran_order or not dtype.isnative or n_bytes != entry.file_size - member.tell():
-            raise ValueError(f"{name} is not the array it says it is")
+            raise ValueError(f"{name} does not match its own header")
         content = np.empty(n_bytes, dtype=np.uint8)
-        for start in range(0, n_bytes, CHUNK_BYTES):  # the archive verifies its checksum when the last byte is read
+        for start in range(0, n_bytes, CHUNK_BYTES):  # the archive checks the checksum at the last byte
             part = content[start : start + CHUNK_BYTES]
             if member.readinto(part) != len(part):
                 raise EOFError(f"{name} ends early")
@@ -172,13 +218,13 @@ def _read_array(archive: zipfile.ZipFile, name: str, file_bytes: int) -> np.ndar
 
 
 def _read_header(stored: np.ndarray) -> dict:
-    """The JSON header with its values checked, axis names as numbers and the affine as a matrix."""
+    """Parse and check the JSON header; axis names become numbers and the affine a matrix."""
     header = json.loads(stored.tobytes().decode())
     if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise ValueError("its header is not one of ours")
+        raise ValueError("its header is not that of a .rle file")
     if header.get("version") != VERSION:
         raise RleSplatError(
-            f"it has format version {header.get('version')} and this program reads version {VERSION}; encode it again."
+            f"its format version is {header.get('version')}, and this program reads version {VERSION}; encode it again."
         )
     shape, names = header["shape_xyz"], header["axes"]
     if not (isinstance(shape, list) and len(shape) == 3 and all(type(n) is int and n > 0 for n in shape)):
@@ -189,7 +235,7 @@ def _read_header(stored: np.ndarray) -> dict:
         raise ValueError("its voxel records have an unknown size")
     length = header["unit_length"]
     if not (isinstance(length, (int, float)) and math.isfinite(length) and length > 0.0):
-        raise ValueError("its unit length is not a number above zero")
+        raise ValueError("its unit length is not a positive number")
     if not (isinstance(header["unit"], str) and isinstance(header["source"], str)):
         raise ValueError("its unit or its source is not text")
     if not isinstance(header["remarks"], list):

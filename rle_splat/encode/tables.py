@@ -1,4 +1,4 @@
-"""The paper's four tables for one principal axis, and the one that is derived from them (algorithm.md 1.1)."""
+"""The paper's four run-length tables for one principal axis, and one derived table (algorithm.md, section 1.1)."""
 
 from __future__ import annotations
 
@@ -10,38 +10,40 @@ import numpy as np
 from ..volume.axes import AXES
 from .records import record_bytes, unpack
 
-CHUNK = 1 << 18  # voxels looked at together, so that no second copy of all of them is made
-LEAST_DENSITY = 1e-37  # keeps 0 / 0 out of colour = associated colour / density
-TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's four, in its order
+CHUNK = 1 << 18  # voxels processed at once, so that they are not all copied
+LEAST_DENSITY = 1e-37  # avoids 0 / 0 in color = associated color / density
+TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's tables, in its order
 
 
 class _OnAxis:
-    """The numbers of a grid of ``shape_xyz`` seen along principal ``axis``."""
+    """Sizes of a grid of ``shape_xyz`` along principal ``axis``."""
 
     @property
     def width(self) -> int:
-        """Voxels of a scanline."""
+        """Number of voxels of a scanline."""
         return self.shape_xyz[AXES[self.axis][0]]
 
     @property
     def n_scanlines(self) -> int:
+        """Number of scanlines of a slice."""
         return self.shape_xyz[AXES[self.axis][1]]
 
     @property
     def n_slices(self) -> int:
+        """Number of slices."""
         return self.shape_xyz[AXES[self.axis][2]]
 
     @cached_property
     def filled_slices(self) -> np.ndarray:
-        """(n_slices + 2,) bool: which slices have any voxels; the first and the last stand for those outside."""
+        """(n_slices + 2,) bool: whether a slice has voxels; one entry at each end stands for slices outside."""
         return np.pad(np.diff(self.data_pointers) > 0, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class RunTables(_OnAxis):
-    """Where the non-transparent voxels are, for one principal axis: a RunLengthVolume without its voxel data.
+    """Run-length tables of visible voxels for one principal axis: a RunLengthVolume without its voxel data.
 
-    It depends on what a transfer function shows, not on how, nor on lights.
+    They depend only on which voxels are visible, not on colors or lights. Attributes: see RunLengthVolume.
     """
 
     axis: int
@@ -53,17 +55,19 @@ class RunTables(_OnAxis):
 
     @property
     def n_voxels(self) -> int:
+        """Number of voxels."""
         return int(self.data_pointers[-1])
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all tables."""
         return (
             self.scanline_pointers.nbytes + self.data_pointers.nbytes + self.runs.nbytes
             + self.scanline_data_pointers.nbytes
         )
 
     def with_voxels(self, model: str, voxel_data, decoding, most_color: float) -> RunLengthVolume:
-        """The whole set, with records in the order of the tables."""
+        """RunLengthVolume of these tables and ``voxel_data``, whose records are in the order of the tables."""
         return RunLengthVolume(
             self.axis, self.shape_xyz, model, self.scanline_pointers, self.data_pointers, self.runs, voxel_data,
             self.scanline_data_pointers, decoding, most_color,
@@ -74,19 +78,30 @@ class RunTables(_OnAxis):
 class RunLengthVolume(_OnAxis):
     """A classified, shaded volume, run-length encoded along one principal axis.
 
-    ``axis``: 0, 1, 2 for x, y, z as the axis that counts the slices; ``axes.AXES`` tells the other two.
-    ``model``: "extinction" or "opacity", the meaning of the voxel data.
-    ``scanline_pointers``: (n_slices, n_scanlines) int32 or int64, index into ``runs`` of the scanline's first
-    transparent run; -1 where the whole scanline is transparent.
-    ``data_pointers``: (n_slices + 1,) int64, index into ``voxel_data`` of a slice's first voxel, then the total.
-    ``runs``: (n_runs,) uint16 or uint32, per scanline t0, n0, t1, n1, ...: transparent and non-transparent run
-    lengths in turn; t0 may be 0, no other is; a trailing transparent run is written; they sum to ``width``.
-    ``voxel_data``: (m, 4) float32, scene-linear (extinction * RGB, extinction) in 1 / world length, or
-    (alpha * RGB, alpha) per opacity unit distance; non-transparent voxels only.  Or the same in 8, 6 or 4 bytes, as
-    codes that ``decoding`` turns into such numbers: see ``records``.
-    ``scanline_data_pointers``: (n_slices, n_scanlines) int64, index into ``voxel_data`` of a scanline's first
-    voxel.  Derived: it lets image bands start at any scanline, and is never stored.
-    ``given_most_color``: the largest channel of any unassociated colour, where whoever made the tables knows it.
+    Attributes
+    ----------
+    axis : {0, 1, 2}
+        Principal axis, across the slices; ``axes.AXES`` gives the other two.
+    shape_xyz : (nx, ny, nz)
+    model : {"extinction", "opacity"}
+        Meaning of the voxel data.
+    scanline_pointers : (n_slices, n_scanlines) ndarray of int32 or int64
+        Index into ``runs`` of the scanline's first transparent run; -1 if the scanline is transparent.
+    data_pointers : (n_slices + 1,) ndarray of int64
+        Index into ``voxel_data`` of a slice's first voxel; the last entry is the total.
+    runs : (n_runs,) ndarray of uint16 or uint32
+        Per scanline t0, n0, t1, n1, ...: lengths of transparent and visible runs in turn. t0 may be 0, no other length
+        is; a trailing transparent run is stored; they sum to ``width``.
+    voxel_data : ndarray
+        Records of visible voxels: (m, 4) float32, scene-linear (extinction * RGB, extinction) in 1 / world length, or
+        (alpha * RGB, alpha) per opacity unit distance; or the same in 8, 6 or 4 bytes, as codes (see ``records``).
+    scanline_data_pointers : (n_slices, n_scanlines) ndarray of int64
+        Index into ``voxel_data`` of a scanline's first voxel. Derived from the other tables and not stored in files; it
+        allows bands of the image to begin at any scanline.
+    decoding : ndarray of float32 or None
+        Scales of the codes, see ``records.decoding_of``; None for 16-byte records.
+    given_most_color : float or None
+        Largest channel of any unassociated color, if known.
     """
 
     axis: int
@@ -108,11 +123,12 @@ class RunLengthVolume(_OnAxis):
 
     @property
     def visible_voxels(self) -> int:
+        """Number of visible voxels."""
         return len(self.voxel_data)
 
     @property
     def record(self) -> int:
-        """Bytes of a voxel's record."""
+        """Bytes of a voxel record."""
         return record_bytes(self.voxel_data)
 
     def decoded(self, first: int = 0, last: int | None = None) -> np.ndarray:
@@ -121,7 +137,7 @@ class RunLengthVolume(_OnAxis):
 
     @cached_property
     def most_color(self) -> float:
-        """The largest channel of any voxel's unassociated colour; NaN where damaged tables overflow."""
+        """Largest channel of any voxel's unassociated color; NaN where damaged tables overflow."""
         if self.given_most_color is not None:
             return self.given_most_color
         most = 0.0
@@ -134,32 +150,48 @@ class RunLengthVolume(_OnAxis):
 
     @property
     def table_bytes(self) -> dict[str, int]:
-        """Bytes of each table by name, the derived one included."""
+        """Bytes of each table by name, including the derived one."""
         return {name: getattr(self, name).nbytes for name in (*TABLES, "scanline_data_pointers")}
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all tables."""
         return sum(self.table_bytes.values())
 
 
 def run_type(shape_xyz) -> type:
-    """The type of a run length: 16 bits unless a dimension needs more."""
+    """Dtype of a run length: 16 bits unless a dimension needs more."""
     return np.uint16 if max(shape_xyz) <= np.iinfo(np.uint16).max else np.uint32
 
 
 def pointers_from_counts(counts: np.ndarray) -> tuple[np.ndarray, int]:
-    """Start of each scanline in a list from its (n_slices, n_scanlines) number of entries, and the list's length.
+    """Start of each scanline in a list, from its number of entries.
 
-    int64, whatever the type of the counts: totals beyond 2^31 are ordinary.
+    Parameters
+    ----------
+    counts : (n_slices, n_scanlines) ndarray of integers
+
+    Returns
+    -------
+    starts : (n_slices, n_scanlines) ndarray of int64
+        int64 whatever the dtype of ``counts``, because totals may exceed 2^31.
+    total : int
     """
     ends = np.cumsum(counts, dtype=np.int64).reshape(counts.shape)
     return ends - counts, int(ends[-1, -1])
 
 
 def scanline_pointers_from_counts(run_counts: np.ndarray) -> tuple[np.ndarray, int]:
-    """The slice scanline pointer array from the number of runs per scanline (0 where all is transparent).
+    """Scanline pointers, from the number of runs of each scanline (0 if it is transparent).
 
-    int32 when every index fits, else int64.  Also returns the number of runs.
+    Parameters
+    ----------
+    run_counts : (n_slices, n_scanlines) ndarray of integers
+
+    Returns
+    -------
+    pointers : (n_slices, n_scanlines) ndarray of int32, or int64 if an index needs it
+    n_runs : int
     """
     starts, n_runs = pointers_from_counts(run_counts)
     starts[run_counts == 0] = -1
@@ -167,5 +199,5 @@ def scanline_pointers_from_counts(run_counts: np.ndarray) -> tuple[np.ndarray, i
 
 
 def data_pointers_from_scanlines(scanline_data_pointers: np.ndarray, n_voxels: int) -> np.ndarray:
-    """The data pointer array: a slice's first voxel is its first scanline's; one more entry holds the total."""
+    """Data pointers: first voxel of each slice, which is that of its first scanline, and the total; int64."""
     return np.append(scanline_data_pointers[:, 0], np.int64(n_voxels))

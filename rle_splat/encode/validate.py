@@ -1,6 +1,6 @@
-"""Checks on the four tables before any kernel reads them: kernels have no bounds checks.
+"""Validation of run-length tables before any kernel reads them, because kernels have no bounds checks.
 
-Every check is whole-array; the first that fails is told as one sentence.
+Every check works on whole arrays. The first failed check gives the error message.
 """
 
 from __future__ import annotations
@@ -10,23 +10,14 @@ import numpy as np
 from ..scene import MODELS, RleSplatError
 from ..volume.axes import AXES, AXIS_NAMES
 from .records import TYPES, WORDS, decoding_size
-from .tables import RunLengthVolume, data_pointers_from_scanlines, pointers_from_counts, run_type
+from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 
-MOST = 1e37  # of any number in the voxel data: twice the densest and brightest there is, and float32 holds it
+MOST = 1e37  # bound of any number in the voxel data: above the densest and brightest, and within float32
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
 
 
-def validate(encoded: RunLengthVolume) -> None:
-    """RleSplatError unless the tables, the derived one too, are in the canonical form of algorithm.md 1.1."""
-    derived = scanline_data_pointers(
-        encoded.axis, encoded.shape_xyz, encoded.model, encoded.scanline_pointers, encoded.data_pointers,
-        encoded.runs, encoded.voxel_data, encoded.decoding,
-    )
-    if not np.array_equal(derived, encoded.scanline_data_pointers):
-        raise _broken(encoded.axis, "the pointers to each scanline's voxels do not follow from its runs")
-
-
 def _broken(axis, what: str) -> RleSplatError:
+    """The error for a damaged table."""
     name = AXIS_NAMES[axis] if axis in AXES else repr(axis)
     return RleSplatError(
         f"The run-length tables of principal axis {name} are damaged: {what}; encode the volume again."
@@ -36,9 +27,22 @@ def _broken(axis, what: str) -> RleSplatError:
 def scanline_data_pointers(
     axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data, decoding=None
 ) -> np.ndarray:
-    """The derived fifth table, (n_slices, n_scanlines) int64, from the four that are stored, all of them checked.
+    """Derive the fifth table from the four stored ones, after checking them.
 
-    Raises RleSplatError at the first thing that is not as ``RunLengthVolume`` describes it.
+    Parameters
+    ----------
+    axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data, decoding
+        As in RunLengthVolume.
+
+    Returns
+    -------
+    (n_slices, n_scanlines) ndarray of int64
+        ``RunLengthVolume.scanline_data_pointers``.
+
+    Raises
+    ------
+    RleSplatError
+        If a table is not as RunLengthVolume describes it.
     """
     _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs)
     _check_records(axis, voxel_data, decoding)
@@ -48,34 +52,34 @@ def scanline_data_pointers(
         raise _broken(axis, "a scanline pointer is below -1")
     if len(starts) == 0:
         if len(runs):
-            raise _broken(axis, "there are runs that no scanline points to")
+            raise _broken(axis, "there are runs to which no scanline points")
         voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
     else:
         if starts[0] != 0 or (np.diff(starts) < 2).any() or starts[-1] > len(runs) - 2:
-            raise _broken(axis, "the scanline pointers do not lead through the runs in order")
+            raise _broken(axis, "the scanline pointers do not follow the order of the runs")
         voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
         voxel_counts[scanline_pointers >= 0] = _visible_per_scanline(axis, starts, runs, width)
     pointers, n_voxels = pointers_from_counts(voxel_counts)
     if n_voxels != len(voxel_data):
-        raise _broken(axis, f"the runs speak of {n_voxels} voxels and {len(voxel_data)} are stored")
+        raise _broken(axis, f"the runs hold {n_voxels} voxels, but {len(voxel_data)} are stored")
     if not np.array_equal(data_pointers_from_scanlines(pointers, n_voxels), data_pointers):
-        raise _broken(axis, "the data pointers of the slices do not agree with the runs")
+        raise _broken(axis, "the data pointers of the slices do not match the runs")
     return pointers
 
 
 def _visible_per_scanline(axis, starts, runs, width) -> np.ndarray:
-    """Non-transparent voxels of each scanline that has any, from (n,) ascending ``starts`` of their runs."""
+    """Visible voxels of each scanline that has any; ``starts`` (n,): ascending positions of their first runs."""
     counts = np.diff(np.append(starts, len(runs)))
     in_line = np.arange(len(runs), dtype=np.int64) - np.repeat(starts, counts)
     if (runs[in_line > 0] == 0).any():
-        raise _broken(axis, "a run other than a scanline's first has no length")
+        raise _broken(axis, "a run other than the first of a scanline has length zero")
     if (np.add.reduceat(runs, starts, dtype=np.int64) != width).any():
         raise _broken(axis, f"the runs of a scanline do not sum to its {width} voxels")
     return np.add.reduceat(np.where(in_line % 2 == 1, runs, 0), starts, dtype=np.int64)
 
 
 def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs) -> None:
-    """Types, dimensions and sizes of the tables that say where voxels are."""
+    """Check types, dimensions and sizes of the tables that state where voxels are."""
     if axis not in AXES:
         raise _broken(axis, "there is no such axis")
     if model not in MODELS:
@@ -84,22 +88,22 @@ def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs) 
         raise _broken(axis, f"a volume cannot have the shape {tuple(shape_xyz)}")
     _, n_scanlines, n_slices = (shape_xyz[i] for i in AXES[axis])
     if scanline_pointers.dtype not in POINTER_TYPES or scanline_pointers.shape != (n_slices, n_scanlines):
-        raise _broken(axis, f"the scanline pointers are not {n_slices} x {n_scanlines} whole numbers")
+        raise _broken(axis, f"the scanline pointers are not {n_slices} x {n_scanlines} integers")
     if data_pointers.dtype != np.int64 or data_pointers.shape != (n_slices + 1,):
-        raise _broken(axis, f"the data pointers are not {n_slices + 1} whole numbers")
+        raise _broken(axis, f"the data pointers are not {n_slices + 1} integers")
     if runs.dtype != run_type(shape_xyz) or runs.ndim != 1:
-        raise _broken(axis, "the runs are not of the type this shape needs")
+        raise _broken(axis, "the runs do not have the type that this shape needs")
     for table in (scanline_pointers, data_pointers, runs):
         if not table.flags.c_contiguous:
             raise _broken(axis, "a table is not contiguous in memory")
 
 
 def _check_records(axis, voxel_data, decoding) -> None:
-    """Type and size of the voxel data, and that they are numbers, not below zero."""
+    """Check type and size of the voxel data, and that they are finite and not negative."""
     kinds = {np.dtype(kind): (WORDS[record], record) for record, kind in TYPES.items()}
     words, record = kinds.get(voxel_data.dtype, (None, None))
     if words is None or voxel_data.shape[1:] != words or voxel_data.ndim != 1 + len(words):
-        raise _broken(axis, "the voxel data are not rows of four float32 numbers, nor any of the shorter records")
+        raise _broken(axis, "the voxel data are neither rows of four float32 numbers nor shorter records")
     if not voxel_data.flags.c_contiguous:
         raise _broken(axis, "a table is not contiguous in memory")
     if record == 16:
@@ -107,7 +111,7 @@ def _check_records(axis, voxel_data, decoding) -> None:
     else:
         numbers = decoding
         if decoding is None or decoding.dtype != np.float32 or decoding.shape != (decoding_size(record),):
-            raise _broken(axis, "the scales of the voxel data are not the float32 numbers that they need")
-    # One pass each and no copy: NaN fails both comparisons.  Codes are numbers whatever their bits.
+            raise _broken(axis, "the scales of the voxel data are missing or of the wrong type or size")
+    # One pass each and no copy: NaN fails both comparisons. Codes are valid whatever their bits.
     if numbers.size and not (numbers.min() >= 0.0 and numbers.max() <= MOST):
         raise _broken(axis, "the voxel data hold a value that is negative, not finite or too large")

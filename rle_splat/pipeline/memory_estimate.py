@@ -336,7 +336,7 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
     if least.needed > free:
         share = min(100.0 * least.most_voxels(free) / least.voxels, 99.0)
         if share < 0.05:
-            return "crop or thin the volume, or free some memory"
+            return "crop or downsample the volume, or free some memory"
         counted = "" if wanted.record else ", their neighbours counted"
         narrower = f"one that shows at most {_two_figures_down(share)} % of the voxels{counted},"
         parts.append(f"a narrower transfer function, {narrower}")

@@ -1,6 +1,6 @@
-"""The one table of volume formats: the command line, the import dialog and the docs all read it.
+"""The table of volume formats, used by the command line, the import dialog and the docs.
 
-Another format is one more row: its suffixes, a reader that takes a path and named options, perhaps a writer.
+To add a format, add a row: its suffixes, a reader that takes a path and named options, and optionally a writer.
 """
 
 from __future__ import annotations
@@ -18,14 +18,28 @@ from .guess import layout_for
 from .raw import read_raw, write_raw
 from .vdb import read_vdb, write_vdb
 
-MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # what numbers mean, for every format
+MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # meaning of values, for every format
 LAYOUT_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes")
 
 
 @dataclass(frozen=True)
 class Format:
-    """One row: ``reader(path, **options) -> Volume``; ``writer(volume, path) -> dict`` of the options with which to
-    read the file back, or None where we only read.  ``options`` are the reader's names, as in ``read_volume``."""
+    """One row of the table.
+
+    Attributes
+    ----------
+    name : str
+    suffixes : tuple of str
+        With the leading dot, lower case.
+    description : str
+    options : tuple of str
+        Options of ``read_volume`` that the reader takes.
+    reader : callable
+        ``reader(path, **options) -> Volume``.
+    writer : callable or None
+        ``writer(volume, path) -> dict``, the options that are needed to read the file back; None if the format
+        cannot be written.
+    """
 
     name: str
     suffixes: tuple
@@ -36,6 +50,7 @@ class Format:
 
 
 def _read_raw(path, shape=None, dtype=None, byte_order=None, header_bytes=None, spacing=None, **meaning) -> Volume:
+    """Read raw voxels; options that are None are guessed (``guess.layout_for``)."""
     layout, remarks, named_spacing = layout_for(path, shape, dtype, byte_order, header_bytes)
     return read_raw(
         path, layout.shape, layout.dtype, layout.byte_order, layout.header_bytes,
@@ -58,30 +73,46 @@ OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.option
 
 
 def suffixes(writable: bool = False) -> tuple:
-    """Every suffix that is read (or written), in the table's order."""
+    """All suffixes that can be read (or written, with ``writable``), in the table's order."""
     return tuple(s for entry in FORMATS if entry.writer or not writable for s in entry.suffixes)
 
 
 def format_of(path) -> Format | None:
-    """The row whose suffix ends the file's name (the longest that does), or None."""
+    """The row with the longest suffix that ends the file's name; None if there is none."""
     name = Path(path).name.lower()
     fits = [(len(s), entry) for entry in FORMATS for s in entry.suffixes if name.endswith(s)]
     return max(fits, key=lambda pair: pair[0])[1] if fits else None
 
 
 def read_volume(path, **options) -> Volume:
-    """Read the volume at ``path``; an option that is None counts as not given.
+    """Read a volume file.
 
-    For raw: ``shape`` (nx, ny, nz), ``dtype``, ``byte_order``, ``header_bytes``, ``spacing`` (sx, sy, sz).  For
-    OpenVDB: ``grid``.  For all: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of
-    length, ``value_unit`` ("HU"), ``modality``.  A file with an unknown suffix is raw when its shape is given.
-    Raises RleSplatError with one sentence on anything that does not fit.
+    Parameters
+    ----------
+    path : str or Path
+        The format follows from the suffix. A file with an unknown suffix is read as raw voxels if ``shape`` is given.
+    **options
+        An option that is None counts as not given.
+
+        Raw voxels: ``shape`` (nx, ny, nz), ``dtype``, ``byte_order``, ``header_bytes``, ``spacing`` (sx, sy, sz).
+        OpenVDB: ``grid``, the name of a grid.
+        All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,
+        ``value_unit`` ("HU"), ``modality``.
+
+    Returns
+    -------
+    Volume
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read, or an option is unknown or does not apply to the format.
     """
     path = Path(path)
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in OPTIONS:
-            raise RleSplatError(f"There is no volume option {name!r}; there are {', '.join(OPTIONS)}.")
+            raise RleSplatError(f"There is no volume option {name!r}; use one of {', '.join(OPTIONS)}.")
     if not path.exists():
         raise RleSplatError(f"There is no file {path}; check the path.")
     if path.is_dir():
@@ -91,8 +122,8 @@ def read_volume(path, **options) -> Volume:
         chosen = FORMATS[0]
     if chosen is None:
         raise RleSplatError(
-            f"{path.name} is of no format that is read ({', '.join(suffixes())}); "
-            "to read it as raw voxels give its shape and dtype."
+            f"{path.name} has no suffix of a known format ({', '.join(suffixes())}); "
+            "to read it as raw voxels, give its shape and dtype."
         )
     for name in given:
         if name not in chosen.options:
@@ -101,15 +132,29 @@ def read_volume(path, **options) -> Volume:
 
 
 def write_volume(volume: Volume, path) -> dict:
-    """Write ``volume`` in the format of the path's suffix; returns the options with which to read it back.
+    """Write a volume file.
 
-    The file appears under its name only when it is complete: a stopped or failed run leaves nothing half-made.
+    Parameters
+    ----------
+    volume : Volume
+    path : str or Path
+        The format follows from the suffix. The file appears under this name only when it is complete.
+
+    Returns
+    -------
+    dict
+        Options of ``read_volume`` that are needed to read the file back.
+
+    Raises
+    ------
+    RleSplatError
+        If the suffix is of no writable format or the file cannot be written.
     """
     path = Path(path)
     chosen = format_of(path)
     if chosen is None or chosen.writer is None:
         raise RleSplatError(
-            f"{path.name} is of no format that is written; end its name in {', '.join(suffixes(writable=True))}."
+            f"{path.name} has no suffix of a writable format; end its name in {', '.join(suffixes(writable=True))}."
         )
     with staged(path) as unfinished:
         return chosen.writer(volume, unfinished)
@@ -117,12 +162,15 @@ def write_volume(volume: Volume, path) -> dict:
 
 @contextmanager
 def staged(path: Path):
-    """A temporary name beside ``path`` with the same suffixes, moved onto it on success and removed otherwise."""
+    """Context manager: a temporary path beside ``path`` with the same suffixes.
+
+    It is renamed to ``path`` on success and removed otherwise.
+    """
     unfinished = path.with_name(f".{secrets.token_hex(4)}-{path.name}")
     try:
         yield unfinished
         os.replace(unfinished, path)
     except OSError as problem:
-        raise RleSplatError(f"Cannot write {path}: {problem.strerror or problem}; choose another place.") from None
+        raise RleSplatError(f"Cannot write {path}: {problem.strerror or problem}; choose another location.") from None
     finally:
         unfinished.unlink(missing_ok=True)

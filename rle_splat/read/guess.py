@@ -1,4 +1,7 @@
-"""What a raw file may hold, judged by its name, its size and how smoothly its bytes vary; honest when unsure."""
+"""Guess the layout of a raw file from its name, its size and the smoothness of its bytes.
+
+A guess that is not certain is marked as such.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +28,12 @@ from .layout import (
 )
 
 COMMON_EDGES = (512, 256, 128, 64, 192, 320, 384, 1024, 768, 640, 160, 96, 2048, 100, 200, 300, 400, 500)
-CANDIDATE_LIMIT = 8  # more than a person reads
-CLEARLY_SMOOTHER = 0.7  # a reading of the bytes counts as right when its steps are this much smaller than the next
+CANDIDATE_LIMIT = 8  # more than a person would read
+CLEARLY_SMOOTHER = 0.7  # an interpretation counts as right if its mean step is below this share of the next best one
 SAMPLE_BYTES = 1 << 20
-SEARCHED_BYTES = 1 << 28  # of a packed file of known layout, for such a sample: about a second
+SEARCHED_BYTES = 1 << 28  # bytes of a packed file of known layout searched for a sample: about a second
 
-# Words in file names and what they say of a voxel's type; bare "8bit" and the like mean unsigned, as scanners write.
+# Words in file names -> voxel type. A bare "8bit" and the like mean unsigned, as scanners use them.
 TYPE_WORDS = {
     "uint8": "uint8", "u8": "uint8", "uchar": "uint8", "byte": "uint8", "8bit": "uint8", "8b": "uint8",
     "int8": "int8", "i8": "int8", "schar": "int8",
@@ -44,8 +47,8 @@ ORDER_WORDS = {"le": "little", "lsb": "little", "little": "little", "be": "big",
 _TYPE = re.compile(
     r"(?<![a-z0-9])(" + "|".join(sorted(TYPE_WORDS, key=len, reverse=True)) + r")(?=(?:le|be|lsb|msb)?(?![a-z0-9]))"
 )
-# What can only mean a byte order: little and big with "endian", or with a type before and no word behind; the short
-# words behind a type, or with something before and no word behind.  "big_head" and "le_crane" are of a head.
+# What can only mean a byte order: "little" and "big" with "endian", or after a type without a further word; the short
+# words after a type, or after a separator without a further word. "big_head" and "le_crane" name heads.
 _AFTER_TYPE = re.compile(r"[ .-]?(?:(le|be|lsb|msb)(?![a-z0-9])|(little|big)(?![a-z0-9])(?![ -]*[a-z]))")
 _ORDER = re.compile(
     r"(?<![a-z0-9])(little|big)[ .-]?endian(?![a-z0-9])|(?<=[ .-])(le|be|lsb|msb)(?![a-z0-9])(?![ -]*[a-z])"
@@ -61,10 +64,26 @@ _HEADER = re.compile(r"(?:header|hdr|skip|offset)[_-]?(\d{1,6})(?!\d)")
 
 @dataclass(frozen=True)
 class RawGuess:
-    """A proposal for reading a raw file; a field is None when nothing speaks for any value.
+    """A proposed layout of a raw file.
 
-    ``certain`` is True when name and size (or clear bytes) agree on everything.  ``reasons`` are sentences;
-    ``candidates`` are RawLayouts that fit the size, the likeliest first.  ``size`` is the unpacked size in bytes.
+    Attributes
+    ----------
+    shape : (nx, ny, nz) or None
+        None if nothing indicates a shape.
+    dtype : str or None
+        One of STORED_TYPES; None if nothing indicates a type.
+    byte_order : {"little", "big"}
+    header_bytes : int
+    spacing : (sx, sy, sz) or None
+        Spacing in the file's name.
+    certain : bool
+        Whether name, size and bytes agree on everything.
+    reasons : tuple of str
+        Sentences that explain the guess.
+    candidates : tuple of RawLayout
+        Layouts that fit the size, the most likely first.
+    size : int or None
+        Unpacked size in bytes; None if it was too large to count.
     """
 
     shape: tuple | None
@@ -81,9 +100,27 @@ class RawGuess:
 def guess_raw(
     path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
 ) -> RawGuess:
-    """Guess the layout of the raw file at ``path``; what is given is taken as known and not guessed."""
+    """Guess the layout of a raw file.
+
+    Parameters
+    ----------
+    path : str or Path
+    shape, dtype, byte_order, header_bytes
+        Known parts of the layout, as in RawLayout; None for unknown parts, which are guessed.
+    limit : int
+        Bytes after which counting the size of a packed file stops.
+
+    Returns
+    -------
+    RawGuess
+
+    Raises
+    ------
+    RleSplatError
+        If a known part is out of range or the file cannot be read.
+    """
     given = dict(shape=shape, dtype=dtype, byte_order=byte_order, header_bytes=header_bytes)
-    # Made for its checks alone.
+    # Constructed only to check the given values.
     RawLayout(**{"shape": (1, 1, 1), "dtype": "uint8", **{what: v for what, v in given.items() if v is not None}})
     size, sample = _size_and_sample(path, limit)
     name = _name_clues(Path(path).name)
@@ -97,7 +134,7 @@ def guess_raw(
     if name.get("spacing"):
         reasons.append("The name says spacing " + " x ".join(f"{s:g}" for s in name["spacing"]) + ".")
     if size is None:
-        reasons.append(f"The file holds more than {limit} bytes, so its size was not counted.")
+        reasons.append(f"The file holds more than {limit} bytes, so its exact size is unknown.")
         candidates = ()
     else:
         candidates = _candidates(size, known)
@@ -106,7 +143,7 @@ def guess_raw(
     candidates, decided = _judge_by_bytes(candidates, known, named, sample, reasons)
     if not candidates:
         if size is not None:
-            reasons.append("Nothing that is known fits this size.")
+            reasons.append("No known layout fits this size.")
         header, order = known["header_bytes"] or 0, known["byte_order"]
         if order is None and known["dtype"] is not None:
             _, order, _ = _read_as(sample, header, (known["dtype"],), None, named, reasons)
@@ -117,7 +154,7 @@ def guess_raw(
     best = candidates[0]
     certain = known["shape"] is not None and decided and (known["header_bytes"] is not None or not best.header_bytes)
     if not certain:
-        reasons.append("This is a guess: compare it with what you know of the file.")
+        reasons.append("This is a guess; compare it with what you know about the file.")
     return RawGuess(
         best.shape, best.dtype, best.byte_order, best.header_bytes, name.get("spacing"), certain,
         tuple(reasons), candidates[:CANDIDATE_LIMIT], size,
@@ -125,7 +162,7 @@ def guess_raw(
 
 
 def _size_and_sample(path, limit: int):
-    """The unpacked size (None beyond ``limit``) and up to a MiB of bytes, from where they vary most."""
+    """The unpacked size (None beyond ``limit``) and up to 1 MiB of bytes, from where they vary most if packed."""
     count, sample, best = 0, b"", -1.0
     try:
         packed = is_gzip(path)
@@ -149,7 +186,7 @@ def _size_and_sample(path, limit: int):
 
 
 def _name_clues(name: str) -> dict:
-    """What the words and numbers of a file name say."""
+    """Parts of the layout that the words and numbers of a file name state, by name of the part."""
     text, clues = name.lower(), {}
     spacing = _SPACING.search(text)
     if spacing:
@@ -181,7 +218,7 @@ def _name_clues(name: str) -> dict:
 
 
 def _candidates(size: int, known: dict) -> tuple:
-    """Layouts of exactly ``size`` bytes that agree with what is known, the likeliest first."""
+    """Layouts of exactly ``size`` bytes that agree with the known parts, the most likely first."""
     dtypes = [known["dtype"]] if known["dtype"] else list(TYPE_OF_EACH_SIZE)
     order = known["byte_order"] or "little"
     found = []
@@ -197,13 +234,13 @@ def _candidates(size: int, known: dict) -> tuple:
             for shape, oddity in _shapes_of(voxels):
                 found.append((oddity, RawLayout(shape, dtype, order, known["header_bytes"] or 0)))
     if known["shape"] is not None and any(not layout.header_bytes for _, layout in found):
-        found = [pair for pair in found if not pair[1].header_bytes]  # an exact fit needs no header to explain it
-    found.sort(key=lambda pair: pair[0])  # stable: among equals the smaller type stays first
+            found = [pair for pair in found if not pair[1].header_bytes]  # an exact fit needs no header
+    found.sort(key=lambda pair: pair[0])  # stable: among equals, the smaller type stays first
     return tuple(layout for _, layout in found)
 
 
 def _shapes_of(voxels: int):
-    """Plausible shapes of that many voxels with a measure of how odd each is: cubes, then common square slices."""
+    """Yield plausible shapes of ``voxels`` voxels and their penalty: cubes, then common square slices."""
     edge = round(voxels ** (1.0 / 3.0))
     if edge**3 == voxels and edge > 1:
         yield (edge,) * 3, 0.0 if edge in COMMON_EDGES else 0.5
@@ -218,10 +255,10 @@ def _shapes_of(voxels: int):
 
 
 def _judge_by_bytes(candidates, known: dict, named, sample: bytes, reasons: list):
-    """Settle type and byte order by the bytes; also whether they are now certain.
+    """Choose type and byte order by the bytes; return the candidates and whether the choice is certain.
 
-    Neighbouring voxels differ little, so of all readings of the same bytes the right one has the smallest steps.
-    ``named``: the byte order that the name says, which counts where the bytes do not tell.
+    Neighboring voxels differ little, so the right interpretation of the bytes has the smallest steps. ``named``: the
+    byte order in the file's name, which decides where the bytes do not.
     """
     if not candidates:
         return candidates, False
@@ -232,8 +269,8 @@ def _judge_by_bytes(candidates, known: dict, named, sample: bytes, reasons: list
             wide = _looks_wide(sample)
             chosen = _likely_itemsize(sample, itemsizes, wide, known["byte_order"])
             reasons.append(
-                "Its bytes vary differently at even and odd places, as in types of more than one byte."
-                if wide else "Its bytes vary alike at even and odd places, as in types of one byte."
+                "Its even and odd bytes vary differently, as in types of more than one byte."
+                if wide else "Its even and odd bytes vary alike, as in types of one byte."
             )
             order = sorted(candidates, key=lambda c: np.dtype(c.dtype).itemsize != chosen)
             candidates, itemsizes = tuple(order), [chosen]
@@ -251,25 +288,25 @@ def _judge_by_bytes(candidates, known: dict, named, sample: bytes, reasons: list
 
 
 def _read_as(sample: bytes, skip: int, dtypes, given, named, reasons: list):
-    """(dtype, byte order, clear) of the bytes after ``skip``; adds to the reasons.
+    """Choose type and byte order of the bytes after ``skip``; return (dtype, byte order, certain), extend ``reasons``.
 
-    ``given``: the byte order where it is known.  ``named``: what the name says of it, which decides where the bytes do
-    not tell.
+    ``given``: the byte order if known. ``named``: the byte order in the file's name, which decides where the bytes do
+    not.
     """
     orders = (given,) if given else BYTE_ORDERS
     dtype, order, clear_type, clear_order, told = _smoothest(sample, skip, dtypes, orders)
     if given is None and named is not None and not told:
         dtype, order, clear_type, clear_order, _ = _smoothest(sample, skip, dtypes, (named,))
-        reasons.append(f"The name says {named}-endian, and its bytes do not tell.")
+        reasons.append(f"The name says {named}-endian; the bytes are ambiguous.")
     elif len(dtypes) * len(orders) > 1:
-        smoothly = f"its values vary {'far' if clear_type and clear_order else 'a little'} more smoothly than otherwise"
+        smoothly = f"its values vary {'far' if clear_type and clear_order else 'slightly'} more smoothly than otherwise"
         but = f"The name says {named}-endian, but read" if given is None and named not in (None, order) else "Read"
         reasons.append(f"{but} as {dtype}, {order}-endian, {smoothly}.")
     return dtype, order, clear_type and clear_order
 
 
 def _with(candidates, itemsize: int, dtype: str, order: str) -> tuple:
-    """Candidates of that item size with the type and byte order settled, then the others as they are."""
+    """Candidates with type and byte order set for those of ``itemsize``; the others unchanged."""
     return tuple(
         RawLayout(c.shape, dtype, order, c.header_bytes) if np.dtype(c.dtype).itemsize == itemsize else c
         for c in candidates
@@ -277,7 +314,7 @@ def _with(candidates, itemsize: int, dtype: str, order: str) -> tuple:
 
 
 def _looks_wide(sample: bytes) -> bool:
-    """Whether even and odd bytes behave differently, as high and low bytes of wider values do."""
+    """Whether even and odd bytes vary differently, as the high and low bytes of wider types do."""
     values = np.frombuffer(sample[: len(sample) // 2 * 2], dtype=np.uint8).astype(np.int16).reshape(-1, 2)
     if len(values) < 16:
         return False
@@ -286,7 +323,7 @@ def _looks_wide(sample: bytes) -> bool:
 
 
 def _likely_itemsize(sample: bytes, itemsizes, wide: bool, order) -> int:
-    """The item size among ``itemsizes`` that the bytes speak for: floats only where they make sense as floats."""
+    """The most likely of ``itemsizes``. Float sizes are chosen only if the bytes are plausible floats."""
     orders = (order,) if order else ("little", "big")
     for size in (8, 4) if wide else ():
         if size in itemsizes and _readings(sample, 0, (f"float{8 * size}",), orders):
@@ -298,15 +335,15 @@ def _likely_itemsize(sample: bytes, itemsizes, wide: bool, order) -> int:
 
 
 def _smoothest(sample: bytes, skip: int, dtypes, orders):
-    """The reading whose neighbouring values differ least: (dtype, order, whether the type is clear, whether the order
-    is, whether the bytes tell the order).
+    """The interpretation with the smallest steps between neighboring values.
 
-    Of numbers that fit into one byte the bytes tell no order: in the other one they are the same times 256.
+    Returns (dtype, order, type is clear, order is clear, bytes decide the order). Integers that fit into one byte do
+    not decide the order: in the other order they are the same times 256.
     """
     found = _readings(sample, skip, dtypes, orders)
     if not found:
         return dtypes[0], orders[0], len(dtypes) == 1, len(orders) == 1, False
-    if any(np.dtype(d).kind == "f" for d, _ in found):  # passes as float: integers seldom do
+    if any(np.dtype(d).kind == "f" for d, _ in found):  # integers are seldom plausible floats
         found = {key: reading for key, reading in found.items() if np.dtype(key[0]).kind == "f"}
     (dtype, order), (step, is_narrow) = min(found.items(), key=lambda item: item[1][0])
     types = [found[key][0] for key in found if key[1] == order and key[0] != dtype]
@@ -317,20 +354,19 @@ def _smoothest(sample: bytes, skip: int, dtypes, orders):
 
 
 def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
-    """(Mean step between neighbouring values, whether all fit into one byte) of each (dtype, order) that the bytes can
-    be."""
+    """Plausible interpretations: (dtype, order) -> (mean step between values, whether all fit into one byte)."""
     found = {}
     for dtype in dtypes:
         for order in orders:
             kind = np.dtype(dtype).newbyteorder("<" if order == "little" else ">")
             start = skip % kind.itemsize
             usable = (len(sample) - start) // kind.itemsize * kind.itemsize
-            with np.errstate(all="ignore"):  # wrong readings of floats hold NaN and overflow
+            with np.errstate(all="ignore"):  # wrong interpretations as floats hold NaN and overflow
                 values = np.frombuffer(sample[start : start + usable], dtype=kind).astype(np.float64)
                 if values.size < 16 or not np.isfinite(values).all() or np.abs(values).max() > 1e30:
                     continue
                 if kind.kind == "f" and (np.abs(values[values != 0.0]) < 1e-30).any():
-                    continue  # denormal floats are integers misread
+                    continue  # denormal floats are misread integers
                 low, high = values.min(), values.max()
                 is_narrow = kind.kind != "f" and any(least <= low and high < least + 256.0 for least in (0.0, -128.0))
                 found[dtype, order] = float(np.abs(np.diff(values)).mean()), is_narrow
@@ -338,9 +374,26 @@ def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
 
 
 def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
-    """(RawLayout, remarks, spacing or None): as given, completed by a guess where it is certain.
+    """Complete the layout of a raw file by a guess.
 
-    Raises RleSplatError with what would fit when something needed is neither given nor certain.
+    Parameters
+    ----------
+    path : str or Path
+    shape, dtype, byte_order, header_bytes
+        Known parts of the layout, as in RawLayout; None for unknown parts.
+
+    Returns
+    -------
+    layout : RawLayout
+    remarks : tuple of str
+        Sentences about what was guessed.
+    spacing : (sx, sy, sz) or None
+        Spacing in the file's name.
+
+    Raises
+    ------
+    RleSplatError
+        If shape or type is neither given nor certain. The message lists layouts that fit the size.
     """
     if shape is not None and dtype is not None:
         clues = _name_clues(Path(path).name)
@@ -353,14 +406,14 @@ def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None)
             if clear:
                 layout = replace(layout, byte_order=order)
             else:
-                reasons = ["None was given, and neither its name nor its bytes tell it."]
-            remarks = (" ".join((f"The byte order was taken as {layout.byte_order}.", *reasons)),)
+                reasons = ["None was given, and neither the file's name nor its bytes decide it."]
+            remarks = (" ".join((f"The byte order is assumed to be {layout.byte_order}.", *reasons)),)
         return layout, remarks, clues.get("spacing")
     guess = guess_raw(path, shape, dtype, byte_order, header_bytes)
     if not guess.certain:
         fits = "; or ".join(str(candidate) for candidate in guess.candidates[:4])
         raise RleSplatError(
-            f"{Path(path).name} is raw, and its shape and type are not certain; give --shape NX NY NZ and --dtype "
+            f"The shape and type of {Path(path).name} are not certain; give --shape NX NY NZ and --dtype "
             f"(one of {', '.join(STORED_TYPES)})" + (f"; its size would fit {fits}." if fits else ".")
         )
     layout = RawLayout(guess.shape, guess.dtype, guess.byte_order, guess.header_bytes)

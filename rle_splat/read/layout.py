@@ -1,4 +1,4 @@
-"""How raw bytes become voxels: shape, stored type, byte order, header; and what size of file each layout takes."""
+"""Layout of raw files: shape, stored type, byte order and header, and the file sizes that fit them."""
 
 from __future__ import annotations
 
@@ -16,24 +16,40 @@ from ..volume.volume import STORED_TYPES
 
 BYTE_ORDERS = ("little", "big")
 CHUNK_BYTES = 1 << 20
-DEFAULT_COUNT_LIMIT = 1 << 32  # 4 GiB: counting stops here, lest a small file that unpacks for ever hold us up
-SMALL_HEADER = 1 << 16  # bytes; a surplus up to this may be a header
-TYPE_OF_EACH_SIZE = ("uint8", "uint16", "float32", "float64")  # to name a size of voxel by its commonest type
+DEFAULT_COUNT_LIMIT = 1 << 32  # 4 GiB: counting stops here, so that a small file that unpacks endlessly does not block
+SMALL_HEADER = 1 << 16  # bytes; a surplus of up to this size may be a header
+TYPE_OF_EACH_SIZE = ("uint8", "uint16", "float32", "float64")  # the most common type of each voxel size
 EDGE_LIMIT = 65536  # voxels along an edge
 
 
 def is_gzip(path) -> bool:
+    """Whether the file name ends in .gz."""
     return str(path).lower().endswith(".gz")
 
 
 def open_bytes(path):
-    """The file's content as a binary stream, unpacked if its name ends in .gz."""
+    """Open the file as a binary stream; content is unpacked if the name ends in .gz."""
     return gzip.open(path, "rb") if is_gzip(path) else open(path, "rb")
 
 
 @dataclass(frozen=True)
 class RawLayout:
-    """How raw bytes become voxels: ``shape`` (nx, ny, nz), the stored type, its byte order and the header's length."""
+    """How the bytes of a raw file become voxels.
+
+    Parameters
+    ----------
+    shape : (nx, ny, nz)
+    dtype : str
+        One of STORED_TYPES.
+    byte_order : {"little", "big"}
+    header_bytes : int
+        Bytes before the first voxel.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is out of range.
+    """
 
     shape: tuple
     dtype: str
@@ -51,14 +67,17 @@ class RawLayout:
 
     @property
     def file_dtype(self) -> np.dtype:
+        """The stored type in the file's byte order."""
         return np.dtype(self.dtype).newbyteorder("<" if self.byte_order == "little" else ">")
 
     @property
     def voxel_bytes(self) -> int:
+        """Bytes of all voxels."""
         return math.prod(self.shape) * self.file_dtype.itemsize
 
     @property
     def total_bytes(self) -> int:
+        """Bytes of the header and all voxels."""
         return self.header_bytes + self.voxel_bytes
 
     def __str__(self):
@@ -67,7 +86,7 @@ class RawLayout:
 
 
 def checked_shape(shape) -> tuple:
-    """(nx, ny, nz) as ints, or a RleSplatError."""
+    """Check a shape; return (nx, ny, nz) as ints."""
     try:
         entries = tuple(shape)
         whole = tuple(int(n) for n in entries)
@@ -82,7 +101,7 @@ def checked_shape(shape) -> tuple:
 
 
 def checked_type(dtype) -> str:
-    """The name of a stored type, or a RleSplatError that lists them."""
+    """Check a voxel type; return its name, one of STORED_TYPES."""
     name = dtype if isinstance(dtype, str) else getattr(dtype, "name", getattr(dtype, "__name__", repr(dtype)))
     if name not in STORED_TYPES:
         raise RleSplatError(f"There is no voxel type {name!r}; choose one of {', '.join(STORED_TYPES)}.")
@@ -90,7 +109,7 @@ def checked_type(dtype) -> str:
 
 
 def checked_spacing(spacing) -> tuple:
-    """(sx, sy, sz) as floats above zero, or a RleSplatError."""
+    """Check a voxel spacing; return (sx, sy, sz) as positive floats."""
     try:
         lengths = tuple(as_float(s) for s in spacing)
     except TypeError:
@@ -103,33 +122,35 @@ def checked_spacing(spacing) -> tuple:
 
 
 def checked_scale(slope, intercept) -> tuple:
-    """(slope, intercept) as finite floats, the slope not zero, or a RleSplatError."""
+    """Check a value mapping; return (slope, intercept) as finite floats with slope != 0."""
     slope, intercept = as_float(slope), as_float(intercept)
     if not (math.isfinite(slope) and slope != 0.0 and math.isfinite(intercept)):
-        raise RleSplatError("The slope must be finite and not zero, and the intercept finite.")
+        raise RleSplatError(
+            f"The slope must be finite and not zero, and the intercept finite, not {slope:g} and {intercept:g}."
+        )
     return slope, intercept
 
 
 def unreadable(path, problem) -> RleSplatError:
-    """The sentence for a file that cannot be read or unpacked."""
+    """The error for a file that cannot be opened or unpacked because of the exception ``problem``."""
     name = Path(path).name
     if isinstance(problem, EOFError):
-        return RleSplatError(f"{name} is a gzip file that breaks off before its end; copy or download it again.")
+        return RleSplatError(f"{name} is a gzip file that ends too early; copy or download it again.")
     if isinstance(problem, gzip.BadGzipFile):
-        return RleSplatError(f"{name} is named .gz but is not an intact gzip file; rename it, or copy it again.")
+        return RleSplatError(f"{name} is named .gz but is not a valid gzip file; rename it, or copy it again.")
     if isinstance(problem, zlib.error):
         return RleSplatError(f"{name} is a damaged gzip file; copy or download it again.")
     reason = getattr(problem, "strerror", None) or problem
-    return RleSplatError(f"Cannot read {path}: {reason}; check its place and permissions.")
+    return RleSplatError(f"Cannot read {path}: {reason}; check the path and its permissions.")
 
 
 UNREADABLE = (OSError, EOFError, zlib.error)  # BadGzipFile is an OSError
 
 
 def content_bytes(path, limit: int = DEFAULT_COUNT_LIMIT) -> int | None:
-    """How many bytes the file holds once unpacked, counted as they stream by; None when more than ``limit``.
+    """Size of a file in bytes, unpacked, counted while streaming; None if it exceeds ``limit``.
 
-    The length that gzip notes at a file's end is not used: it is modulo 4 GiB and wrong for joined files.
+    The length at the end of a gzip file is not used, because it is modulo 4 GiB and wrong for concatenated files.
     """
     try:
         if not is_gzip(path):
@@ -147,7 +168,7 @@ def content_bytes(path, limit: int = DEFAULT_COUNT_LIMIT) -> int | None:
 
 
 def fitting(layout: RawLayout, actual: int) -> tuple:
-    """Layouts near ``layout`` that take exactly ``actual`` bytes, the least changed first."""
+    """Layouts similar to ``layout`` that take exactly ``actual`` bytes, the least changed first."""
     (nx, ny, nz), size = layout.shape, layout.file_dtype.itemsize
     payload = actual - layout.header_bytes
     found = []

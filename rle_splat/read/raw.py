@@ -1,4 +1,4 @@
-"""Raw voxels: x fastest, then y, then z; no header to trust, so the file's size is checked before anything else."""
+"""Reader and writer of raw voxels, x fastest, then y, then z. The file size is checked before anything is read."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from .layout import (
     unreadable,
 )  # fmt: skip
 
-COUNT_AT_LEAST = 1 << 28  # bytes; a file that unpacks to more than this and than four times the need is not counted
+COUNT_AT_LEAST = 1 << 28  # bytes; counting the unpacked size stops beyond this and beyond four times the expected size
 DEFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
 
 
 def _wrong_size(path, layout: RawLayout, actual: int | None, limit: int = 0) -> RleSplatError:
-    """The refusal that names both sizes and what would fit; ``actual`` None means more than ``limit`` bytes."""
+    """Error that names both sizes and the layouts that fit. ``actual`` None: more than ``limit`` bytes."""
     name, unpacked = Path(path).name, " unpacked" if is_gzip(path) else ""
     needs = f"{layout} need {layout.total_bytes} bytes"
     if actual is None:
@@ -41,11 +41,12 @@ def _wrong_size(path, layout: RawLayout, actual: int | None, limit: int = 0) -> 
     text = "; or ".join(str(other) for other in fits)
     return RleSplatError(
         f"{name} holds {actual} bytes{unpacked}, but {needs}; "
-        + (f"what would fit: {text}." if text else "check the shape, the type and the header's length.")
+        + (f"these would fit: {text}." if text else "check the shape, the type and the header's length.")
     )
 
 
 def _wrong_gzip_size(path, layout: RawLayout) -> RleSplatError:
+    """As ``_wrong_size``, for a gzip file whose size is not known yet."""
     limit = max(COUNT_AT_LEAST, 4 * min(layout.total_bytes, DEFAULT_COUNT_LIMIT))
     return _wrong_size(path, layout, content_bytes(path, limit), limit)
 
@@ -54,16 +55,46 @@ def read_raw(
     path, shape, dtype, byte_order="little", header_bytes=0, spacing=None, slope=1.0, intercept=0.0,
     unit="mm", value_unit=None, modality=None, name=None, remarks=(),
 ) -> Volume:
-    """A Volume from raw voxels; parameters as in docs (``--shape`` and its neighbours).
+    """Read raw voxels.
 
-    Uncompressed files in this machine's byte order are memory-mapped read-only, others copied.  The affine is
-    the spacing alone: voxel (0, 0, 0) lies at the origin.  Any misfit raises RleSplatError before memory is
-    spent; no more is ever allocated than the shape needs.
+    Parameters
+    ----------
+    path : str or Path
+        Unpacked while reading if the name ends in .gz.
+    shape : (nx, ny, nz)
+    dtype : str
+        One of STORED_TYPES.
+    byte_order : {"little", "big"}
+    header_bytes : int
+        Bytes before the first voxel.
+    spacing : (sx, sy, sz) or None
+        Distance between voxel centers in ``unit``. None is taken as 1 x 1 x 1, with a remark.
+    slope, intercept : float
+        Physical value = slope * stored + intercept.
+    unit : str
+        Unit of length.
+    value_unit, modality : str or None
+        See Volume.
+    name : str or None
+        Name of the volume; None for the file's name.
+    remarks : sequence of str
+
+    Returns
+    -------
+    Volume
+        Its affine is the spacing alone: the center of voxel (0, 0, 0) is at the origin. An unpacked file in this
+        machine's byte order is memory-mapped read-only; other files are copied.
+
+    Raises
+    ------
+    RleSplatError
+        If the file does not have the size of the layout, or does not fit into memory. The size is checked first, and
+        no more memory is allocated than the layout needs.
     """
     layout = RawLayout(shape, dtype, byte_order, header_bytes)
     remarks = tuple(remarks)
     if spacing is None:
-        remarks += (f"No spacing was given, so the voxels are taken as 1 x 1 x 1 {unit}.",)
+        remarks += (f"No spacing was given; 1 x 1 x 1 {unit} is assumed.",)
         spacing = (1.0, 1.0, 1.0)
     spacing = checked_spacing(spacing)
     slope, intercept = checked_scale(slope, intercept)
@@ -73,7 +104,7 @@ def read_raw(
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
     except MemoryError:
-        raise RleSplatError(f"{layout} do not fit into this machine's memory; crop or thin the volume.") from None
+        raise RleSplatError(f"{layout} do not fit into memory; crop or downsample the volume.") from None
     return Volume(
         voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, slope=slope, intercept=intercept,
         value_unit=value_unit, modality=modality, name=name or _plain_name(path), remarks=remarks,
@@ -81,24 +112,27 @@ def read_raw(
 
 
 def _plain_name(path) -> str:
+    """The file's name without its suffixes."""
     name = Path(path).name
     return name.split(".")[0] or name
 
 
 def _refuse_beyond_memory(layout: RawLayout) -> None:
-    refuse_beyond(layout.voxel_bytes, f"{layout} need", "crop or thin the volume")
+    """Refuse a layout that does not fit into free memory."""
+    refuse_beyond(layout.voxel_bytes, f"{layout} need", "crop or downsample the volume")
 
 
 def _read_plain(path, layout: RawLayout) -> np.ndarray:
+    """Voxels (nz, ny, nx) of a file that is not packed."""
     actual = os.path.getsize(path)
     if actual != layout.total_bytes:
         raise _wrong_size(path, layout, actual)
     grid = layout.shape[::-1]
     native = layout.file_dtype.isnative
     aligned = layout.header_bytes % layout.file_dtype.alignment == 0
-    if native and aligned:  # kernels want aligned arrays, so an odd header costs a copy
+    if native and aligned:  # kernels need aligned arrays; other headers cost a copy
         mapped = np.memmap(path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=grid)
-        return np.asarray(mapped)  # a plain array that keeps the mapping alive
+        return np.asarray(mapped)  # a plain array; it keeps the mapping alive
     _refuse_beyond_memory(layout)
     with open(path, "rb") as stream:
         stream.seek(layout.header_bytes)
@@ -107,7 +141,8 @@ def _read_plain(path, layout: RawLayout) -> np.ndarray:
 
 
 def _read_gzip(path, layout: RawLayout) -> np.ndarray:
-    if layout.total_bytes > os.path.getsize(path) * DEFLATE_LIMIT:  # impossible: learn the true size, allocate nothing
+    """Voxels (nz, ny, nx) of a gzip file."""
+    if layout.total_bytes > os.path.getsize(path) * DEFLATE_LIMIT:  # impossible; report the true size, allocate nothing
         raise _wrong_gzip_size(path, layout)
     _refuse_beyond_memory(layout)
     voxels = np.empty(layout.shape[::-1], dtype=layout.file_dtype)
@@ -131,16 +166,24 @@ def _read_gzip(path, layout: RawLayout) -> np.ndarray:
 
 
 def _native(voxels: np.ndarray) -> np.ndarray:
-    """The same values in this machine's byte order, swapped in place."""
+    """Convert to this machine's byte order, in place."""
     if voxels.dtype.isnative:
         return voxels
     return voxels.byteswap(inplace=True).view(voxels.dtype.newbyteorder("="))
 
 
 def write_raw(volume: Volume, path) -> dict:
-    """Write the stored voxels, little-endian, x fastest; packed when the name ends in .gz.
+    """Write the stored voxels, little-endian, x fastest; packed with gzip if the name ends in .gz.
 
-    Returns the options with which the file must be read back, since a raw file remembers none of them.
+    Parameters
+    ----------
+    volume : Volume
+    path : str or Path
+
+    Returns
+    -------
+    dict
+        Options of ``read_volume`` that are needed to read the file back, since a raw file stores none of them.
     """
     opener = gzip.open if is_gzip(path) else open
     little = volume.voxels.dtype.newbyteorder("<")

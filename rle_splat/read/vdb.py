@@ -1,7 +1,7 @@
-"""OpenVDB files, through the module ``openvdb`` that Blender brings along (``pyopenvdb`` in older ones).
+"""Reader and writer of OpenVDB files, with the module ``openvdb`` of Blender (``pyopenvdb`` in older versions).
 
-A grid of numbers becomes a dense volume over its active box dilated by one voxel of background, placed by the
-grid's own transform, in the file's world units.
+A numeric grid becomes a dense volume over the bounding box of its active voxels, dilated by one voxel of background.
+The grid's transform places it in the file's world units.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from .vdb_header import check_header
 NUMERIC = {"float": np.float32, "double": np.float64, "int32": np.int32, "int64": np.int64, "bool": np.bool_}
 PREFERRED_GRID = "density"
 SMOKE_GRIDS = ("density", "smoke", "heat", "temperature", "flame", "flames", "fuel")
-WORLD_UNIT = "world"  # VDB states no unit of length; Blender takes its world units as metres
-SIGNED_DISTANCE = "signed distance"  # value unit of a level set: below zero inside
-DENSE_LIMIT = 1 << 32  # bytes; 1024^3 floats.  A few stray voxels far apart can ask for any amount
-FURTHEST = 1 << 30  # a voxel's index along an axis; OpenVDB counts in 32 bits
-SLAB = 8  # slices handed over at a time, one leaf of the tree
-PLACES = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+WORLD_UNIT = "world"  # VDB files state no unit of length; Blender takes world units as meters
+SIGNED_DISTANCE = "signed distance"  # value unit of a level set; negative inside
+DENSE_LIMIT = 1 << 32  # bytes; 1024^3 floats. A few distant voxels could span any amount
+FURTHEST = 1 << 30  # largest voxel index along an axis; OpenVDB uses 32-bit indices
+SLAB = 8  # slices copied at once, one leaf of the tree
+PROBE_INDICES = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 OPENVDB_PROBLEMS = (OSError, RuntimeError, LookupError, ValueError, TypeError)
 
 
 def load_openvdb():
-    """The OpenVDB module, or a RleSplatError that says where it is to be had."""
+    """Import the OpenVDB module; raise a RleSplatError that says how to get it if it is missing."""
     try:
         import openvdb
     except ImportError:
@@ -37,16 +37,19 @@ def load_openvdb():
             import pyopenvdb as openvdb
         except ImportError:
             raise RleSplatError(
-                "OpenVDB files need the module openvdb, which Blender has and this Python has not; run this inside "
-                "Blender (File > Import, or blender --background), install Debian's or Ubuntu's python3-openvdb, or "
-                "put the folder of Blender's own Python modules on PYTHONPATH."
+                "OpenVDB files need the module openvdb, which Blender includes and this Python lacks; run this inside "
+                "Blender (File > Import, or blender --background), install the package python3-openvdb of Debian or "
+                "Ubuntu, or add the folder of Blender's Python modules to PYTHONPATH."
             ) from None
     return openvdb
 
 
 def _labels(grids: list) -> list[str]:
-    """What OpenVDB calls each grid: its name, from the second of one name on with a number, ``smoke[1]``; ``[0]``,
-    ``[1]`` without a name.  ``grids``: in the file's order."""
+    """Labels of ``grids``, which are in the file's order.
+
+    A label is the grid's name; repeated names get a number from the second on (``smoke[1]``); grids without a name
+    are ``[0]``, ``[1]``.
+    """
     labels, before = [], Counter()
     for grid in grids:
         number = before[grid.name]
@@ -56,13 +59,13 @@ def _labels(grids: list) -> list[str]:
 
 
 def _address(grids: list, i: int) -> str:
-    """What OpenVDB is told to read a grid: with a number where it is one of several of its name, or OpenVDB would
-    print a warning on the console."""
+    """Name by which OpenVDB reads grid ``i``. Repeated names need a number, or OpenVDB prints a warning."""
     alike = [number for number, grid in enumerate(grids) if grid.name == grids[i].name]
     return f"{grids[i].name}[{alike.index(i)}]" if len(alike) > 1 else _labels(grids)[i]
 
 
 def _metadata(openvdb, path) -> list:
+    """Metadata of all grids of a file."""
     check_header(path)
     try:
         return list(openvdb.readAllGridMetadata(str(path)))
@@ -71,20 +74,22 @@ def _metadata(openvdb, path) -> list:
 
 
 def _damaged(path, problem) -> RleSplatError:
+    """The error for a file on which OpenVDB raised the exception ``problem``."""
     reason = str(problem).strip().rstrip(".")
     return RleSplatError(
-        f"{Path(path).name} is damaged or of a kind that this OpenVDB cannot read ({reason}); copy or export it again."
+        f"{Path(path).name} is damaged or cannot be read by this version of OpenVDB ({reason}); copy or export it "
+        "again."
     )
 
 
 def _choose(grids: list, wanted: str | None, path) -> int:
-    """The index of the grid to read: the wanted one, else ``density``, else the first of numbers.
+    """Index of the grid to read: the wanted one, else ``density``, else the first numeric grid.
 
-    A bare name is that of the first grid of numbers so called; ``name[0]``, ``name[1]`` are one by one.
+    A name without a number means the first numeric grid of that name; ``name[0]`` and ``name[1]`` select one.
     """
     labels = _labels(grids)
     numeric = [i for i, grid in enumerate(grids) if grid.valueTypeName in NUMERIC]
-    there = ", ".join(f"{label} ({grid.valueTypeName})" for label, grid in zip(labels, grids)) or "none at all"
+    there = ", ".join(f"{label} ({grid.valueTypeName})" for label, grid in zip(labels, grids)) or "none"
     if wanted is not None:
         found = [i for i, label in enumerate(labels) if wanted in (grids[i].name, label, _address(grids, i))]
         if not found:
@@ -98,14 +103,14 @@ def _choose(grids: list, wanted: str | None, path) -> int:
         return i
     if not numeric:
         raise RleSplatError(
-            f"{Path(path).name} has no grid of numbers to show, its grids are: {there}; export one of numbers."
+            f"{Path(path).name} has no numeric grid; its grids are: {there}; export a grid of numbers."
         )
     return next((i for i in numeric if grids[i].name == PREFERRED_GRID), numeric[0])
 
 
 def _matrix(transform) -> np.ndarray:
-    """(4, 4) column-vector matrix, grid index to world, read off at the origin and the three unit indices."""
-    origin, *tips = (np.array(transform.indexToWorld(place), dtype=np.float64) for place in PLACES)
+    """(4, 4) matrix from grid index to world, from the images of the origin and the three unit indices."""
+    origin, *tips = (np.array(transform.indexToWorld(index), dtype=np.float64) for index in PROBE_INDICES)
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack([tip - origin for tip in tips], axis=1)
     matrix[:3, 3] = origin
@@ -115,12 +120,30 @@ def _matrix(transform) -> np.ndarray:
 def read_vdb(
     path, grid=None, slope=1.0, intercept=0.0, unit=None, value_unit=None, modality=None
 ) -> Volume:
-    """A Volume from one grid of an OpenVDB file: the one called ``grid``, else density, else the first of numbers.
+    """Read one grid of an OpenVDB file.
 
-    Of grids with one name, ``grid`` is the first; ``name[1]`` is the second, as OpenVDB calls it.
-    Values of inactive voxels inside the box are kept as stored.  int64 becomes int32 where it fits, else float64;
-    bool becomes uint8.  Raises RleSplatError when there is no such grid, no active voxel, a transform that is not
-    affine, or a damaged file.
+    Parameters
+    ----------
+    path : str or Path
+    grid : str or None
+        Name of the grid; ``name[1]`` is the second grid of that name. None for ``density``, or the first numeric grid.
+    slope, intercept : float
+        Physical value = slope * stored + intercept.
+    unit : str or None
+        Unit of length; None for the unit in the file's metadata, or world units.
+    value_unit, modality : str or None
+        See Volume; None for what the file states.
+
+    Returns
+    -------
+    Volume
+        Values of inactive voxels inside the box are kept as stored. int64 becomes int32 where it fits, else float64;
+        bool becomes uint8.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such grid, it has no active voxel, its transform is not affine, or the file is damaged.
     """
     openvdb = load_openvdb()
     grids = _metadata(openvdb, path)
@@ -129,7 +152,7 @@ def read_vdb(
     remarks = []
     if len(grids) > 1:
         names = ", ".join(_labels(grids))
-        remarks.append(f"The file holds {len(grids)} grids, {names}; {label} was read.")
+        remarks.append(f"The file holds {len(grids)} grids ({names}); {label} was read.")
     try:
         source = openvdb.read(str(path), _address(grids, chosen))
         voxels, corner = _densify(source, label)
@@ -137,16 +160,16 @@ def read_vdb(
         raise _damaged(path, problem) from None
     except MemoryError:
         raise RleSplatError(
-            f"The grid {label!r} does not fit into this machine's memory once dense; crop or thin it."
+            f"The grid {label!r} does not fit into memory as a dense volume; crop or downsample it."
         ) from None
     if not source.transform.isLinear:
-        raise RleSplatError(f"The grid {label!r} lies in a tapered frustum; resample it to a box of voxels first.")
+        raise RleSplatError(f"The grid {label!r} has a frustum transform; resample it to a box of voxels first.")
     shift = np.eye(4)
     shift[:3, 3] = corner
     notes = dict(source.metadata)
     if source.gridClass == "level set" and value_unit is None:
         value_unit = SIGNED_DISTANCE
-        remarks.append(f"The grid {label} is a level set: its values are distances, below zero inside.")
+        remarks.append(f"The grid {label} is a level set: its values are distances, negative inside.")
     if modality is None:
         smoky = source.gridClass == "fog volume" or source.name.lower() in SMOKE_GRIDS
         modality = notes.get("modality") or ("SMOKE" if smoky and source.gridClass != "level set" else None)
@@ -158,24 +181,26 @@ def read_vdb(
 
 
 def _densify(grid, label: str):
-    """(voxels (nz, ny, nx), grid index (x, y, z) of voxel (0, 0, 0)): the active box dilated by one voxel."""
+    """Voxels (nz, ny, nx) of the active box dilated by one voxel, and the grid index (x, y, z) of its first voxel."""
     low, high = (np.array(corner, dtype=np.int64) for corner in grid.evalActiveVoxelBoundingBox())
     if (high < low).any():
-        raise RleSplatError(f"The grid {label!r} is empty, it has no active voxel; choose another or export it again.")
+        raise RleSplatError(f"The grid {label!r} has no active voxel; choose another grid or export it again.")
     if max(abs(low).max(), abs(high).max()) > FURTHEST:
-        raise RleSplatError(f"The grid {label!r} has voxels further out than can be read; copy or export it again.")
+        raise RleSplatError(
+            f"The grid {label!r} has voxels beyond index {FURTHEST}; it may be damaged: copy or export it again."
+        )
     low, high = low - 1, high + 1
     nx, ny, nz = (int(n) for n in high - low + 1)
     kind = np.dtype(NUMERIC[grid.valueTypeName])
     needed = nx * ny * nz * kind.itemsize
     if needed > DENSE_LIMIT:
         raise RleSplatError(
-            f"The active voxels of the grid {label!r} span {nx} x {ny} x {nz} voxels, {needed / 2**30:.1f} GiB once "
-            f"dense, more than the {DENSE_LIMIT >> 30} GiB that are read; crop or thin it."
+            f"The active voxels of the grid {label!r} span {nx} x {ny} x {nz} voxels, {needed / 2**30:.1f} GiB as a "
+            f"dense volume; the limit is {DENSE_LIMIT >> 30} GiB: crop or downsample it."
         )
-    refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels about the grid {label!r} need", "crop or thin it")
+    refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels of the grid {label!r} need", "crop or downsample it")
     voxels = np.empty((nz, ny, nx), dtype=kind)
-    for z in range(0, nz, SLAB):  # OpenVDB fills C-ordered (x, y, z) arrays: a slab at a time, turned round into place
+    for z in range(0, nz, SLAB):  # OpenVDB fills C-ordered (x, y, z) arrays; transpose one slab at a time
         slab = np.zeros((nx, ny, min(SLAB, nz - z)), dtype=kind)
         grid.copyToArray(slab, ijk=(int(low[0]), int(low[1]), int(low[2]) + z))
         voxels[z : z + slab.shape[2]] = slab.transpose(2, 1, 0)
@@ -183,6 +208,7 @@ def _densify(grid, label: str):
 
 
 def _storable(voxels: np.ndarray) -> np.ndarray:
+    """Convert bool and int64 voxels to a stored type."""
     if voxels.dtype == np.bool_:
         return voxels.view(np.uint8)
     if voxels.dtype == np.int64:
@@ -193,24 +219,38 @@ def _storable(voxels: np.ndarray) -> np.ndarray:
 
 
 def _needs_double(volume: Volume) -> bool:
+    """Whether the physical values need float64 to be exact."""
     exact_as_float = volume.voxels.dtype.itemsize <= 2 or volume.voxels.dtype == np.float32
     scaled = volume.slope != 1.0 or not float(volume.intercept).is_integer()
     return volume.voxels.dtype == np.float64 or not exact_as_float or (scaled and volume.voxels.dtype.kind != "f")
 
 
 def rounded_on_writing(volume: Volume) -> str | None:
-    """What ``write_vdb`` has to round, as a sentence: some builds of OpenVDB's module (Debian's) lack DoubleGrid."""
+    """Sentence on what ``write_vdb`` rounds, or None. Some builds of OpenVDB's module (Debian's) lack DoubleGrid."""
     if not _needs_double(volume) or hasattr(load_openvdb(), "DoubleGrid"):
         return None
-    return "Values were rounded to float32 (7 digits), for this OpenVDB module has no grid of doubles."
+    return "Values were rounded to float32 (7 digits), because this OpenVDB module has no grid of doubles."
 
 
 def write_vdb(volume: Volume, path) -> dict:
-    """Write one sparse grid ``density`` of physical values; returns the options with which to read it back: none.
+    """Write one sparse grid ``density`` of physical values.
 
-    Voxels equal to the volume's background, and NaN, are not stored, so the file's active box may be smaller than
-    the volume; what is stored keeps its place in the volume's own space.  Values of up to 16 bits and float32 are
-    stored as float, others as double; where the module has no DoubleGrid as float, see ``rounded_on_writing``.
+    Parameters
+    ----------
+    volume : Volume
+        Voxels equal to its background, and NaN, are not stored, so the file's active box may be smaller than the
+        volume.
+    path : str or Path
+
+    Returns
+    -------
+    dict
+        Empty: no options are needed to read the file back.
+
+    Notes
+    -----
+    Types of up to 16 bits and float32 are stored as float, other types as double. Where the OpenVDB module has no
+    DoubleGrid, they are stored as float too; see ``rounded_on_writing``.
     """
     openvdb = load_openvdb()
     double = _needs_double(volume) and hasattr(openvdb, "DoubleGrid")
@@ -219,9 +259,9 @@ def write_vdb(volume: Volume, path) -> dict:
     grid.name = PREFERRED_GRID
     for z in range(0, volume.voxels.shape[0], SLAB):
         values = volume.physical(volume.voxels[z : z + SLAB]).astype(kind)
-        # OpenVDB misreads any array that is not C-ordered, without an error
+        # OpenVDB misreads an array that is not C-ordered, without an error.
         grid.copyFromArray(np.ascontiguousarray(values.transpose(2, 1, 0)), ijk=(0, 0, z), tolerance=0)
-    grid.transform = openvdb.createLinearTransform(volume.affine.T.tolist())  # row vectors: translation last row
+    grid.transform = openvdb.createLinearTransform(volume.affine.T.tolist())  # OpenVDB uses row vectors
     if volume.modality == "SMOKE":
         grid.gridClass = "fog volume"
     for name, note in (
@@ -232,5 +272,5 @@ def write_vdb(volume: Volume, path) -> dict:
     try:
         openvdb.write(str(path), grids=[grid])
     except RuntimeError as problem:
-        raise RleSplatError(f"Cannot write {path}: {problem}; choose another place.") from None
+        raise RleSplatError(f"Cannot write {path}: {problem}; choose another location.") from None
     return {}

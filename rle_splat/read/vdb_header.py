@@ -1,11 +1,10 @@
-"""Whether a file is OpenVDB's and whether all of it is there, seen from its own table of positions.
+"""Check that a file is an OpenVDB file and complete, before OpenVDB reads it.
 
-OpenVDB itself meets a file that was cut off with anything from an exception to the end of the whole process,
-depending on the build, so this is asked first.  Layout of a file: magic, version, library version, a flag for
-positions, a UUID, metadata, the number of grids; then for each grid its name, type, instance parent and the three
-positions of tree, blocks and end, where the next grid's entry stands.  At the tree's position: how it is compressed,
-metadata, the transform, the number of buffers, the background and how many tiles and children the root has.  A
-number of things that the file has no room for would keep the library busy for hours, or take all memory.
+A truncated file can end the whole process in some builds of OpenVDB. A damaged count can keep the library busy for
+hours or exhaust the memory. Layout of a file: magic, version, library version, a flag for offsets, a UUID, metadata,
+the number of grids. Then for each grid: name, type, instance parent and the three offsets of tree, blocks and end,
+where the next grid follows. At the tree's offset: compression, metadata, the transform, the number of buffers, the
+background and the numbers of tiles and children of the root.
 """
 
 from __future__ import annotations
@@ -17,29 +16,38 @@ from pathlib import Path
 from ..scene import RleSplatError
 
 MAGIC = b" BDV\0\0\0\0"  # the first eight bytes of every VDB file
-LAYOUT_SINCE = 222  # file version from which the layout above holds; OpenVDB 3 wrote it in 2014
+LAYOUT_SINCE = 222  # first file version with the layout above; OpenVDB 3 wrote it in 2014
 UUID_LENGTH = 36
-NAME_LIMIT = 1 << 16  # bytes of a name or type; longer ones are read out of damaged data
-# Bytes of a transform by its type; of others the root is not looked at.
+NAME_LIMIT = 1 << 16  # bytes of a name or type; longer ones come from damaged data
+# Bytes of a transform by its type. With any other transform the root is not checked.
 MAP_BYTES = {
     b"UniformScaleMap": 120, b"ScaleMap": 120, b"UniformScaleTranslateMap": 144, b"ScaleTranslateMap": 144,
     b"TranslationMap": 24, b"AffineMap": 128,
 }  # fmt: skip
 VALUE_BYTES = {b"float": 4, b"double": 8, b"int32": 4, b"int64": 8, b"bool": 1}
-DELAYED = b"__delayedload"  # metadata that begin with the number of leaves, for which the library takes memory
-LEAF_BYTES = 64  # of the file, at the least
+DELAYED = b"__delayedload"  # metadata that begin with the number of leaves, for which the library allocates memory
+LEAF_BYTES = 64  # least bytes of a leaf in the file
 CHILD_VOXELS = 4096  # along an edge of the root's children in trees of 32, 16 and 8 along an edge
-PLACE_BYTES = 12  # of a tile or child: three int32
+INDEX_BYTES = 12  # bytes of the index of a tile or child: three int32
 
 
 class _CutShort(Exception):
-    """The file ends, or makes no sense, before what its header announces."""
+    """The file ends before what its header announces, or holds impossible values."""
 
 
 def check_header(path) -> None:
-    """Raise a RleSplatError unless the file is OpenVDB's and as long as its own header says.
+    """Check an OpenVDB file.
 
-    Versions before 222 and files without positions are only checked for the magic number.
+    Files of versions before 222 and files without offsets are only checked for the magic number.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Raises
+    ------
+    RleSplatError
+        If the file is not an OpenVDB file, is shorter than its header says, or cannot be read.
     """
     name = Path(path).name
     try:
@@ -50,20 +58,21 @@ def check_header(path) -> None:
             _walk(stream, size)
     except _CutShort:
         raise RleSplatError(
-            f"{name} is damaged: its {size} bytes are fewer than its header announces, or make no sense; copy or "
+            f"{name} is damaged: its {size} bytes are too few for its header, or its header is invalid; copy or "
             "export it again."
         ) from None
     except OSError as problem:
         raise RleSplatError(
-            f"Cannot read {path}: {problem.strerror or problem}; check its place and permissions."
+            f"Cannot read {path}: {problem.strerror or problem}; check the path and its permissions."
         ) from None
 
 
 def _walk(stream, size: int) -> None:
+    """Check the header and every grid of a file of ``size`` bytes."""
     (version,) = _numbers(stream, "<I")
     if version < LAYOUT_SINCE:
         return
-    _numbers(stream, "<II")  # the library's version
+    _numbers(stream, "<II")  # version of the library
     (has_positions,) = _numbers(stream, "<B")
     _bytes(stream, UUID_LENGTH)
     _metadata(stream, size)
@@ -71,7 +80,7 @@ def _walk(stream, size: int) -> None:
     if not has_positions:
         return
     for _ in range(grids):
-        _text(stream)  # its name
+        _text(stream)  # name of the grid
         kind, parent = _text(stream), _text(stream)
         tree, blocks, end = _numbers(stream, "<qqq")
         if not stream.tell() <= tree <= blocks <= end <= size:
@@ -82,8 +91,8 @@ def _walk(stream, size: int) -> None:
 
 
 def _walk_tree(stream, blocks: int, kind: bytes, is_instance: bool) -> None:
-    """What stands between a tree's position and its ``blocks``, as far as it holds numbers of things."""
-    _numbers(stream, "<I")  # how it is compressed
+    """Check what lies between a tree's offset and its ``blocks``, as far as it holds counts."""
+    _numbers(stream, "<I")  # compression
     _metadata(stream, blocks)
     transform = _text(stream)
     value = VALUE_BYTES.get(kind.split(b"_")[1] if kind.startswith(b"Tree_") else b"")
@@ -93,16 +102,16 @@ def _walk_tree(stream, blocks: int, kind: bytes, is_instance: bool) -> None:
     _numbers(stream, "<I")  # buffers
     _skip(stream, blocks, value)  # the background
     tiles, children = _numbers(stream, "<II")
-    if stream.tell() + tiles * (PLACE_BYTES + value + 1) + children * PLACE_BYTES > blocks:
+    if stream.tell() + tiles * (INDEX_BYTES + value + 1) + children * INDEX_BYTES > blocks:
         raise _CutShort
     if children and kind.endswith(b"_5_4_3"):
-        _skip(stream, blocks, tiles * (PLACE_BYTES + value + 1))
-        if any(place % CHILD_VOXELS for place in _numbers(stream, "<iii")):  # of the first; others lie behind it
+        _skip(stream, blocks, tiles * (INDEX_BYTES + value + 1))
+        if any(index % CHILD_VOXELS for index in _numbers(stream, "<iii")):  # of the first child; others follow it
             raise _CutShort
 
 
 def _metadata(stream, end: int) -> None:
-    """Past names, types and values that have to end before ``end``."""
+    """Skip metadata (names, types and values), which must end before ``end``."""
     for _ in range(_count(stream)):
         _text(stream)
         kind, length = _text(stream), _count(stream)
@@ -119,6 +128,7 @@ def _metadata(stream, end: int) -> None:
 
 
 def _bytes(stream, count: int) -> bytes:
+    """Read ``count`` bytes."""
     read = stream.read(count)
     if len(read) != count:
         raise _CutShort
@@ -126,14 +136,17 @@ def _bytes(stream, count: int) -> bytes:
 
 
 def _numbers(stream, layout: str) -> tuple:
+    """Read numbers by a ``struct`` layout."""
     return struct.unpack(layout, _bytes(stream, struct.calcsize(layout)))
 
 
 def _count(stream) -> int:
+    """Read an unsigned 32-bit number."""
     return _numbers(stream, "<I")[0]
 
 
 def _text(stream) -> bytes:
+    """Read a text with its length."""
     length = _count(stream)
     if length > NAME_LIMIT:
         raise _CutShort
@@ -141,7 +154,7 @@ def _text(stream) -> bytes:
 
 
 def _decoded(text: bytes) -> bytes:
-    """The same text; the library's Python module may end the process when it is not UTF-8."""
+    """Return ``text`` if it is UTF-8; the library's Python module may end the process if it is not."""
     try:
         text.decode("utf-8")
     except UnicodeDecodeError:
@@ -150,6 +163,7 @@ def _decoded(text: bytes) -> bytes:
 
 
 def _skip(stream, end: int, count: int) -> None:
+    """Skip ``count`` bytes, which must end before ``end``."""
     if stream.tell() + count > end:
         raise _CutShort
     stream.seek(count, os.SEEK_CUR)

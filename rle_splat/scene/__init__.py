@@ -1,7 +1,7 @@
-"""Plain data that walks the whole road: what is seen, from where, how well, and what came out.
+"""Plain data that describes a scene and its picture: scene, camera, lights, quality, rendering.
 
-Nothing here computes a picture and nothing here knows Blender.  Every class is frozen; arrays inside are
-treated as read-only.  Matrices are 4x4 float64, column vectors, applied as ``matrix @ (x, y, z, 1)``.
+Nothing here renders and nothing here imports Blender. Every class is frozen, and arrays are treated as read-only.
+Matrices are (4, 4) float64 for column vectors: ``matrix @ (x, y, z, 1)``.
 """
 
 from .camera import SENSOR_FITS, Camera

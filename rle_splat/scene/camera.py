@@ -1,4 +1,4 @@
-"""A camera, by Blender's own settings."""
+"""The camera, with Blender's parameters."""
 
 from __future__ import annotations
 
@@ -18,15 +18,45 @@ MOST_BLADES = 64
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera with Blender's own parameters and meaning.
+    """A perspective or orthographic camera with Blender's parameters.
 
-    ``matrix_world`` takes camera space to the world; the camera looks along its -Z with +Y up, and scale in
-    the matrix is ignored as Blender ignores it.  ``lens`` and the sensor are in mm, ``ortho_scale`` and the
-    clip distances in world units, ``shift_x`` and ``shift_y`` in fractions of the larger image side.
-    ``aperture_radius``, world units, is that of the lens, 0 for none; what lies at ``focus_distance``, planar and in
-    world units, is sharp.  ``aperture_blades``, ``aperture_rotation`` (radians) and ``aperture_ratio`` shape its blur.
-    ``slant``: how far the rays of an orthographic camera move, to the right and up, for each unit that they go ahead;
-    what lies at ``focus_distance`` stays where it is.
+    Parameters
+    ----------
+    matrix_world : (4, 4) array_like
+        Camera space to world space. The camera looks along its -Z axis with +Y up. Scale in the matrix is ignored,
+        as Blender does.
+    type : {"PERSP", "ORTHO"}
+    lens : float
+        Focal length in mm.
+    sensor_width, sensor_height : float
+        Size of the sensor in mm.
+    sensor_fit : {"AUTO", "HORIZONTAL", "VERTICAL"}
+    ortho_scale : float
+        Size of the view of an orthographic camera along the fitted sensor side, in world units.
+    shift_x, shift_y : float
+        Lens shift, as a fraction of the larger image side.
+    clip_start, clip_end : float
+        Clip distances in world units.
+    pixel_aspect : (2,) sequence of float
+        Width and height of a pixel.
+    aperture_radius : float
+        Radius of the lens in world units; 0 for a pinhole.
+    focus_distance : float
+        Distance of the plane in focus along the camera's axis, in world units.
+    aperture_blades : int
+        Number of aperture blades; below 3 the aperture is round.
+    aperture_rotation : float
+        Rotation of the aperture in radians.
+    aperture_ratio : float
+        Anamorphic ratio of the aperture.
+    slant : (2,) sequence of float
+        Shear of the parallel rays of an orthographic camera: how far a ray moves to the right and up for each unit
+        ahead. Points at ``focus_distance`` do not move.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is out of range or ``matrix_world`` is singular.
     """
 
     matrix_world: np.ndarray = field(default_factory=identity)
@@ -52,15 +82,17 @@ class Camera:
         put = partial(object.__setattr__, self)
         put("matrix_world", as_matrix(self.matrix_world, "The camera's matrix_world"))
         axes = self.matrix_world[:3, :3]
-        # Scale is ignored, so what counts is whether the axes span space: the volume of their directions.
+        # Scale is ignored, so test the volume spanned by the unit axes.
         if abs(np.linalg.det(axes)) <= 1e-9 * np.prod(np.linalg.norm(axes, axis=0)):
             raise RleSplatError("The camera's matrix_world is singular; give it a scale other than zero on every axis.")
         if self.type not in CAMERA_TYPES:
             raise RleSplatError(
-                f"A camera of type {short(self.type)} cannot be splatted; use a perspective or an orthographic camera."
+                f"A camera of type {short(self.type)} cannot be rendered; use a perspective or an orthographic camera."
             )
         if self.sensor_fit not in SENSOR_FITS:
-            raise RleSplatError(f"The camera's sensor_fit must be one of {', '.join(SENSOR_FITS)}.")
+            raise RleSplatError(
+                f"The camera's sensor_fit must be one of {', '.join(SENSOR_FITS)}, not {short(self.sensor_fit)}."
+            )
         for name in ("lens", "sensor_width", "sensor_height", "ortho_scale", "clip_start", "clip_end"):
             put(name, positive(getattr(self, name), f"The camera's {name}"))
         for name in ("shift_x", "shift_y"):
@@ -83,7 +115,7 @@ class Camera:
         if len(slant) != 2 or not all(is_finite_number(s) and abs(s) <= LARGEST_SHARE for s in slant):
             raise RleSplatError(f"The camera's slant must be two finite numbers within {LARGEST_SHARE:g} of zero.")
         if self.type != "ORTHO" and any(slant):
-            raise RleSplatError("Only an orthographic camera has a slant; leave it out.")
+            raise RleSplatError("Only an orthographic camera can have a slant; leave slant out or use type ORTHO.")
         put("slant", tuple(float(s) for s in slant))
         aspect = tuple(self.pixel_aspect) if np.iterable(self.pixel_aspect) else ()
         if len(aspect) != 2:
@@ -93,4 +125,5 @@ class Camera:
 
     @classmethod
     def from_json(cls, path) -> Camera:
+        """Read a Camera from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the camera file"), "The camera file")

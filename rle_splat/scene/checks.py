@@ -1,4 +1,4 @@
-"""Values and JSON files that people give, checked: numbers, matrices, colours, named settings."""
+"""Checks of user input: numbers, matrices, colors, JSON files."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import numpy as np
 
 from .errors import RleSplatError
 
-# Entries of matrices: cubes of what is larger, as determinants are made of, would leave the range of float64.
+# Largest matrix entry: a determinant multiplies three entries, and the cube of a larger one would overflow float64.
 LARGEST_ENTRY = 1e100
-# Lengths of a camera, in whatever unit, and shares of the picture: far beyond any that is meant.
+# Range of camera lengths, in any unit, and of shares of the picture; far beyond any sensible setting.
 LEAST_LENGTH, LARGEST_LENGTH = 1e-50, 1e50
 LARGEST_SHARE = 1e6
 
 
 def as_float(value) -> float:
-    """A number as float64; infinite when it is too large for one, NaN when it is no number at all."""
+    """Convert to float64; infinity for a number too large for float64, NaN for anything that is not a number."""
     try:
         return float(value)
     except OverflowError:
@@ -30,33 +30,52 @@ def as_float(value) -> float:
 
 
 def is_finite_number(value) -> bool:
+    """Whether ``value`` is an int or a float with a finite value."""
     return isinstance(value, (int, float)) and math.isfinite(as_float(value))
 
 
 def as_matrix(value, name: str) -> np.ndarray:
-    """A finite 4x4 float64 affine matrix from nested lists or an array, or a RleSplatError that names it."""
+    """Check an affine matrix.
+
+    Parameters
+    ----------
+    value : (4, 4) array_like
+    name : str
+        Name of the matrix, used in error messages.
+
+    Returns
+    -------
+    (4, 4) ndarray of float64
+        Read-only copy.
+
+    Raises
+    ------
+    RleSplatError
+        If the shape is wrong, an entry is not finite or too large, or the last row is not 0 0 0 1.
+    """
     try:
         matrix = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         matrix = np.empty(0)
     if matrix.shape != (4, 4):
-        raise RleSplatError(f"{name} must be a 4x4 matrix of numbers, given as four rows of four.")
+        raise RleSplatError(f"{name} must be a 4x4 matrix of numbers; give four rows of four.")
     if not np.isfinite(matrix).all():
-        raise RleSplatError(f"{name} holds a value that is not finite; give sixteen ordinary numbers.")
+        raise RleSplatError(f"{name} holds a value that is not finite; give sixteen finite numbers.")
     if np.abs(matrix).max() > LARGEST_ENTRY:
-        raise RleSplatError(f"{name} holds a value beyond {LARGEST_ENTRY:g}; give sixteen ordinary numbers.")
+        raise RleSplatError(f"{name} holds a value beyond {LARGEST_ENTRY:g}; give sixteen smaller numbers.")
     if any(abs(found - meant) > 1e-8 for found, meant in zip(matrix[3].tolist(), (0.0, 0.0, 0.0, 1.0))):
-        raise RleSplatError(f"{name} must be affine: its last row has to be 0 0 0 1.")
+        raise RleSplatError(f"{name} must be affine; its last row must be 0 0 0 1.")
     matrix.setflags(write=False)
     return matrix
 
 
 def identity() -> np.ndarray:
+    """Read-only (4, 4) float64 identity matrix."""
     return as_matrix(np.eye(4), "the identity")
 
 
 def as_color(value, name: str) -> tuple:
-    """A scene-linear RGB colour as three floats, none below zero, or a RleSplatError that names it."""
+    """Check a scene-linear RGB color; return three floats >= 0. ``name`` is used in the error message."""
     color = tuple(as_float(c) for c in value) if np.iterable(value) else ()
     if len(color) != 3 or not np.isfinite(color).all() or min(color) < 0.0:
         raise RleSplatError(f"{name} must be three finite numbers, none below zero.")
@@ -64,33 +83,36 @@ def as_color(value, name: str) -> tuple:
 
 
 def from_mapping(cls, mapping, what: str):
-    """An instance of the frozen dataclass ``cls`` from a JSON object, refusing names it does not have."""
+    """Make an instance of the dataclass ``cls`` from a JSON object; unknown keys raise a RleSplatError."""
     if not isinstance(mapping, dict):
         raise RleSplatError(f"{what} must be a JSON object with named values.")
     known = {f.name for f in fields(cls)}
     unknown = sorted(set(mapping) - known)
     if unknown:
-        raise RleSplatError(f"{what} has no setting called {unknown[0]!r}; it knows {', '.join(sorted(known))}.")
+        raise RleSplatError(f"{what} has no setting called {unknown[0]!r}; it has {', '.join(sorted(known))}.")
     try:
         return cls(**mapping)
     except TypeError as problem:
-        raise RleSplatError(f"{what} is incomplete or of the wrong kind: {problem}.") from None
+            raise RleSplatError(f"{what} is incomplete or has a value of the wrong type: {problem}.") from None
 
 
 def read_json(path, what: str):
-    """The parsed JSON file at ``path``; a RleSplatError that names the file when it is missing or malformed."""
+    """Parse the JSON file ``path``. A missing or malformed file raises a RleSplatError that names it as ``what``."""
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as problem:
         raise RleSplatError(f"Cannot read {what} {path}: {problem.strerror or problem}; check the path.") from None
     except RecursionError:
-        raise RleSplatError(f"{what} {path} is not valid JSON: it is nested without end; mend it there.") from None
+        raise RleSplatError(f"{what} {path} is not valid JSON: it is nested too deeply; correct the file.") from None
     except ValueError as problem:
-        raise RleSplatError(f"{what} {path} is not valid JSON: {problem}; mend it there.") from None
+        raise RleSplatError(f"{what} {path} is not valid JSON: {problem}; correct the file.") from None
 
 
 def list_of(cls, path, what: str, members: str, member: str) -> tuple:
-    """Instances of ``cls`` from the JSON file at ``path``, ``what``, which holds a list of ``members``."""
+    """Read a tuple of ``cls`` from the JSON file ``path``, which must hold a list.
+
+    ``what`` names the file in messages, ``members`` and ``member`` its entries in plural and singular.
+    """
     entries = read_json(path, what)
     if not isinstance(entries, list):
         raise RleSplatError(f"{what[0].upper()}{what[1:]} {path} must hold a list of {members}.")
@@ -98,6 +120,7 @@ def list_of(cls, path, what: str, members: str, member: str) -> tuple:
 
 
 def positive(value, name: str, least: float = LEAST_LENGTH, largest: float = LARGEST_LENGTH) -> float:
+    """Check that a number lies in [``least``, ``largest``]; return it as float."""
     number = as_float(value)
     if not (math.isfinite(number) and number > 0.0):
         raise RleSplatError(f"{name} must be a finite number above zero, not {short(value)}.")

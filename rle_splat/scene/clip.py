@@ -1,4 +1,4 @@
-"""A plane or a box that cuts the volume."""
+"""Clip objects: planes and boxes that cut the volume."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .errors import RleSplatError
 
 CLIP_KINDS = ("plane", "box")
 CLIP_SIDES = ("inside", "outside")
-# The volume that the directions of a clip object's axes span, below which it is flat.
+# Least volume spanned by the unit axes of a clip object; below it the object is flat.
 FLATTEST_CLIP = 1e-9
 
 
@@ -20,9 +20,19 @@ FLATTEST_CLIP = 1e-9
 class Clip:
     """A plane or a box that cuts the volume.
 
-    ``matrix_world`` takes its own space to the world.  A box is the cube from -1 to 1 of its own space.  A plane is
-    z = 0 there, and its +Z points out of what is inside, as the normals of a mesh do: what an arrow points at is cut
-    away.  ``keep``: which side stays, "inside" or "outside".
+    Parameters
+    ----------
+    kind : {"box", "plane"}
+        A box is the cube from -1 to 1 of its own space. A plane is z = 0 of its own space; its inside is z < 0.
+    matrix_world : (4, 4) array_like
+        The object's own space to world space.
+    keep : {"inside", "outside"}
+        Which side of the volume stays. With "inside", a plane cuts away the side to which its +Z axis points.
+
+    Raises
+    ------
+    RleSplatError
+        If ``kind`` or ``keep`` is unknown or ``matrix_world`` is flat.
     """
 
     kind: str = "box"
@@ -44,4 +54,5 @@ class Clip:
 
     @classmethod
     def list_from_json(cls, path) -> tuple:
+        """Read a tuple of Clip from a JSON file that holds a list of objects; their keys are the parameter names."""
         return list_of(cls, path, "the clip file", "planes and boxes", "plane or box")

@@ -1,9 +1,9 @@
-"""What a user is told when something cannot be done."""
+"""Exceptions that are shown to the user."""
 
 
 class RleSplatError(Exception):
-    """One sentence for the user: what is wrong and what to do.  Shown as it is, never as a traceback."""
+    """An error that the user can correct. The message says what is wrong and what to do; it is shown alone."""
 
 
 class Cancelled(Exception):
-    """The user stopped a long job; nothing half-made is left behind."""
+    """The user stopped a long job. No partial result is left behind."""

@@ -1,4 +1,4 @@
-"""Volumes on the grid of the first: labels of its voxels, further channels."""
+"""Further volumes on the grid of the scene's volume: labels and channels."""
 
 from __future__ import annotations
 
@@ -12,11 +12,21 @@ from .errors import RleSplatError
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """What each voxel of a volume belongs to.
+    """Label of each voxel, and a transfer function per label.
 
-    ``volume``: a Volume of whole numbers, the labels, on the same grid.  ``functions``: label -> its TransferFunction,
-    or None where what has the label is hidden; other labels have the scene's own.  ``names``: label -> text, for
-    people.
+    Parameters
+    ----------
+    volume : Volume
+        Labels as integers, on the same grid as the scene's volume.
+    functions : dict of int to TransferFunction or None
+        Transfer function of a label; None hides the label. Labels without an entry use the scene's transfer function.
+    names : dict of int to str
+        Names of labels, for display.
+
+    Raises
+    ------
+    RleSplatError
+        If the voxels or a key are not integers.
     """
 
     volume: object
@@ -26,7 +36,7 @@ class Labels:
     def __post_init__(self):
         if self.volume.voxels.dtype.kind not in "iu":
             raise RleSplatError(
-                f"Labels must be whole numbers, not {self.volume.voxels.dtype.name}; give the volume of the labels."
+                f"Labels must be whole numbers, not {self.volume.voxels.dtype.name}; give a volume of integers."
             )
         for label in (*self.functions, *self.names):
             if isinstance(label, bool) or not isinstance(label, (int, np.integer)):
@@ -35,7 +45,15 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """A further volume on the same grid, and the transfer function that it is added by."""
+    """A further volume on the same grid, rendered together with the first one.
+
+    Parameters
+    ----------
+    volume : Volume
+        On the same grid as the scene's volume.
+    transfer_function : TransferFunction
+        Transfer function of this volume.
+    """
 
     volume: object
     transfer_function: object

@@ -1,4 +1,4 @@
-"""A light, by Blender's own settings."""
+"""Lights, with Blender's parameters."""
 
 from __future__ import annotations
 
@@ -15,9 +15,36 @@ LIGHT_TYPES = ("SUN", "POINT", "SPOT", "AREA")
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A light with Blender's own parameters: it shines along the -Z of ``matrix_world``.
+    """A light with Blender's parameters. It shines along the -Z axis of ``matrix_world``.
 
-    ``energy`` is W/m^2 for a SUN and W for the others; lengths are world units, angles radians.
+    Parameters
+    ----------
+    type : {"SUN", "POINT", "SPOT", "AREA"}
+    color : (3,) sequence of float
+        Scene-linear RGB.
+    energy : float
+        W/m^2 for a SUN, W for other types.
+    matrix_world : (4, 4) array_like
+        Light space to world space.
+    radius : float
+        Radius of a POINT or SPOT in world units.
+    angle : float
+        Angular diameter of a SUN in radians.
+    size, size_y : float
+        Sides of an AREA in light space; only a RECTANGLE or an ELLIPSE uses ``size_y``.
+    shape : {"SQUARE", "RECTANGLE", "DISK", "ELLIPSE"}
+        Shape of an AREA.
+    spot_size : float
+        Full opening angle of a SPOT in radians.
+    spot_blend : float
+        Softness of the edge of a SPOT, 0 to 1.
+    casts_shadow : bool
+        Whether the volume and meshes block this light.
+
+    Raises
+    ------
+    RleSplatError
+        If the type is unknown, the color is negative or a number is negative or not finite.
     """
 
     type: str = "SUN"
@@ -41,9 +68,10 @@ class Light:
         for name in ("energy", "radius", "angle", "size", "size_y", "spot_size", "spot_blend"):
             value = getattr(self, name)
             if not (is_finite_number(value) and value >= 0.0):
-                raise RleSplatError(f"A light's {name} must be a finite number, not below zero.")
+                raise RleSplatError(f"A light's {name} must be a finite number, not below zero, not {short(value)}.")
             object.__setattr__(self, name, float(value))
 
     @classmethod
     def list_from_json(cls, path) -> tuple:
+        """Read a tuple of Light from a JSON file that holds a list of objects; their keys are the parameter names."""
         return list_of(cls, path, "the lights file", "lights", "light")

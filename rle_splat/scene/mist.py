@@ -1,4 +1,4 @@
-"""The mist of a world."""
+"""Mist, with Blender's parameters."""
 
 from __future__ import annotations
 
@@ -13,10 +13,28 @@ MIST_FALLOFFS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
 
 @dataclass(frozen=True)
 class Mist:
-    """The mist of Blender's world: colour fades to ``color``, scene-linear RGB, none of it up to ``start`` from the
-    camera, all of it ``depth`` further, world units; in between by ``falloff``, of Blender's meaning.
+    """The mist of Blender's world: colors fade to one color with distance.
 
-    The distance is the ray's own in perspective, along the camera's axis if it is orthographic, as in Cycles' pass.
+    Parameters
+    ----------
+    start : float
+        Distance from the camera, in world units, up to which there is no mist.
+    depth : float
+        Distance beyond ``start``, in world units, at which only the mist's color is left.
+    falloff : {"QUADRATIC", "LINEAR", "INVERSE_QUADRATIC"}
+        How the mist grows from ``start`` to ``start + depth``, as in Blender.
+    color : (3,) sequence of float
+        Scene-linear RGB.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is out of range.
+
+    Notes
+    -----
+    As in Cycles' mist pass, the distance is measured along the ray for a perspective camera and along the camera's
+    axis for an orthographic one.
     """
 
     start: float = 5.0
@@ -26,13 +44,16 @@ class Mist:
 
     def __post_init__(self):
         if not (is_finite_number(self.start) and 0.0 <= self.start <= LARGEST_LENGTH):
-            raise RleSplatError(f"The mist's start must be a finite number, not below zero, not {short(self.start)}.")
+            raise RleSplatError(f"The mist's start must be a finite number, zero or more, not {short(self.start)}.")
         object.__setattr__(self, "start", float(self.start))
         object.__setattr__(self, "depth", positive(self.depth, "The mist's depth"))
         if self.falloff not in MIST_FALLOFFS:
-            raise RleSplatError(f"The mist's falloff must be one of {', '.join(MIST_FALLOFFS)}.")
+            raise RleSplatError(
+                f"The mist's falloff must be one of {', '.join(MIST_FALLOFFS)}, not {short(self.falloff)}."
+            )
         object.__setattr__(self, "color", as_color(self.color, "The mist's color"))
 
     @classmethod
     def from_json(cls, path) -> Mist:
+        """Read a Mist from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the mist file"), "The mist file")

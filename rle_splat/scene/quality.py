@@ -1,4 +1,4 @@
-"""The knobs that trade time for accuracy, and the presets of them."""
+"""Quality settings that trade time for accuracy, and presets of them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from .errors import RleSplatError
 
 NO_RAYS = 0.0
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays")
-# One table of names for the command line, the panel and the reports: what each quality preset sets of PRESET_KNOBS,
-# for sheets of classified voxels, pre and refined, and for post-classified ones.
-# Their errors against the truths are asserted in tests/truths/test_ladder.py, their times printed by bench stages.
+# What each quality preset sets of PRESET_KNOBS: for pre-classified sheets ("pre" and "refined") and for post-classified
+# ones. tests/truths/test_ladder.py asserts their errors; the benchmark "stages" prints their times.
 QUALITY_PRESETS = {
     "draft": {
         "pre": ("slice", 0.7, "bilinear", 1 / 256, NO_RAYS), "post": ("slice-2", 0.4, "bilinear", 1 / 256, NO_RAYS),
@@ -30,44 +29,44 @@ QUALITY_PRESETS = {
     },
 }
 DEFAULT_QUALITY = "standard"
-# Names of the knobs' values, in the order shown to people.
+# Values of the settings, in the order in which they are shown.
 CLASSIFICATIONS = ("pre", "refined", "post")
 DEFAULT_CLASSIFICATION = "post"
-# The only values of these knobs that post has; pre and refined offer others too.
+# The only values that the classification "post" supports; "pre" and "refined" offer others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
 REFINEMENTS = (2, 3, 4)  # cells of the refined grid along each side of a voxel cell
 MOST_MIDPOINTS = 64
 MOST_SHEET_DENSITY = 16
 MOST_PREINTEGRATED = 8
-MOST_FADE = 15.0  # degrees; with more, most views would be drawn along several axes
-# slice-2 is every second slice.  There is midpoint-M too, of which lists show some.
+MOST_FADE = 15.0  # degrees; a wider range would draw most views along several axes
+# slice-2 is every second slice. Lists of depth rules show only some of midpoint-M.
 NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
-SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # of sheets of the scalar alone
+SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # post-classified sheets only
 FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
 MINIFICATIONS = ("off", "widen", "pool")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
-RECORDS = (16, 8, 6, 4)  # bytes of a voxel in the run-length tables; what each holds: encode/records.py
+RECORDS = (16, 8, 6, 4)  # bytes of a voxel record in the run-length tables; see encode/records.py
 BACKENDS = ("auto", "numba", "numpy")
-# What each knob is, for the help of the command line and the tooltips of the panel.
+# Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
-    "classification": "when values become opacity and colour",
-    "refinement": "how many times finer the grid is on which refined classifies",
-    "depth_rule": "how sheets are integrated along the view",
-    "sheet_density": "sheet pixels per image pixel; zero for one per voxel",
-    "kernel": "footprint of a voxel: its reconstruction kernel; post has tent alone",
-    "minification": "where several voxels share a sheet pixel, against shimmer: widen footprints, or pool voxels, "
-    "quicker too; post does neither and shows what is there",
-    "warp_filter": "filter from the intermediate image to the picture",
-    "axis_fade": "degrees about the switch of the principal axis in which both are drawn and mixed, against popping; "
-    "orthographic views alone",
+    "classification": "when values become opacity and color: before or after interpolation",
+    "refinement": "how many times finer the grid of the refined classification is than the voxel grid",
+    "depth_rule": "how opacity and color are integrated between slices along the view",
+    "sheet_density": "sheet pixels per image pixel; 0 for one sheet pixel per voxel",
+    "kernel": "reconstruction kernel, the footprint of a voxel; post supports tent only",
+    "minification": "what prevents shimmer where several voxels share a sheet pixel: widen enlarges the footprints, "
+    "pool averages voxels, which is faster; post supports off only",
+    "warp_filter": "filter that resamples the intermediate image to the picture",
+    "axis_fade": "range in degrees around a change of the principal axis in which pictures along both axes are "
+    "blended, so that nothing pops when the camera turns; orthographic cameras only",
     "termination": "transmittance below which a pixel counts as opaque",
-    "rays": "how far apart a pixel and its neighbours must be, 1 between black and white, for a ray of its own, which "
-    "is dearer and exact, of 512 x 512 pixels for a quarter at most; zero for none; post alone",
-    "model": "what overlapping footprints add up; post has extinction alone",
-    "record": "bytes of a classified voxel in the run-length tables; fewer save memory and lose accuracy",
-    "backend": "what runs the loops",
+    "rays": "difference between neighboring pixels (1 is black to white) from which a pixel gets its own ray, which is "
+    "slower and exact; at most a quarter of large pictures; 0 for no rays; post only",
+    "model": "what overlapping footprints add up; post supports extinction only",
+    "record": "bytes of a voxel record in the run-length tables; smaller records save memory and lose accuracy",
+    "backend": "what runs the inner loops",
 }
 
 
@@ -82,14 +81,32 @@ def truth_of(quality: Quality) -> str:
 
 
 def preintegrated_of(depth_rule: str) -> int | None:
-    """How many slabs a cell has under the rule preintegrated (one) or preintegrated-M; None for any other name."""
+    """Slabs per cell of the rule preintegrated (1) or preintegrated-M (M); None for any other name."""
     found = re.fullmatch("preintegrated(?:-([1-9]))?", str(depth_rule))
     slabs = int(found[1] or 1) if found else None
     return slabs if slabs is not None and slabs <= MOST_PREINTEGRATED else None
 
 
 def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dict:
-    """The knobs that the quality preset ``name`` sets, by field of Quality."""
+    """Values of PRESET_KNOBS that the quality preset ``name`` sets.
+
+    Parameters
+    ----------
+    name : str
+        A key of QUALITY_PRESETS.
+    classification : str
+        One of CLASSIFICATIONS.
+
+    Returns
+    -------
+    dict
+        Field of Quality -> value.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such preset.
+    """
     if name not in QUALITY_PRESETS:
         raise RleSplatError(f"There is no quality {name!r}; choose {', '.join(QUALITY_PRESETS)}.")
     rung = QUALITY_PRESETS[name]["post" if classification == "post" else "pre"]
@@ -97,40 +114,78 @@ def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dic
 
 
 def not_in_post(knobs: dict) -> list[str]:
-    """Which of ``knobs``, values by field of Quality, post-classified sheets do not have."""
+    """Names of those ``knobs`` (field of Quality -> value) whose value post-classified sheets do not support."""
     return [knob for knob, only in POST_ONLY.items() if knobs.get(knob, only) != only]
 
 
 def midpoints_of(depth_rule: str) -> int | None:
-    """How many sheets a cell has under the rule midpoint-M, M from 1 to MOST_MIDPOINTS; None for any other name."""
+    """Sheets per cell of the rule midpoint-M (M from 1 to MOST_MIDPOINTS); None for any other name."""
     found = re.fullmatch("midpoint-([1-9][0-9]?)", str(depth_rule))
     return int(found[1]) if found and int(found[1]) <= MOST_MIDPOINTS else None
 
 
 @dataclass(frozen=True)
 class Quality:
-    """The knobs that trade time for accuracy, each by the name the command line and the panel use.
+    """Settings that trade time for accuracy. The command line and the panel use the same names.
 
-    ``classification`` "post": the values are interpolated, and what is shown is classified in every sheet pixel, as in
-    a ray caster; it has the knobs of POST_ONLY at those values alone.  "pre" is the paper's: voxels are classified, and
-    what is shown is interpolated; "refined" interpolates the values on a grid ``refinement`` times finer first, against
-    blurred edges.  All but "pre" show the box of the voxels' centres and nothing outside it.
-    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are left out, or None, are
-    those of the quality "standard" of the classification.
-    ``kernel`` is the footprint; ``minification`` "widen" widens it where several voxels share a sheet pixel, for
-    pictures without shimmer, "pool" averages voxels first, as many as fit into a sheet pixel everywhere in the picture,
-    and widens what is left; "off" shows exactly what lies on each pixel's ray.
-    ``sheet_density`` is sheet pixels per image pixel; 0 means one sheet pixel per voxel, as in the paper.
-    ``record`` is how many bytes a voxel of the run-length tables takes: fewer save memory and lose accuracy.
-    ``axis_fade``: within so many degrees of where the principal axis of parallel rays switches, pictures along both are
-    mixed, so that nothing pops as the camera turns; they cost as many pictures.  0 to 15.
-    ``rays``, above zero: pixels among whose 3 x 3 neighbours a channel of the premultiplied scene-linear picture takes
-    values at least so far apart are had by single rays, without sheets and warp ("post" alone, and where nothing is in
-    the scene that such rays do not know: ``single_rays.can_trace``).  Of each 16 x 16 pixels of the frame they are the
-    64 steepest at most, so that noise, which is steep all over, does not take a ray for every pixel; in frames of fewer
-    than 512 x 512 pixels as many more as make 65536 in all (``warp.steep``).
-    ``termination`` is the transmittance at which a pixel counts as opaque.  ``length_correction`` off is the
-    paper's literal reading: a sheet has the same opacity whatever the obliquity of the ray.
+    Parameters
+    ----------
+    classification : {"post", "pre", "refined"}
+        "post" (post-classified) interpolates values and classifies in every sheet pixel, as a ray caster does; it
+        supports only the values of POST_ONLY. "pre" (pre-classified) classifies voxels and interpolates the result, as
+        the paper does. "refined" is "pre" on a finer grid, to which the values are interpolated first; it reduces
+        blurred edges. "post" and "refined" show the box spanned by the voxel centers; "pre" extends beyond it by the
+        footprints of the outer voxels.
+    refinement : {2, 3, 4}
+        How many times finer the grid of "refined" is than the voxel grid.
+    depth_rule : str or None
+        How opacity and color are integrated between slices; one of DEPTH_RULES, midpoint-M, or, with "post",
+        preintegrated or preintegrated-M.
+    sheet_density : float or None
+        Sheet pixels per image pixel; 0 for one sheet pixel per voxel, as in the paper.
+    kernel : str
+        Reconstruction kernel of a voxel's footprint; one of FOOTPRINTS.
+    minification : {"off", "widen", "pool"}
+        "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "pool" averages as
+        many voxels as fit into a sheet pixel everywhere in the picture, then widens. "off" shows exactly what lies on
+        each pixel's ray.
+    warp_filter : str or None
+        Filter that resamples the intermediate image; one of WARP_FILTERS.
+    termination : float or None
+        Transmittance below which a pixel counts as opaque; 0 to 0.5.
+    axis_fade : float
+        Range in degrees, 0 to 15, around a change of the principal axis of parallel rays. Inside it, pictures along
+        both axes are rendered and blended, so that nothing pops as the camera turns.
+    rays : float or None
+        A pixel gets a single ray of its own, without sheets and warp, where a channel of the premultiplied
+        scene-linear picture differs by at least this much among its 3 x 3 neighbors; 0 for none. Only "post", and
+        only scenes that ``single_rays.can_trace`` accepts.
+    model : {"extinction", "opacity"}
+        What overlapping footprints add up.
+    length_correction : bool
+        Whether the opacity of a sheet depends on the obliquity of the ray. False is the paper's literal reading.
+    record : {16, 8, 6, 4}
+        Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy.
+    threads : int
+        Number of threads; 0 for one per core.
+    backend : {"auto", "numba", "numpy"}
+        What runs the inner loops.
+    name : str
+        Name of the preset, for reports.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is out of range, or two settings exclude each other.
+
+    Notes
+    -----
+    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are None take their value from
+    the preset "standard".
+
+    Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
+    which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
+    proportionally larger limit, up to 65536 rays (``warp.steep``).
     """
 
     classification: str = DEFAULT_CLASSIFICATION
@@ -167,8 +222,8 @@ class Quality:
         if preintegrated_of(self.depth_rule) is not None:
             if self.classification != "post":
                 raise RleSplatError(
-                    f"The depth rule {self.depth_rule} integrates the transfer function between sheets of the scalar; "
-                    "choose the classification post with it, or another depth rule."
+                    f"The depth rule {self.depth_rule} integrates the transfer function between sheets of scalar "
+                    "values; choose the classification post with it, or another depth rule."
                 )
         elif self.depth_rule not in NAMED_DEPTH_RULES and midpoints_of(self.depth_rule) is None:
             raise RleSplatError(
@@ -179,44 +234,59 @@ class Quality:
         if self.classification == "post" and (missing := not_in_post(vars(self))):
             knob = missing[0]
             raise RleSplatError(
-                f"The classification post splats with the {knob.replace('_', ' ')} {POST_ONLY[knob]} only, not "
+                f"The classification post supports the {knob.replace('_', ' ')} {POST_ONLY[knob]} only, not "
                 f"{getattr(self, knob)}; choose that, or the classification pre."
             )
         if self.minification == "pool" and (self.classification != "pre" or self.model != "extinction"):
             raise RleSplatError(
-                "The minification pool averages the extinction of classified voxels: choose the classification pre and "
+                "The minification pool averages the extinction of classified voxels; choose the classification pre and "
                 "the model extinction with it, or the minification widen."
             )
         if self.refinement not in REFINEMENTS:
             allowed = ", ".join(map(str, REFINEMENTS))
-            raise RleSplatError(f"The refined grid is {allowed} times finer than the voxels, not {self.refinement!r}.")
+            raise RleSplatError(f"The refinement must be one of {allowed}, not {self.refinement!r}.")
         if self.record not in RECORDS:
-            raise RleSplatError(f"A voxel's record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
+            raise RleSplatError(f"A voxel record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
         if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= MOST_SHEET_DENSITY):
             raise RleSplatError(
-                f"The sheet density must be between 0 and {MOST_SHEET_DENSITY} sheet pixels per image pixel."
+                f"The sheet density must be from 0 to {MOST_SHEET_DENSITY} sheet pixels per image pixel, "
+                f"not {self.sheet_density!r}."
             )
         if not (0.0 <= self.termination < 0.5):
-            raise RleSplatError("The termination transmittance must be at least 0 and below 0.5.")
+            raise RleSplatError(f"The termination must be at least 0 and below 0.5, not {self.termination!r}.")
         if not (0.0 <= self.axis_fade <= MOST_FADE):
-            raise RleSplatError(f"Principal axes fade into each other over 0 to {MOST_FADE:g} degrees.")
+            raise RleSplatError(f"The axis fade must be from 0 to {MOST_FADE:g} degrees, not {self.axis_fade!r}.")
         if not (np.isfinite(self.rays) and self.rays >= 0.0):
-            raise RleSplatError("How steep a pixel must be for a ray of its own is 0, for none, or a number above it.")
+            raise RleSplatError(f"The setting rays must be 0, for no rays, or a positive number, not {self.rays!r}.")
         if self.rays and self.classification != "post":
             raise RleSplatError(
-                "Single rays go through voxels that are not classified yet; choose the classification post with them, "
-                "or rays of 0, for none."
+                "Single rays need voxels that are not classified yet; choose the classification post with them, or set "
+                "rays to 0."
             )
         if self.threads < 0:
             raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
 
     @classmethod
     def preset(cls, name: str, /, classification: str = DEFAULT_CLASSIFICATION, **overrides) -> Quality:
-        """The quality preset ``name`` for a classification, some knobs overridden."""
+        """Make a Quality from a preset.
+
+        Parameters
+        ----------
+        name : str
+            A key of QUALITY_PRESETS.
+        classification : str
+            One of CLASSIFICATIONS.
+        **overrides
+            Fields of Quality that differ from the preset.
+
+        Returns
+        -------
+        Quality
+        """
         return cls(classification=classification, **{"name": name, **preset_knobs(name, classification), **overrides})
 
     def classified(self, classification: str) -> Quality:
-        """The same for another classification; a preset stays that preset, whose knobs may be others."""
+        """Copy with another classification. If all settings are those of a preset, the copy has that preset's too."""
         knobs = {"classification": classification, "rays": self.rays if classification == "post" else NO_RAYS}
         if self.name in QUALITY_PRESETS:
             mine = preset_knobs(self.name, self.classification)
@@ -226,7 +296,10 @@ class Quality:
 
     @classmethod
     def paper(cls, **overrides) -> Quality:
-        """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel."""
+        """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel.
+
+        ``overrides`` are fields of Quality that differ.
+        """
         return cls(
             classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", model="opacity",
             length_correction=False, axis_fade=0.0, name="paper", **overrides,

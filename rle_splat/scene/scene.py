@@ -1,4 +1,4 @@
-"""Everything a picture depends on, and the picture."""
+"""The scene, which holds everything that a picture depends on, and the rendered picture."""
 
 from __future__ import annotations
 
@@ -14,20 +14,26 @@ from .errors import RleSplatError
 from .further_volumes import Labels
 from .mist import Mist
 
-# What a pixel shows of its ray: see effects/ray_values.py.
+# What a pixel shows of the values along its ray; see effects/ray_values.py. Shown in help texts and tooltips.
 MODE_TEXTS = {
-    "composite": "emission and absorption, front to back",
-    "xray": "absorption alone, bone bright",
-    "mip": "the largest value, as the transfer function shows it",
-    "minip": "the smallest value",
-    "average": "the mean value",
+    "composite": "emission and absorption (front to back)",
+    "xray": "absorption only (dense tissue is bright)",
+    "mip": "largest value along the ray (in the colors of the transfer function)",
+    "minip": "smallest value along the ray",
+    "average": "mean value along the ray",
 }
 MODES = tuple(MODE_TEXTS)
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where the camera and the volume are at one time: their matrices to the world, (4, 4)."""
+    """Camera and volume matrices at one time within the exposure.
+
+    Parameters
+    ----------
+    camera_matrix, volume_matrix : (4, 4) array_like
+        Camera space and volume space to world space.
+    """
 
     camera_matrix: np.ndarray
     volume_matrix: np.ndarray
@@ -38,40 +44,70 @@ class Pose:
 
 
 def checked_crop(crop, width: int, height: int) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom) of a crop of a frame, or a RleSplatError when it is none."""
+    """Check a crop of a ``width`` x ``height`` frame; return (left, top, right, bottom) as ints."""
     sides = tuple(crop) if np.iterable(crop) else ()
     whole = len(sides) == 4 and all(isinstance(side, (int, np.integer)) for side in sides)
     if not (whole and 0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height):
         raise RleSplatError(
-            f"A crop must be four whole numbers of pixels, left, top, right and bottom, with left < right within 0 to "
-            f"{width} and top < bottom within 0 to {height}, not {crop!r}."
+            f"A crop must be four whole numbers of pixels: left, top, right, bottom, with 0 <= left < right <= {width} "
+            f"and 0 <= top < bottom <= {height}, not {crop!r}."
         )
     return tuple(int(side) for side in sides)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything a picture depends on.
+    """Everything that a picture depends on.
 
-    A voxel index (x, y, z) is placed in the world by ``volume_matrix @ scale(scene_scale) @ volume.affine``.
-    ``lights`` empty and ``headlight`` False means unlit colours.  ``background`` is scene-linear RGB.
-    ``triangles`` are the meshes that stand in or around the volume, (n, 3, 3) float64 world coordinates:
-    each ray is integrated only as far as the first of them.
-    ``clips``: planes and boxes; what is left of the volume is what each of them keeps.
-    ``volume_shadows``: whether lights that cast shadows cast them in the volume: its own, and those of the meshes.
-    ``world``: scene-linear RGB radiance that comes from everywhere, None for none.  ``ambient_occlusion``: how much of
-    the light from everywhere, the transfer function's ambient light with it, is taken away where the volume or a mesh
-    hides the sky; 0 to 1.
-    ``labels``: what each voxel belongs to, and what that looks like.  ``channels``: further volumes on the same grid,
-    whose extinctions are added, and whose colours by extinction.
-    ``crop``: (left, top, right, bottom), half-open, in pixels of the whole frame of ``width`` x ``height``, row 0 on
-    top: only these are rendered, bit for bit as they are in the whole frame.  None for all of it.
-    ``effects``: name of an effect -> whether it is forced on or off, whatever the rest of the scene calls for.
-    ``motion``: Poses from when the shutter opens to when it closes, at equal steps of time; empty for a shutter of no
-    time.  The camera's and the volume's own matrices are then those of what stays sharp: the depth.
-    ``mode``: one of MODES, what a pixel shows of its ray; see ``effects.ray_values``.
-    ``mist``: towards which colours fade with distance; None for clear air.
-    ``reasons_off``: name of an effect -> why the scene was made without it, as words behind "off"; for reports alone.
+    Parameters
+    ----------
+    volume : Volume
+    transfer_function : TransferFunction
+    camera : Camera
+    width, height : int
+        Size of the whole frame in pixels.
+    volume_matrix : (4, 4) array_like
+        Matrix of the volume object in the world. A voxel index (x, y, z) has the world position
+        ``volume_matrix @ scale(scene_scale) @ volume.affine``.
+    scene_scale : float
+        World units per unit of the volume.
+    lights : tuple of Light
+    headlight : bool
+        Whether a white parallel light shines along the camera's axis. Without any light, colors are not shaded.
+    background : (3,) tuple of float or None
+        Scene-linear RGB.
+    triangles : (n, 3, 3) ndarray of float64 or None
+        Triangles of the meshes in or around the volume, in world coordinates. A ray ends at the first triangle.
+    crop : (4,) tuple of int or None
+        (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
+        rendered, with the same bits as in the whole frame. None for the whole frame.
+    effects : dict of str to bool
+        Effect name -> forced on or off, whatever the rest of the scene needs.
+    motion : tuple of Pose
+        Poses at equal steps of time from the opening to the closing of the shutter; empty for no motion blur. The
+        depth is that of the camera's and the volume's own matrices.
+    clips : tuple of Clip
+        The part of the volume that every clip object keeps is shown.
+    mode : str
+        What a pixel shows of the values along its ray; one of MODES.
+    mist : Mist or None
+    volume_shadows : bool
+        Whether lights that cast shadows cast them in the volume: shadows of the volume itself and of the meshes.
+    world : (3,) tuple of float or None
+        Scene-linear RGB radiance that arrives from all directions.
+    ambient_occlusion : float
+        Share, 0 to 1, of the light from all directions (the transfer function's ambient light included) that is
+        removed where the volume or a mesh hides the sky.
+    labels : Labels or None
+    channels : tuple of Channel
+        Further volumes on the same grid. Extinctions are added; colors are averaged by extinction.
+    reasons_off : dict of str to str
+        Effect name -> why the scene was made without it, for reports only.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is out of range, or labels or a channel are on another grid.
     """
 
     volume: object
@@ -102,7 +138,7 @@ class Scene:
         if self.mode not in MODES:
             raise RleSplatError(f"There is no mode called {short(self.mode)}; choose {', '.join(MODES)}.")
         if not (self.mist is None or isinstance(self.mist, Mist)):
-            raise RleSplatError("The scene's mist must be a Mist, or None for clear air.")
+            raise RleSplatError("The scene's mist must be a Mist, or None for no mist.")
         object.__setattr__(self, "volume_matrix", as_matrix(self.volume_matrix, "The volume's matrix"))
         object.__setattr__(self, "scene_scale", positive(self.scene_scale, "The scene scale"))
         for name in ("width", "height"):
@@ -113,46 +149,51 @@ class Scene:
         if self.crop is not None:
             object.__setattr__(self, "crop", checked_crop(self.crop, self.width, self.height))
         if not (isinstance(self.effects, dict) and all(isinstance(on, bool) for on in self.effects.values())):
-            raise RleSplatError("The scene's effects must name effects, each with true for on or false for off.")
+            raise RleSplatError("The scene's effects must be a dict of effect names to true (on) or false (off).")
         if len(self.motion) == 1:
-            raise RleSplatError("Motion takes two poses or more, from when the shutter opens to when it closes.")
+            raise RleSplatError("Motion needs no pose or at least two, from the opening to the closing of the shutter.")
         if not (isinstance(self.clips, tuple) and all(isinstance(clip, Clip) for clip in self.clips)):
-            raise RleSplatError("The scene's clips must be a tuple of Clip, planes and boxes.")
+            raise RleSplatError("The scene's clips must be a tuple of Clip objects (planes and boxes).")
         if self.world is not None:
             object.__setattr__(self, "world", as_color(self.world, "The world's light"))
         if not (is_finite_number(self.ambient_occlusion) and 0.0 <= self.ambient_occlusion <= 1.0):
-            raise RleSplatError("The strength of ambient occlusion must be a number from 0 to 1.")
+            raise RleSplatError(f"Ambient occlusion must be a number from 0 to 1, not {short(self.ambient_occlusion)}.")
         if self.labels is not None:
             self._check_grid(self.labels.volume, "label volume")
         for channel in self.channels:
             self._check_grid(channel.volume, "channel")
 
     def _check_grid(self, other, what: str) -> None:
+        """Refuse a volume ``other`` whose grid has another shape."""
         mine, others = (" x ".join(map(str, one.shape_xyz)) for one in (self.volume, other))
         if mine != others:
-            raise RleSplatError(
-                f"The {what} has {others} voxels and the volume {mine}; give one that is on the volume's own grid."
-            )
+            raise RleSplatError(f"The {what} has {others} voxels and the volume has {mine}; give one on the same grid.")
 
     @property
     def region(self) -> tuple[int, int, int, int]:
-        """The pixels that are rendered, (left, top, right, bottom): the crop, or the whole frame."""
+        """The pixels to render, (left, top, right, bottom): the crop, or the whole frame."""
         return self.crop or (0, 0, self.width, self.height)
 
     @property
     def index_to_world(self) -> np.ndarray:
-        """(4, 4) float64: voxel index (x, y, z, 1) to world."""
+        """(4, 4) float64 matrix from voxel index (x, y, z, 1) to world space."""
         scale = np.diag((self.scene_scale, self.scene_scale, self.scene_scale, 1.0))
         return self.volume_matrix @ scale @ self.volume.affine
 
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """A finished picture, row 0 on top: the scene's crop, or its whole frame.
+    """A rendered picture: the scene's crop, or its whole frame; row 0 at the top.
 
-    ``rgba``: (H, W, 4) float32, scene-linear, premultiplied, without the background.
-    ``depth``: (H, W) float32, planar distance along the camera's axis in world units at which the
-    transmittance falls below one half, ``NO_DEPTH`` where it never does.  ``report``: JSON-ready dict.
+    Attributes
+    ----------
+    rgba : (H, W, 4) ndarray of float32
+        Scene-linear, premultiplied, without the background.
+    depth : (H, W) ndarray of float32
+        Planar distance along the camera's axis, in world units, at which the transmittance falls below one half;
+        ``NO_DEPTH`` where it never does.
+    report : dict
+        What was rendered and how; can be written as JSON.
     """
 
     rgba: np.ndarray

@@ -1,7 +1,8 @@
-"""Lights with a size as several without: how many it takes, and where they are.  The same every time.
+"""Samples of lights that have a size. They are the same every time.
 
-A shadow's edge under k samples is a stair of k steps, none higher than 1 / k of the light, each as wide as the penumbra
-over k.  Footprints are two voxels wide, so steps that wide are slopes; so many samples are taken, up to MOST_SAMPLES.
+With k samples, the edge of a shadow is a stair of k steps, each at most 1 / k of the light and as wide as the penumbra
+over k. Footprints are two voxels wide, so steps of that width look like a slope. So many samples are taken, up to
+MOST_SAMPLES.
 """
 
 from __future__ import annotations
@@ -10,82 +11,94 @@ import math
 
 import numpy as np
 
-STEP = 2.0  # voxels of penumbra that one sample is enough for
+STEP = 2.0  # voxels of penumbra per sample
 MOST_SAMPLES = 8  # sixteen look the same on a head under a sun 23 degrees wide
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 PLASTIC = np.array((0.7548776662466927, 0.5698402909980532))  # steps that fill a square evenly (the plastic number)
-# Directions to the fourteen points of Lebedev's rule of degree five, and their weights: the six axes, eight corners.
+# Directions to the fourteen points of Lebedev's rule of degree five, and their weights: six axes and eight corners.
 _CORNERS = np.stack(np.meshgrid((-1, 1), (-1, 1), (-1, 1)), axis=-1).reshape(-1, 3) / math.sqrt(3.0)
 SKY_DIRECTIONS = np.concatenate((np.eye(3), -np.eye(3), _CORNERS))
 SKY_WEIGHTS = np.array((1 / 15,) * 6 + (3 / 40,) * 8)
 
 
 def light_samples(light, box: np.ndarray, voxel: float) -> np.ndarray:
-    """(k, 3) world: directions that a sun shines along, or places that another light shines from.
+    """Sample a light.
 
-    ``box``: (8, 3) corners of the volume, world.  ``voxel``: world length of one.
+    Parameters
+    ----------
+    light : Light
+    box : (8, 3) ndarray of float64
+        Corners of the volume, world.
+    voxel : float
+        World length of a voxel.
+
+    Returns
+    -------
+    (k, 3) ndarray of float64
+        World. For a SUN the directions in which it shines; for other lights the positions from which they shine.
     """
     matrix = light.matrix_world
-    centre = box.mean(axis=0)
+    center = box.mean(axis=0)
     if light.type == "SUN":
         along = -_unit(matrix[:3, 2])
         radius = math.tan(0.5 * min(light.angle, math.pi / 2))
-        width = 2.0 * radius * np.linalg.norm(box - centre, axis=1).max() * 2.0 / voxel
+        width = 2.0 * radius * np.linalg.norm(box - center, axis=1).max() * 2.0 / voxel
         across, up = _perpendicular(along)
-        places = _on_disc(_count(width)) * radius
-        return along + places[:, :1] * across + places[:, 1:] * up
-    place = matrix[:3, 3]
+        points = _on_disc(_count(width)) * radius
+        return along + points[:, :1] * across + points[:, 1:] * up
+    position = matrix[:3, 3]
     if light.type == "AREA":
         across, up = matrix[:3, 0] * light.size, matrix[:3, 1] * light.size
         if light.shape in ("RECTANGLE", "ELLIPSE"):
             up = matrix[:3, 1] * light.size_y
         size = float(np.hypot(np.linalg.norm(across), np.linalg.norm(up)))
-        count = _count(_penumbra(size, place, box, voxel))
+        count = _count(_penumbra(size, position, box, voxel))
         spread = 0.5 * _on_disc(count) if light.shape in ("DISK", "ELLIPSE") else _on_square(count)
     else:
-        across, up = _perpendicular(_unit(centre - place))
+        across, up = _perpendicular(_unit(center - position))
         size = 2.0 * light.radius
-        spread = 0.5 * size * _on_disc(_count(_penumbra(size, place, box, voxel)))
-    return place + spread[:, :1] * across + spread[:, 1:] * up
+        spread = 0.5 * size * _on_disc(_count(_penumbra(size, position, box, voxel)))
+    return position + spread[:, :1] * across + spread[:, 1:] * up
 
 
-def _penumbra(size: float, place, box, voxel: float) -> float:
-    """Voxels that the widest penumbra in the box has: of what is nearest the light, on what is furthest."""
-    centre, radius = box.mean(axis=0), np.linalg.norm(box - box.mean(axis=0), axis=1).max()
-    away = np.linalg.norm(place - centre)
+def _penumbra(size: float, position, box, voxel: float) -> float:
+    """Widest penumbra in the box, in voxels: that of the nearest point on the furthest."""
+    center, radius = box.mean(axis=0), np.linalg.norm(box - box.mean(axis=0), axis=1).max()
+    away = np.linalg.norm(position - center)
     nearest = max(away - radius, voxel)
     return size / voxel * (away + radius - nearest) / nearest
 
 
 def _count(width: float) -> int:
-    """Samples for a penumbra of ``width`` voxels at its widest: one where it is narrower than a voxel."""
+    """Samples for a penumbra at most ``width`` voxels wide; one if it is narrower than a voxel."""
     return 1 if width <= 1.0 else int(min(math.ceil(width / STEP) + 1, MOST_SAMPLES))
 
 
 def _on_disc(count: int) -> np.ndarray:
-    """(count, 2) points spread evenly over the unit disc, about its middle: Vogel's spiral."""
+    """(count, 2) points spread evenly over the unit disc, with mean zero: Vogel's spiral."""
     if count == 1:
         return np.zeros((1, 2))
     n = np.arange(count)
     radius, angle = np.sqrt((n + 0.5) / count), n * GOLDEN_ANGLE
-    places = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
-    return places - places.mean(axis=0)
+    points = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
+    return points - points.mean(axis=0)
 
 
 def _on_square(count: int) -> np.ndarray:
-    """(count, 2) points spread evenly over the square [-1/2, 1/2]^2, about its middle."""
+    """(count, 2) points spread evenly over the square [-1/2, 1/2]^2, with mean zero."""
     if count == 1:
         return np.zeros((1, 2))
-    places = np.mod(0.5 + np.arange(count)[:, None] * PLASTIC, 1.0)
-    return places - places.mean(axis=0)
+    points = np.mod(0.5 + np.arange(count)[:, None] * PLASTIC, 1.0)
+    return points - points.mean(axis=0)
 
 
 def _unit(vector) -> np.ndarray:
+    """``vector`` scaled to length one."""
     return vector / np.linalg.norm(vector)
 
 
 def _perpendicular(along) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors across ``along`` and each other; any of them where that is no direction."""
+    """Two unit vectors perpendicular to ``along`` and to each other; arbitrary ones if ``along`` is not finite."""
     along = along if np.isfinite(along).all() else np.array((0.0, 0.0, 1.0))
     across = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
     return across, np.cross(along, across)

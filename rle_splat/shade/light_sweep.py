@@ -1,9 +1,9 @@
-"""How much of a light reaches each voxel: a sweep of run-length encoded extinction, front to back from the light.
+"""Transmittance from a light to each voxel: a front-to-back sweep of run-length encoded extinction from the light.
 
-The splat once more (algorithm.md 4.2), of one number instead of four: the sheet holds the optical depth that each ray
-of the light has met so far, its footprint is the tent.  Before a slice is added to the sheet, the sheet is read at
-each voxel of the slice, half the voxel's own depth is added, and what is left of the light is written.  Bands of sheet
-rows need nothing of one another but the row where they meet, which both of them make.
+This is the splat again (algorithm.md, section 4.2), of one channel instead of four. The sheet holds the optical depth
+along each ray of light so far; the footprint is the tent. Before a slice is added, the sheet is interpolated at each of
+its voxels, half of the voxel's own depth is added, and the transmittance is written. Bands of sheet rows are
+independent, except for the row where two meet, which both compute.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from ..runtime.parallel import share_out
 from .light_sheets import Sweep
 from .lighting import FULL_CODE
 
-FULL = FULL_CODE  # the code of all of the light: a code is that many times the transmittance, rounded
-BAND = 16  # sheet rows that one worker sweeps at a time
+FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
+BAND = 16  # sheet rows that one worker sweeps at once
 LOG2E = np.float32(1.0 / math.log(2.0))
-MOST = np.float32(64.0)  # powers of two of which nothing is left
-# 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!; what is left out is a hundredth of a code.
+MOST = np.float32(64.0)  # optical depth in powers of two, at which nothing is left
+# 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!; the truncation error is a hundredth of a code.
 TERMS = tuple(np.float32(math.log(2.0) ** n / math.factorial(n)) for n in range(1, 7))
 T1, T2, T3, T4, T5, T6 = TERMS
 _ZERO, _ONE, _HALF, _FULL = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(FULL)
@@ -30,37 +30,54 @@ _ZERO, _ONE, _HALF, _FULL = np.float32(0.0), np.float32(1.0), np.float32(0.5), n
 def sweep_light(
     sweep: Sweep, tables, starts, extinction, meshes, codes, *, backend: str = "auto", threads: int = 0
 ) -> None:
-    """Write the ``codes`` (m,) uint16 of the voxels that ``sweep`` is for; others stay as they are.
+    """Write the transmittance from a light to the voxels that a sweep lights; other voxels are not changed.
 
-    ``tables``: RunTables of the sweep's axis.  ``starts``: (n_slices, n_scanlines) int64, where each scanline begins
-    in ``extinction`` (m,) float32, 1 / world length, and in ``codes``.  ``meshes``: (height, width, samples) float32,
-    ascending, slices from the sweep's first to the meshes on each of a pixel's rays; None without any.
+    Parameters
+    ----------
+    sweep : Sweep
+    tables : RunTables
+        Of the sweep's axis.
+    starts : (n_slices, n_scanlines) ndarray of int64
+        First entry of each scanline in ``extinction`` and ``codes``.
+    extinction : (m,) ndarray of float32
+        1 / world length.
+    meshes : (height, width, samples) ndarray of float32 or None
+        Distances in slices from the sweep's first slice to the first mesh, ascending, on the rays of each sheet pixel.
+    codes : (m,) ndarray of uint16
+        Output: FULL times the transmittance, rounded.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
     """
-    places = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
+    geometry = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
     arrays = (tables.scanline_pointers, tables.runs, starts, extinction)
     if not compiled(backend):
         _sweep_numpy(sweep, tables, starts, extinction, meshes, codes)
         return
     held = tuple(read_only(array) for array in arrays)
     with parallel_call(threads):
-        _sweep(places, sweep.skipped, held, meshes, sweep.width, sweep.height, tables.width, sweep.length, codes)
+        _sweep(geometry, sweep.skipped, held, meshes, sweep.width, sweep.height, tables.width, sweep.length, codes)
 
 
 @kernel
-def _sweep(places, skipped, held, meshes, width, height, n_voxels, length, codes):
-    """``places``: slices, scale, offset_x, offset_y, before, whole, spans of a Sweep, whose ``skipped``, ``width``,
-    ``height`` and ``length`` follow.  ``held``: scanline pointers, runs, starts and extinction; ``n_voxels`` of a
-    scanline."""
+def _sweep(geometry, skipped, held, meshes, width, height, n_voxels, length, codes):
+    """Kernel of ``sweep_light``.
+
+    ``geometry``: arrays slices, scale, offset_x, offset_y, before, whole, spans of a Sweep; ``skipped``, ``width``,
+    ``height``, ``length``: its other fields. ``held``: scanline pointers, runs, starts, extinction. ``n_voxels``: per
+    scanline.
+    """
     bands = (height + BAND - 1) // BAND
-    share_out(_sweep_bands, bands, (places, skipped, held, meshes, width, height, n_voxels, length, codes))
+    share_out(_sweep_bands, bands, (geometry, skipped, held, meshes, width, height, n_voxels, length, codes))
 
 
 @kernel(inner=True)
-def _sweep_bands(begin, end, places, skipped, held, meshes, width, height, n_voxels, length, codes):
-    slices, scales, offsets_x, offsets_y, before, whole, spans = places
+def _sweep_bands(begin, end, geometry, skipped, held, meshes, width, height, n_voxels, length, codes):
+    """``_sweep`` for bands [begin, end) of sheet rows."""
+    slices, scales, offsets_x, offsets_y, before, whole, spans = geometry
     pointers, _, _starts, _ = held
     n_lines = pointers.shape[1]
-    line = np.zeros(n_voxels + 3, np.float32)  # voxel -1 first
+    line = np.zeros(n_voxels + 3, np.float32)  # begins with voxel -1
     depth = np.empty((BAND + 1, width), np.float32)
     lit = np.empty((0 if meshes is None else BAND + 1, width), np.float32)
     for band in range(begin, end):
@@ -117,7 +134,7 @@ def _sweep_bands(begin, end, places, skipped, held, meshes, width, height, n_vox
 
 @kernel(inner=True)
 def _pass_meshes(meshes, top, rows, reached, lit):
-    """What is left of each sheet pixel's rays by the slice ``reached``: those that have met no mesh before it."""
+    """Share of each sheet pixel's rays that meet no mesh before the slice ``reached``, to ``lit``."""
     samples = meshes.shape[2]
     for row in range(rows):
         for x in range(lit.shape[1]):
@@ -130,8 +147,10 @@ def _pass_meshes(meshes, top, rows, reached, lit):
 
 @kernel(inner=True)
 def _add_line(held, k, j, weight, n_voxels, least, most, line):
-    """Add ``weight`` times a scanline's extinction to ``line``, voxel -1 first; the first and last voxel of all so
-    far."""
+    """Add ``weight`` times a scanline's extinction to ``line``, which begins with voxel -1.
+
+    Returns the first and last voxel that any scanline has added so far.
+    """
     pointers, runs, starts, extinction = held
     run = np.int64(pointers[k, j])
     data = starts[k, j]
@@ -177,18 +196,18 @@ def _add_row(line, scale, offset_x, least, most, depth):
 
 
 @kernel(inner=True)
-def _read_line(held, k, j, place, span, before, length, depth, lit, codes):
-    """Codes of the voxels of a scanline, from the two rows of the sheet that it lies between.
+def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
+    """Codes of the voxels of a scanline, from the two rows of the sheet around it.
 
-    ``place``: scale and offset along the scanline; the sheet row it lies on, and how far that is from the upper of the
-    two rows.  ``lit``: what meshes leave of the light in them, None without any.
+    ``line_map``: scale and offset along the scanline; its sheet row; distance of that from the upper of the two rows.
+    ``lit``: share of the light that meshes let through in the two rows; None without meshes.
     """
     pointers, runs, starts, extinction = held
-    scale, offset_x, y, down = place
+    scale, offset_x, y, down = line_map
     up = _ONE - down
     c = length[0] + y * (length[2] + y * length[5])
     cx, cxx = length[1] + y * length[4], length[3]
-    alike = cx == 0.0 and cxx == 0.0  # of parallel light
+    alike = cx == 0.0 and cxx == 0.0  # parallel light: all rays have the same length
     far = np.float32(math.sqrt(c)) * LOG2E
     run = np.int64(pointers[k, j])
     data = starts[k, j]
@@ -234,7 +253,7 @@ def _read_line(held, k, j, place, span, before, length, depth, lit, codes):
 
 @kernel(inline="always")
 def _left(tau2):
-    """2 ** -tau2, tau2 0 or more; about 2e-7 of 1 off at most."""
+    """2 ** -tau2 for tau2 >= 0; absolute error at most about 2e-7."""
     tau2 = min(tau2, MOST)
     whole = np.int32(tau2 + _HALF)
     r = np.float32(whole) - tau2
@@ -243,11 +262,11 @@ def _left(tau2):
     return power + power * p
 
 
-# --- twin -----------------------------------------------------------------------------------------------------
+# --- reference implementation -----------------------------------------------------------------------------------
 
 
 def _sweep_numpy(sweep: Sweep, tables, starts, extinction, meshes, codes) -> None:
-    """Twin of ``_sweep``: slice by slice, each of them dense."""
+    """Reference implementation of ``_sweep``: slice by slice, with dense slices."""
     depth = np.zeros((sweep.height, sweep.width))
     columns, rows = np.arange(sweep.width), np.arange(sweep.height)
     for n, k in enumerate(sweep.slices):
@@ -268,7 +287,7 @@ def _sweep_numpy(sweep: Sweep, tables, starts, extinction, meshes, codes) -> Non
             continue
         scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
         i, j, data = _voxels_numpy(tables, starts, sweep.slices[n])
-        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # a voxel of nothing all round
+        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
         dense[j + 1, i + 1] = extinction[data]
         v = np.clip((rows - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
         u = np.clip((columns - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
@@ -276,7 +295,7 @@ def _sweep_numpy(sweep: Sweep, tables, starts, extinction, meshes, codes) -> Non
 
 
 def _voxels_numpy(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n,) column and scanline of each voxel of a slice, and its number in the lists."""
+    """(n,) column, scanline and list position of each voxel of a slice."""
     columns, lines, data = [], [], []
     for j in np.flatnonzero(tables.scanline_pointers[k] >= 0):
         run, x, at = int(tables.scanline_pointers[k, j]), 0, int(starts[k, j])
@@ -295,7 +314,7 @@ def _voxels_numpy(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _between_numpy(table, y, x) -> np.ndarray:
-    """Values of ``table`` between its entries: bilinear."""
+    """Bilinear interpolation in ``table``."""
     row = np.minimum(np.floor(y).astype(np.int64), table.shape[0] - 2)
     column = np.minimum(np.floor(x).astype(np.int64), table.shape[1] - 2)
     down, right = y - row, x - column

@@ -1,4 +1,4 @@
-"""What falls on the voxels of a volume: lights, light from everywhere, a headlight, and what shadows leave of them."""
+"""Light on the voxels of a volume: lights, ambient light, headlight, and shadows."""
 
 from __future__ import annotations
 
@@ -10,36 +10,49 @@ from ..classify.limits import STRONGEST_LIGHT
 from ..runtime.jit import read_only
 from .lights import AXIS, KIND, NEAREST, RGB, SUN, light_rows
 
-BACK, PHONG = 7, 8  # of a Lighting's material
-SHARPEST = 1e9  # a larger shininess is a highlight of no width; the whole part must also fit an integer
-FULL_CODE = 65535  # of a Shadows' codes: all of the light
+BACK, PHONG = 7, 8  # entries of Lighting.material
+SHARPEST = 1e9  # shininess is clamped to it: the highlight has no width, and the integer part must fit an integer
+FULL_CODE = 65535  # code of full light in Shadows.codes
 
 
 @dataclass(frozen=True, eq=False)
 class Shadows:
-    """What of the lights and of the ambient light reaches each voxel.
+    """Shadows on the voxels: the share of each light, and of the ambient light, that reaches each voxel.
 
-    ``codes``: (k, m) uint16, FULL_CODE times the share that arrives.  ``row_of``: (n + 1,) int64, the row of ``codes``
-    for each of n lights and for the ambient light; -1 for what is in no shadow.
+    Attributes
+    ----------
+    codes : (k, m) ndarray of uint16
+        FULL_CODE times the share.
+    row_of : (n + 1,) ndarray of int64
+        Row of ``codes`` for each of n lights and, last, for the ambient light; -1 for no shadow.
     """
 
     codes: np.ndarray
     row_of: np.ndarray
 
     def share(self, which: int, part: slice) -> np.ndarray | float:
-        """(k,) float64 of light number ``which``, -1 the ambient light, that reaches the voxels ``part``."""
+        """(k,) float64 share of light number ``which`` (-1: the ambient light) that reaches the voxels ``part``."""
         row = self.row_of[which]
         return 1.0 if row < 0 else self.codes[row, part] / FULL_CODE
 
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """What falls on the voxels of a volume.
+    """The light on the voxels of a volume and the material that reflects it.
 
-    ``matrix``: (4, 4) index to world.  ``material``: (9,) ambient, diffuse, specular, shininess; RGB of the light that
-    comes from everywhere, ambient and the world's together; 1 where surfaces have two sides, else 0; 1 for highlights
-    by Phong, 0 by Blinn and Phong.  ``rows``: the lights, see ``light_rows``.  ``eye``: (4,)
-    homogeneous world eye, its last component 0 for parallel rays.  ``shadows``: of the same voxels, None without any.
+    Attributes
+    ----------
+    matrix : (4, 4) ndarray of float64
+        Voxel index to world.
+    material : (9,) ndarray of float64
+        Ambient, diffuse, specular, shininess; RGB of the light from all directions (ambient and the world's); 1 for
+        two-sided surfaces, else 0; 1 for Phong highlights, 0 for Blinn-Phong.
+    rows : (n, COLUMNS) ndarray of float64
+        The lights; see ``lights.light_rows``.
+    eye : (4,) ndarray of float64
+        Homogeneous eye in the world; its last component is 0 for parallel rays.
+    shadows : Shadows or None
+        Of the same voxels.
     """
 
     matrix: np.ndarray
@@ -50,8 +63,10 @@ class Lighting:
 
     @property
     def is_far(self) -> bool:
-        """Whether it does not matter where a voxel is, nor which it is: parallel light without shadows, and parallel
-        rays where highlights are seen, which are Blinn's."""
+        """Whether light does not depend on a voxel's position or number.
+
+        True for parallel light without shadows, if highlights are Blinn-Phong under parallel rays, or there are none.
+        """
         if self.shadows is not None or self.material[PHONG] > 0.0:
             return False
         sees_highlights = self.material[2] > 0.0 and self.eye[3] != 0.0
@@ -59,44 +74,51 @@ class Lighting:
 
     @property
     def near(self) -> tuple | None:
-        """What ``add_near`` takes of it; None where ``rays`` will do."""
+        """Arguments of the kernel ``add_near``; None if ``rays`` suffices."""
         if self.is_far:
             return None
         shadows = None if self.shadows is None else (read_only(self.shadows.codes), read_only(self.shadows.row_of))
         return self.matrix, self.rows, self.eye, shadows
 
     def rays(self) -> np.ndarray:
-        """(n, 9) float32 of lights that are far: unit vectors to the light, and half-way to the eye; RGB."""
+        """(n, 9) float32, for parallel lights: unit vectors to the light, and half-way to the eye; RGB."""
         towards = -self.rows[:, AXIS:RGB]
         halfway = unit_vectors(towards + unit_vectors(self.eye[None, :3]))
         return np.ascontiguousarray(np.hstack((towards, halfway, self.rows[:, RGB:NEAREST])), dtype=np.float32)
 
 
 def is_shaded(shading, lights, headlight_direction=None, world=None) -> bool:
-    """Whether normals are needed at all: the transfer function shades and something shines."""
+    """Whether normals are needed: the transfer function is shaded and there is any light."""
     return bool(shading) and (len(lights) > 0 or headlight_direction is not None or world is not None)
 
 
-def follows_view(shading, lights, headlight_direction=None) -> bool:
-    """Whether the shaded colours change when the camera moves: a highlight or a headlight."""
-    if not is_shaded(shading, lights, headlight_direction):
-        return False
-    return shading.specular > 0.0 or headlight_direction is not None
-
-
 def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, world=None) -> Lighting | None:
-    """The Lighting of a Shade and scene.Light objects, or None when nothing shades or nothing shines.
+    """Make the Lighting of a scene.
 
-    ``headlight_direction``: (3,) the way the camera looks, world, or None.  ``eye``: (4,) homogeneous world eye; its
-    last component is 0 for parallel rays and the rest then points from the scene to the eye.  Only highlights need it.
-    ``world``: (3,) radiance that shines from everywhere, or None.
+    Parameters
+    ----------
+    index_to_world : (4, 4) array_like
+    shading : Shade or None
+    lights : sequence of Light
+    headlight_direction : (3,) array_like or None
+        World direction in which the camera looks.
+    eye : (4,) array_like or None
+        Homogeneous eye in the world, needed for highlights only. Its last component is 0 for parallel rays; the rest
+        then points from the scene to the eye.
+    world : (3,) array_like or None
+        Scene-linear RGB radiance that arrives from all directions.
+
+    Returns
+    -------
+    Lighting or None
+        None if the transfer function is unshaded or there is no light.
     """
     if not is_shaded(shading, lights, headlight_direction, world):
         return None
     matrix = np.ascontiguousarray(index_to_world, dtype=np.float64)
     eye = np.zeros(4) if eye is None else np.asarray(eye, dtype=np.float64) * (-1.0 if eye[3] < 0.0 else 1.0)
     shininess = min(shading.shininess, SHARPEST)
-    # A matt surface under a sky of radiance W has the radiance W times its colour, whichever way it faces.
+    # A diffuse surface under a sky of uniform radiance W has the radiance W times its color, whatever its normal.
     everywhere = np.full(3, shading.ambient, np.float64)
     if world is not None:
         everywhere += shading.diffuse * np.minimum(np.asarray(world, np.float64), STRONGEST_LIGHT)
@@ -108,6 +130,6 @@ def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, ey
 
 
 def unit_vectors(vectors) -> np.ndarray:
-    """(k, 3) vectors of length one; those of length zero stay."""
+    """(k, 3) vectors scaled to length one; zero vectors are kept."""
     lengths = np.sqrt((vectors**2).sum(axis=1))[:, None]
     return vectors * np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths > 0.0)

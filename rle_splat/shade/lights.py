@@ -1,10 +1,10 @@
-"""Lights as rows of numbers, so that one kernel shades under all of them.
+"""Lights as rows of numbers, for one kernel that handles all types.
 
-The irradiance scale I is such that a white Lambert surface facing the light has the radiance Cycles gives it:
-E / pi under a sun of E W/m^2, P / (4 pi^2 d^2) under a point or spot of P W at distance d, and
-P cos / (pi^2 d^2) under an area light, cos being the angle off its axis.  Near the light d^2 is kept at or above
-the value at which the light would fill the surface's sky (radius^2; area / pi), above half a voxel squared, and above
-that at which I would leave the range of float32.
+The irradiance scale I is chosen such that a white Lambertian surface facing the light has the radiance that Cycles
+gives it: E / pi under a sun of E W/m^2, P / (4 pi^2 d^2) under a point or spot of P W at distance d, and
+P cos / (pi^2 d^2) under an area light, where cos is that of the angle to its axis. Near the light, d^2 is kept above
+three bounds: the value at which the light would fill the surface's sky (radius^2; area / pi), half a voxel squared, and
+the value at which I would leave the range of float32.
 """
 
 from __future__ import annotations
@@ -15,16 +15,27 @@ from ..classify.limits import STRONGEST_LIGHT
 
 SUN, POINT, SPOT, AREA = range(4)
 KINDS = {"SUN": SUN, "POINT": POINT, "SPOT": SPOT, "AREA": AREA}
-# Columns of a light's row: kind; position (world); unit axis it shines along; RGB times I at distance 1 (for a sun:
-# at any distance); smallest squared distance; cosine of half the spot's angle; width of its soft edge in cosines.
+# Columns of a row: kind; position (world); unit direction in which it shines; RGB times I at distance 1 (for a sun at
+# any distance); smallest squared distance; cosine of half the spot's angle; width of the spot's soft edge in cosines.
 KIND, POSITION, AXIS, RGB, NEAREST, CONE, EDGE, COLUMNS = 0, 1, 4, 7, 10, 11, 12, 13
 STRONGEST_AT_1, NEAREST_SQUARED = 1e30, 1e-36  # kernels keep RGB and one over the squared distance as float32
-HARD_EDGE = 1e-4  # a spot without blend still has to divide by the width of its edge
+HARD_EDGE = 1e-4  # least width of a spot's edge, which is divided by
 
 
 def light_rows(lights, headlight_direction, index_to_world) -> np.ndarray:
-    """(n, COLUMNS) float64 rows of ``scene.Light`` objects, and of a headlight that shines along
-    ``headlight_direction`` (3,) when that is given: one white parallel light with I = 1."""
+    """Make the rows of lights.
+
+    Parameters
+    ----------
+    lights : sequence of Light
+    headlight_direction : (3,) array_like or None
+        World direction of a headlight, which is added as one white parallel light with I = 1.
+    index_to_world : (4, 4) array_like
+
+    Returns
+    -------
+    (n, COLUMNS) ndarray of float64
+    """
     half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(np.asarray(index_to_world)[:3, :3])))
     rows = [_light_row(light, half_voxel) for light in lights]
     if headlight_direction is not None:
@@ -35,12 +46,14 @@ def light_rows(lights, headlight_direction, index_to_world) -> np.ndarray:
 
 
 def _unit(vector) -> np.ndarray:
+    """``vector`` scaled to length one; the zero vector is kept."""
     vector = np.asarray(vector, dtype=np.float64)
     length = np.linalg.norm(vector)
     return vector / length if length > 0.0 else vector
 
 
 def _light_row(light, half_voxel: float) -> np.ndarray:
+    """Row of a light; ``half_voxel``: half the world length of a voxel."""
     matrix = light.matrix_world
     kind = KINDS[light.type]
     power = {

@@ -1,8 +1,8 @@
-"""Light on a refined volume: it falls on the voxels of the scan, and is interpolated between them (algorithm.md 1.14).
+"""Light on a refined volume: computed at the voxels of the scan and interpolated between them (algorithm.md, 1.14).
 
-A voxel's normal says how bright it is; its light and its highlight are interpolated like the scalar, and the colour of
-a fine voxel is its own colour times that light, and that highlight.  So the light costs what it costs without
-refinement, and no normals of the finer grid exist.
+Light and highlight of a voxel follow from its normal and are interpolated like the scalar. The color of a fine voxel is
+its own color times that light, plus that highlight. So light costs the same as without refinement, and no normals of
+the finer grid are needed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import LOOKS, RED, ClassifiedVolume
-from ..classify.placing import Places, find_targets
+from ..classify.placing import RecordPositions, find_targets
 from ..classify.refined import RefinedVolume
 from ..classify.visible import VisibleVoxels, row_offsets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
@@ -28,20 +28,30 @@ _ZERO = np.float32(0.0)
 
 @dataclass(frozen=True, eq=False)
 class LitVoxels:
-    """The voxels of a scan between which visible fine voxels lie, in rows as VisibleVoxels are, and their
-    ``normals`` (m, 3) float32."""
+    """The voxels of a scan between which visible fine voxels lie, and their ``normals`` (m, 3) float32, world."""
 
     voxels: VisibleVoxels
     normals: np.ndarray
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all arrays."""
         return self.voxels.nbytes + self.normals.nbytes
 
 
 @dataclass(frozen=True, eq=False)
 class RefinedLight:
-    """What falls on LitVoxels; ``refinement``: how much finer the grid is that it is interpolated on."""
+    """Light on LitVoxels, interpolated on a grid ``refinement`` times finer.
+
+    Parameters
+    ----------
+    lit : LitVoxels
+    falling : Lighting
+    refinement : int
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+    """
 
     lit: LitVoxels
     falling: Lighting
@@ -51,25 +61,25 @@ class RefinedLight:
 
     @cached_property
     def of_voxels(self) -> tuple[np.ndarray, np.ndarray | None]:
-        """(m, 3) float32 light of each lit voxel, and its highlight; None where nothing is specular."""
+        """(m, 3) float32 light of each lit voxel, and its highlight (None if nothing is specular)."""
         light = self._shaded(1.0)
         if not self.falling.material[2] > 0.0:
             return read_only(light), None
-        # White matter shows the light and the highlight, black matter the highlight alone.
+        # White voxels show light plus highlight, black voxels the highlight alone.
         highlight = self._shaded(0.0)
         light -= highlight
         return read_only(light), read_only(highlight)
 
     def _shaded(self, color: float) -> np.ndarray:
-        """(m, 3) float32 shaded colours of the lit voxels as matter of one grey."""
+        """(m, 3) float32 shaded colors of the lit voxels if all had the gray ``color``."""
         look = np.full((1, LOOKS), color, np.float32)
         matter = ClassifiedVolume(self.lit.voxels, look, True, 1.0, 1.0)
         colors = shaded_colors(matter, self.lit.normals, self.falling, backend=self.backend, threads=self.threads)
         return colors.copy()
 
-    def records(self, classified: ClassifiedVolume, model: str, places: Places, records) -> float:
+    def records(self, classified: ClassifiedVolume, model: str, positions: RecordPositions, records) -> float:
         """As ``shading.light_records``, for the fine voxels of ``classified``."""
-        most = np.zeros(max(len(places.data_starts), 1), np.float32)
+        most = np.zeros(max(len(positions.data_starts), 1), np.float32)
         look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
         seen = (look_of, read_only(classified.looks), DENSITY[model])
         lit = self.lit.voxels
@@ -80,21 +90,21 @@ class RefinedLight:
                 read_only((fine_x % self.refinement / self.refinement).astype(np.float32)),
             )
             of_scan = (lit.shape_xyz[1], read_only(lit.row_start), read_only(lit.column))
-            light = self.of_voxels  # made here: it takes kernels too
+            light = self.of_voxels  # before the parallel call, because it runs kernels too
             with parallel_call(self.threads):
-                _write_records(places.arguments, *seen, steps, of_scan, *light, records, most)
+                _write_records(positions.arguments, *seen, steps, of_scan, *light, records, most)
         else:
-            self._write_numpy(places, *seen, records, most)
+            self._write_numpy(positions, *seen, records, most)
         return refuse_too_bright(float(most.max()))
 
-    def _write_numpy(self, places, look_of, looks, density_column, records, most):
-        """Twin of ``_write_records``, in chunks of voxels."""
-        targets = places.targets_numpy()
-        first, last = places.span
+    def _write_numpy(self, positions, look_of, looks, density_column, records, most):
+        """Reference implementation of ``_write_records``, in chunks of voxels."""
+        targets = positions.targets_numpy()
+        first, last = positions.span
         for begin in range(first, last, CHUNK):
             part = slice(begin, min(begin + CHUNK, last))
             seen = looks[part] if look_of is None else looks[look_of[part]]
-            light, highlight = self._interpolated_numpy(places.voxels, part)
+            light, highlight = self._interpolated_numpy(positions.voxels, part)
             colors = seen[:, RED:] * light + highlight
             made = np.empty((len(seen), 4), np.float32)
             made[:, 3] = seen[:, density_column]
@@ -103,7 +113,7 @@ class RefinedLight:
             most[0] = max(most[0], colors.max(initial=0.0))
 
     def _interpolated_numpy(self, voxels, part):
-        """(k, 3) float32 light and highlight at the fine voxels ``part``, a slice; a highlight of 0.0 for none."""
+        """(k, 3) float32 light and highlight at the fine voxels ``part`` (a slice); a highlight of 0.0 for none."""
         s, lit = self.refinement, self.lit.voxels
         nx, ny, _ = lit.shape_xyz
         row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
@@ -112,12 +122,12 @@ class RefinedLight:
         found = [0.0 if light is None else np.zeros((len(row), LIGHT), np.float32) for light in self.of_voxels]
         for corner in np.ndindex(2, 2, 2):
             weight, at = 1.0, []
-            for place, far in zip(fine, corner):
-                share = (place % s) / s
+            for index, far in zip(fine, corner):
+                share = (index % s) / s
                 weight = weight * (share if far else 1.0 - share)
-                at.append(place // s + far)
+                at.append(index // s + far)
             use = np.flatnonzero(weight > 0.0)
-            x, y, z = (place[use] for place in at)
+            x, y, z = (index[use] for index in at)
             lit_voxel = np.searchsorted(number, (z * ny + y) * nx + x)
             for mixed, light in zip(found, self.of_voxels):
                 if light is not None:
@@ -128,9 +138,22 @@ class RefinedLight:
 def lit_voxels(
     voxels: VisibleVoxels, volume: RefinedVolume, index_to_world, *, backend: str = "auto", threads: int = 0
 ) -> LitVoxels:
-    """The voxels of ``volume.source`` next to visible fine voxels, with normals in world space.
+    """Find the voxels of the scan next to visible fine voxels, and their normals.
 
-    ``index_to_world``: (4, 4) float64, of the voxels of ``volume.source``.
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+        The visible fine voxels.
+    volume : RefinedVolume
+    index_to_world : (4, 4) ndarray of float64
+        Of the voxels of ``volume.source``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    LitVoxels
     """
     shape = nx, ny, nz = volume.source.shape_xyz
     s, (_, fine_y, fine_z) = volume.refinement, voxels.shape_xyz
@@ -144,21 +167,21 @@ def lit_voxels(
             _fill_marked(*marked, row_start, column)
     else:
         row_start, column = _marked_numpy(voxels, shape, s)
-    stored = np.zeros(len(column), np.uint8)  # no value of their own: all of them are alike
+    stored = np.zeros(len(column), np.uint8)  # not used: one row of looks serves all
     lit = VisibleVoxels(shape, row_start, np.zeros(nz * ny, np.int32), column, stored, 0)
     return LitVoxels(lit, normals(lit, volume.source, index_to_world, backend=backend, threads=threads))
 
 
 def _marked_numpy(voxels: VisibleVoxels, shape_xyz, s: int):
-    """Twin of ``_count_marked`` and ``_fill_marked``: row_start, column."""
+    """Reference implementation of ``_count_marked`` and ``_fill_marked``: row_start, column."""
     nx, ny, nz = shape_xyz
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     fine = (row // voxels.shape_xyz[1], row % voxels.shape_xyz[1], voxels.column.astype(np.int64))
     marks = np.zeros((nz, ny, nx), bool)
     for corner in np.ndindex(2, 2, 2):
-        marks[tuple(-(-place // s) if far else place // s for place, far in zip(fine, corner))] = True
-    place = np.flatnonzero(marks)
-    return row_offsets(np.bincount(place // nx, minlength=nz * ny)), (place % nx).astype(
+        marks[tuple(-(-index // s) if far else index // s for index, far in zip(fine, corner))] = True
+    index = np.flatnonzero(marks)
+    return row_offsets(np.bincount(index // nx, minlength=nz * ny)), (index % nx).astype(
         np.uint16 if nx <= 65536 else np.int32
     )
 
@@ -168,21 +191,23 @@ def _marked_numpy(voxels: VisibleVoxels, shape_xyz, s: int):
 
 @kernel
 def _count_marked(row_start, column, refinement, n_x, n_y, fine_y, fine_z, counts):
-    """How many voxels of each row of a scan are next to a fine voxel in the lists; ``counts`` (nz * n_y,) int64."""
+    """Count the voxels of each row of a scan that are next to a listed fine voxel; ``counts`` (nz * n_y,) int64."""
     share_out(_mark, counts.size, (row_start, column, refinement, n_x, n_y, fine_y, fine_z, counts, None))
 
 
 @kernel
 def _fill_marked(row_start, column, refinement, n_x, n_y, fine_y, fine_z, marked_start, marked_column):
-    """Writes which they are; ``marked_start`` (nz * n_y + 1,)."""
+    """Write the columns of those voxels; ``marked_start`` (nz * n_y + 1,): first entry of each row."""
     arguments = (row_start, column, refinement, n_x, n_y, fine_y, fine_z, marked_start, marked_column)
     share_out(_mark, marked_start.size - 1, arguments)
 
 
 @kernel(inner=True)
 def _mark(begin, end, row_start, column, s, n_x, n_y, fine_y, fine_z, starts, marked_column):
-    """Rows [begin, end) of the scan: their counts into ``starts``, or, where there is ``marked_column``, the columns
-    of those that are marked from ``starts`` on."""
+    """For rows [begin, end) of the scan, write the counts of marked voxels into ``starts``.
+
+    With ``marked_column``, write their columns there instead, from ``starts`` on.
+    """
     marks = np.zeros(n_x + 1, np.uint8)
     for row in range(begin, end):
         if marked_column is not None and starts[row] == starts[row + 1]:
@@ -207,22 +232,26 @@ def _mark(begin, end, row_start, column, s, n_x, n_y, fine_y, fine_z, starts, ma
 
 
 @kernel
-def _write_records(places, look_of, looks, density_column, steps, lit, light, highlight, records, most):
-    """``places``, ``look_of``, ``looks``: as in ``shading``.  ``steps``: refinement; by fine column, the column of the
-    scan at or before it, int32, and how far it is from there to the next, float32.  ``lit``: ny of the scan, row_start
-    and column of its lit voxels.  ``light``, ``highlight``: (m, 3) float32, the second None where nothing is specular.
+def _write_records(positions, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+    """Kernel of ``RefinedLight.records``.
+
+    ``positions``, ``look_of``, ``looks``: as in ``shading._write_records``. ``steps``: refinement; for each fine column
+    the column of the scan at or before it, int32, and its distance from there as a fraction, float32. ``lit``: ny of
+    the scan, row_start and column of its lit voxels. ``light``, ``highlight``: (m, 3) float32; ``highlight`` is None if
+    nothing is specular.
     """
-    arguments = (places, look_of, looks, density_column, steps, lit, light, highlight, records, most)
-    share_out(_write_planes, places[5].shape[0], arguments)
+    arguments = (positions, look_of, looks, density_column, steps, lit, light, highlight, records, most)
+    share_out(_write_planes, positions[5].shape[0], arguments)
 
 
 @kernel(inner=True)
-def _write_planes(begin, end, places, look_of, looks, density_column, steps, lit, light, highlight, records, most):
-    n_y, first_plane, row_start, column, across, data_starts = places
+def _write_planes(begin, end, positions, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+    """``_write_records`` for planes [begin, end)."""
+    n_y, first_plane, row_start, column, across, data_starts = positions
     s, before, shares = steps
     cursors = np.empty(data_starts.shape[1], np.int64)
     targets = np.empty(LANES, np.uint64)
-    # Light along one fine row, at the scan's columns.
+    # Light along one fine row, at the columns of the scan.
     width = np.int64(before[before.size - 1]) + 2
     matt = np.zeros(LIGHT * width, np.float32)
     gloss = np.zeros(0 if highlight is None else LIGHT * width, np.float32)
@@ -266,13 +295,13 @@ def _write_planes(begin, end, places, look_of, looks, density_column, steps, lit
 
 @kernel(inline="always")
 def _mixed(line, at, share):
-    """Between one column of a line of light and the next."""
+    """Linear interpolation between a column of a line of light and the next."""
     return line[at] + (line[at + LIGHT] - line[at]) * share
 
 
 @kernel(inner=True)
 def _light_line(lit, light, z, y, s, low, high, line):
-    """Light along fine row (z, y), at the columns [low, high] of the scan, interpolated along y and z."""
+    """Light along fine row (z, y), at columns [low, high] of the scan, interpolated along y and z, to ``line``."""
     n_y, row_start, column = lit
     for i in range(LIGHT * low, LIGHT * (high + 1)):
         line[i] = _ZERO

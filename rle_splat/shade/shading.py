@@ -1,7 +1,7 @@
-"""Pre-shading of the non-transparent voxels: Phong, or Blinn-Phong, of two sides or one (paper 2.1; algorithm.md 4.2).
+"""Shading of visible voxels: Phong or Blinn-Phong, one- or two-sided (paper, section 2.1; algorithm.md, section 4.2).
 
-Split in two: the normals do not depend on the view and may be kept between frames; the light that falls on them is
-put straight into voxel records, any range of voxels at a time, so that no list of all shaded colours is needed.
+There are two steps. Normals do not depend on the view and can be cached between frames. Shaded colors are written
+directly into voxel records, for any range of voxels, so that no list of all shaded colors is needed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..classify.classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from ..classify.limits import BRIGHTEST
-from ..classify.placing import Places, find_targets
+from ..classify.placing import RecordPositions, find_targets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
@@ -18,25 +18,37 @@ from ..volume.gradient import CHUNK, unit_normals
 from .lighting import BACK, FULL_CODE, PHONG, Lighting, Shadows, lighting, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
-DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # column of the looks that weights a colour
+DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # model -> column of looks that weights the color
 
-# Voxels shaded together: their scratch stays in the first cache, and loops are long enough.
+# Voxels shaded together: the scratch arrays stay in the L1 cache, and loops are long enough for SIMD.
 LANES = 256
-# Planes of the float32 scratch: unit vectors to the light and to the eye; cosine, its power and the light's
-# falloff; light gathered by the matt colour and by the highlight; how much of all light arrives.
+# Planes of the float32 scratch: unit vectors to the light and to the eye; cosine, its power and the light's falloff;
+# sums of diffuse light and of highlights; light that arrives, and all light without shadows.
 LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB, SHARE, ALL = (LANES * p for p in range(17))
 SCRATCH = 17 * LANES
 PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
-PLACES = 3 * LANES
+POSITIONS = 3 * LANES
 _ZERO, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 _PER_CODE = np.float32(1.0 / FULL_CODE)
-_FAINT = np.float32(1e-18)  # the product of two such is still a normal number
+_FAINT = np.float32(1e-18)  # the product of two such numbers is not denormal
 
 
 def normals(classified, volume, index_to_world, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
-    """(m, 3) float32 unit world normals of the visible voxels, (0, 0, 0) where the gradient is below the noise.
+    """Unit normals of visible voxels.
 
-    ``classified``: a ClassifiedVolume, or its VisibleVoxels.
+    Parameters
+    ----------
+    classified : ClassifiedVolume or VisibleVoxels
+    volume : Volume
+    index_to_world : (4, 4) array_like
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (m, 3) ndarray of float32
+        World; (0, 0, 0) where the gradient is below the noise floor.
     """
     return unit_normals(
         volume, classified.row_start, classified.column, index_to_world, backend=backend, threads=threads
@@ -47,15 +59,33 @@ def shade(
     classified, normals, index_to_world, shading, lights=(), *,
     headlight_direction=None, eye=None, backend: str = "auto", threads: int = 0,
 ) -> np.ndarray:
-    """(m, 3) float32 shaded, unassociated, scene-linear colours of the visible voxels.
+    """Shaded colors of visible voxels.
 
-    c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I over the lights, I an RGB scale (see
-    ``lights.py``), or what else the Shade says; c itself where there is no normal, and everywhere when nothing shades
-    or nothing shines.  Shadows dim the ambient term and each I; where there is no normal, c by the share of all I and
-    ambient light that arrives.
+    Parameters
+    ----------
+    classified : ClassifiedVolume
+    normals : (m, 3) ndarray of float32 or None
+        As of ``normals``; None if ``is_shaded`` is False.
+    index_to_world : (4, 4) array_like
+    shading : Shade or None
+    lights : sequence of Light
+    headlight_direction, eye
+        As in ``lighting``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
 
-    ``normals``: (m, 3) of ``normals()``, None when ``is_shaded`` is False.  ``shading``: a Shade, or None.
-    The others: see ``lighting``.
+    Returns
+    -------
+    (m, 3) ndarray of float32
+        Unassociated scene-linear colors.
+
+    Notes
+    -----
+    For a color c, the shaded color is c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I, summed over
+    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for other reflection models. A voxel without
+    normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
+    voxel without normal is reduced by the share of all light that arrives.
     """
     falling = lighting(index_to_world, shading, lights, headlight_direction=headlight_direction, eye=eye)
     return shaded_colors(classified, normals, falling, backend=backend, threads=threads)
@@ -64,18 +94,20 @@ def shade(
 def shaded_colors(
     classified, normals, falling: Lighting | None, *, backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
-    """(m, 3) float32 colours of the visible voxels under ``falling``; their own without it."""
+    """As ``shade``, under a Lighting; with None the voxels' own colors."""
     if falling is None:
         return classified.color
     records = np.empty((classified.visible_voxels, 4), dtype=np.float32)
-    everywhere = Places.in_order(classified.voxels, 0, classified.shape_xyz[2])
+    everywhere = RecordPositions.in_order(classified.voxels, 0, classified.shape_xyz[2])
     light_records(classified, normals, falling, None, everywhere, records, backend=backend, threads=threads)
     return read_only(np.ascontiguousarray(records[:, :3]))
 
 
 def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float | None:
-    """A bound, never far off, of any channel of the shaded colours; None where lights stand among the voxels, so that
-    only shading them tells."""
+    """Upper bound, close to the maximum, of any channel of the shaded colors.
+
+    None if there are lights that are not parallel; then only shading gives a bound.
+    """
     most = float(classified.looks[:, RED:].max(initial=0.0))
     if falling is None:
         return most
@@ -88,16 +120,38 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
 
 
 def light_records(
-    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, places: Places, records, *,
-    backend: str = "auto", threads: int = 0,
+    classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
+    records, *, backend: str = "auto", threads: int = 0,
 ) -> float:
-    """Write the records of the voxels of ``places`` where they belong in ``records`` (n, 4) float32; the largest
-    channel of any of their colours.  RleSplatError when that is above BRIGHTEST.
+    """Shade voxels and write their records.
 
-    A record is (density * RGB, density): by ``model`` the density is the extinction or the opacity, None makes it 1.
-    ``normals``: (m, 3) float32, None without ``falling``.
+    Parameters
+    ----------
+    classified : ClassifiedVolume
+    normals : (m, 3) ndarray of float32 or None
+        None without ``falling``.
+    falling : Lighting or None
+    model : {"extinction", "opacity", None}
+        A record is (density * RGB, density). The density is the extinction or the opacity, or 1 for None.
+    positions : RecordPositions
+        The voxels, and the positions of their records.
+    records : (n, 4) ndarray of float32
+        Output.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    float
+        Largest channel of any color.
+
+    Raises
+    ------
+    RleSplatError
+        If it is above BRIGHTEST.
     """
-    most = np.zeros(max(len(places.data_starts), 1), np.float32)
+    most = np.zeros(max(len(positions.data_starts), 1), np.float32)
     looks, density = classified.looks, DENSITY[model]
     if density is None:
         looks, density = looks.copy(), EXTINCTION
@@ -105,20 +159,20 @@ def light_records(
     look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
     seen = (look_of, read_only(looks), density)
     if not compiled(backend):
-        _write_numpy(places, *seen, normals, falling, records, most)
+        _write_numpy(positions, *seen, normals, falling, records, most)
     else:
         light = (None, None, None, None)
         if falling is not None:
             near = falling.near
-            normals = read_only(np.asfortranarray(normals))  # as they come: one component after the other
+            normals = read_only(np.asfortranarray(normals))  # no copy: ``normals`` returns one component after another
             light = (normals, falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
-            _write_records(places.arguments, *seen, *light, records, most)
+            _write_records(positions.arguments, *seen, *light, records, most)
     return refuse_too_bright(float(most.max()))
 
 
 def refuse_too_bright(brightest: float) -> float:
-    """``brightest``, a colour or a light, or a RleSplatError where it is above BRIGHTEST or no number."""
+    """Return ``brightest``, a color or a light; raise a RleSplatError if it is above BRIGHTEST or NaN."""
     if not brightest <= BRIGHTEST:
         raise RleSplatError(
             f"Under these lights the volume is brighter than {BRIGHTEST:g}, where white is 1; make the lights "
@@ -131,21 +185,27 @@ def refuse_too_bright(brightest: float) -> float:
 
 
 @kernel
-def _write_records(places, look_of, looks, density_column, normals, material, rays, near, records, most):
-    """``places``: Places.arguments.  ``look_of``: (m,) index into ``looks`` (n, 5), None where it is the voxel's own
-    number.  ``normals`` (m, 3) and ``material``: None where nothing shines.  Then either ``rays``, see
-    ``Lighting.rays``, or ``near``, see ``Lighting.near``, is None: what is not wanted is not compiled."""
-    arguments = (places, look_of, looks, density_column, normals, material, rays, near, records, most)
-    share_out(_write_planes, places[5].shape[0], arguments)
+def _write_records(positions, look_of, looks, density_column, normals, material, rays, near, records, most):
+    """Kernel of ``light_records``.
+
+    ``positions``: RecordPositions.arguments. ``look_of``: (m,) rows of ``looks`` (n, 5); None if voxel i has row i.
+    ``normals`` (m, 3) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
+    (``Lighting.near``) is None, so that unused code is not compiled.
+    """
+    arguments = (positions, look_of, looks, density_column, normals, material, rays, near, records, most)
+    share_out(_write_planes, positions[5].shape[0], arguments)
 
 
 @kernel(inner=True)
 def _write_planes(
-    begin, end, places, look_of, looks, density_column, normals, material, rays, near, records, most
+    begin, end, positions, look_of, looks, density_column, normals, material, rays, near, records, most
 ):
-    """Records in chunks of LANES voxels, every step of the formula a loop over one chunk, so that it becomes wide SIMD.
-    (Chunks are handed on as slices: counted from zero, the compiler knows that no index is negative.)"""
-    n_y, first_plane, row_start, column, across, data_starts = places
+    """``_write_records`` for planes [begin, end), in chunks of LANES voxels.
+
+    Every step of the formula is a loop over one chunk, so that it becomes wide SIMD. Chunks are passed as slices, so
+    the compiler knows that no index is negative.
+    """
+    n_y, first_plane, row_start, column, across, data_starts = positions
     cursors = np.empty(data_starts.shape[1], np.int64)
     targets = np.empty(LANES, np.uint64)
     s = np.empty(0 if normals is None else SCRATCH, np.float32)
@@ -191,7 +251,7 @@ def _write_planes(
 
 @kernel(inline="always")
 def clear_light(material, s):
-    """A chunk in the light that comes from everywhere."""
+    """Set the sums of a chunk to the light from all directions, and the highlights to zero."""
     for channel in range(3):
         everywhere = np.float32(material[4 + channel])
         for i in range(LANES):
@@ -204,9 +264,9 @@ def clear_light(material, s):
 
 @kernel(inline="always")
 def _raise_to(shininess, count, s):
-    """POWER = COS ** shininess, COS 0 or more; the whole part, mostly all there is, by squarings.
+    """POWER = COS ** shininess, for COS >= 0; the integer part by repeated squaring.
 
-    What is too faint to see becomes 0 at once: denormal numbers would take a hundred times as long.
+    Values too faint to see become 0 at once, because denormal numbers are a hundred times slower.
     """
     whole = np.int64(shininess)
     rest = np.float32(shininess - whole)
@@ -229,8 +289,7 @@ def _raise_to(shininess, count, s):
 
 @kernel(inline="always")
 def add_rays(rays, normals, material, count, s):
-    """What parallel lights, seen along parallel rays, add to the matt colour and to the highlight of every voxel of a
-    chunk; ``rays``: see ``Lighting.rays``."""
+    """Add parallel lights, seen along parallel rays, to the sums of a chunk; ``rays``: see ``Lighting.rays``."""
     diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
     for k in range(rays.shape[0]):
         lx, ly, lz = rays[k, 0], rays[k, 1], rays[k, 2]
@@ -259,15 +318,15 @@ def add_rays(rays, normals, material, count, s):
 
 @kernel(inner=True)
 def add_near(near, normals, material, n_y, row, row_start, column, begin, count, s):
-    """As ``add_rays``, for lights and eyes that may stand among the voxels; the chunk's first is in ``row``."""
+    """As ``add_rays``, for lights and eyes near the voxels; ``row``: row of the chunk's first voxel."""
     matrix, lights, eye, shadows = near
-    places = np.empty(PLACES, np.float64)
-    _place_voxels(n_y, row, row_start, column, matrix, begin, count, places)
+    positions = np.empty(POSITIONS, np.float64)
+    _voxel_positions(n_y, row, row_start, column, matrix, begin, count, positions)
     if material[2] > 0.0:
-        _view_voxels(eye, count, places, s)
+        _view_voxels(eye, count, positions, s)
     _shade_ambient(shadows, material, begin, count, s)
     for k in range(lights.shape[0]):
-        _towards(lights[k], count, places, s)
+        _towards(lights[k], count, positions, s)
         _shade_light(shadows, k, lights[k], material, begin, count, s)
         _add_light(lights[k], normals, material, count, s)
     _divide_shares(shadows, count, s)
@@ -275,8 +334,10 @@ def add_near(near, normals, material, n_y, row, row_start, column, begin, count,
 
 @kernel(inner=True)
 def _shade_ambient(shadows, material, begin, count, s):
-    """What shadows leave of the light from everywhere; begins the sums SHARE and ALL of light that arrives and would.
-    Nothing without ``shadows``, here and in the two below: (codes, row_of) of a Shadows."""
+    """Apply shadows to the light from all directions, and begin the sums SHARE (after shadows) and ALL (before).
+
+    ``shadows``: (codes, row_of) of a Shadows; None does nothing, here and in the next two functions.
+    """
     if shadows is not None:
         codes, row_of = shadows
         everywhere = np.float32(material[4] + material[5] + material[6])
@@ -296,7 +357,7 @@ def _shade_ambient(shadows, material, begin, count, s):
 
 @kernel(inner=True)
 def _shade_light(shadows, k, light, material, begin, count, s):
-    """What shadows leave of light number ``k``, in FALLOFF."""
+    """Apply shadows to FALLOFF of light number ``k``, and add it to SHARE and ALL."""
     if shadows is not None:
         codes, row_of = shadows
         strength = np.float32(material[1] * (light[RGB] + light[RGB + 1] + light[RGB + 2]))
@@ -312,7 +373,7 @@ def _shade_light(shadows, k, light, material, begin, count, s):
 
 @kernel(inner=True)
 def _divide_shares(shadows, count, s):
-    """SHARE becomes the share of all light that arrives, 1 where there is none."""
+    """Divide SHARE by ALL: the share of all light that arrives, or 1 if there is no light."""
     if shadows is not None:
         for i in range(count):
             s[SHARE + i] = s[SHARE + i] / s[ALL + i] if s[ALL + i] > _ZERO else _ONE
@@ -320,14 +381,14 @@ def _divide_shares(shadows, count, s):
 
 @kernel(inline="always")
 def _scale_of(x, y, z):
-    """One over the length of a vector, 0 for the zero vector."""
+    """One over the length of a vector; 0 for the zero vector."""
     length = np.sqrt(x * x + y * y + z * z)
     return 1.0 / length if length > 0.0 else 0.0
 
 
 @kernel(inner=True)
-def _place_voxels(n_y, row, row_start, column, matrix, begin, count, places):
-    """World positions of ``count`` voxels from number ``begin`` on, which is in ``row`` or after it."""
+def _voxel_positions(n_y, row, row_start, column, matrix, begin, count, positions):
+    """World positions of ``count`` voxels from number ``begin`` on; ``row``: row of the first, or one before."""
     i = 0
     while i < count:
         z, y = row // n_y, row % n_y
@@ -337,20 +398,20 @@ def _place_voxels(n_y, row, row_start, column, matrix, begin, count, places):
         oz = matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
         for j in range(i, stop):
             x = np.float64(column[begin + j])
-            places[PX + j] = matrix[0, 0] * x + ox
-            places[PY + j] = matrix[1, 0] * x + oy
-            places[PZ + j] = matrix[2, 0] * x + oz
+            positions[PX + j] = matrix[0, 0] * x + ox
+            positions[PY + j] = matrix[1, 0] * x + oy
+            positions[PZ + j] = matrix[2, 0] * x + oz
         i = max(i, stop)
         row += 1
 
 
 @kernel(inner=True)
-def _view_voxels(eye, count, places, s):
-    """Unit vectors to the eye into VX, VY, VZ."""
+def _view_voxels(eye, count, positions, s):
+    """Unit vectors to the eye, to VX, VY, VZ."""
     for i in range(count):
-        x = eye[0] - eye[3] * places[PX + i]
-        y = eye[1] - eye[3] * places[PY + i]
-        z = eye[2] - eye[3] * places[PZ + i]
+        x = eye[0] - eye[3] * positions[PX + i]
+        y = eye[1] - eye[3] * positions[PY + i]
+        z = eye[2] - eye[3] * positions[PZ + i]
         scale = _scale_of(x, y, z)
         s[VX + i] = x * scale
         s[VY + i] = y * scale
@@ -358,8 +419,8 @@ def _view_voxels(eye, count, places, s):
 
 
 @kernel(inner=True)
-def _towards(light, count, places, s):
-    """Unit vectors to a light (a row of ``light_rows``) into LX, LY, LZ, and its FALLOFF."""
+def _towards(light, count, positions, s):
+    """Unit vectors to a light (a row of ``light_rows``), to LX, LY, LZ, and its FALLOFF."""
     ax, ay, az = light[AXIS], light[AXIS + 1], light[AXIS + 2]
     sx, sy, sz = np.float32(-ax), np.float32(-ay), np.float32(-az)
     for i in range(count):
@@ -371,8 +432,8 @@ def _towards(light, count, places, s):
     if kind == SUN:
         return
     for i in range(count):
-        x, y = light[POSITION] - places[PX + i], light[POSITION + 1] - places[PY + i]
-        z = light[POSITION + 2] - places[PZ + i]
+        x, y = light[POSITION] - positions[PX + i], light[POSITION + 1] - positions[PY + i]
+        z = light[POSITION + 2] - positions[PZ + i]
         falloff = 1.0 / max(x * x + y * y + z * z, light[NEAREST])
         scale = _scale_of(x, y, z)
         x, y, z = x * scale, y * scale, z * scale
@@ -390,7 +451,7 @@ def _towards(light, count, places, s):
 
 @kernel(inner=True)
 def _add_light(light, normals, material, count, s):
-    """What one light adds to the matt colour and to the highlight of every voxel of a chunk."""
+    """Add one light to the sums of a chunk."""
     diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
     red, green, blue = np.float32(light[RGB]), np.float32(light[RGB + 1]), np.float32(light[RGB + 2])
     for i in range(count):
@@ -424,14 +485,14 @@ def _add_light(light, normals, material, count, s):
         s[SB + i] += gloss * blue
 
 
-# --- twins ----------------------------------------------------------------------------------------------------
+# --- reference implementations ----------------------------------------------------------------------------------
 
 
-def _write_numpy(places, look_of, looks, density_column, normals, falling, records, most):
-    """Twin of ``_write_records``, in chunks of voxels."""
-    voxels = places.voxels
-    targets = places.targets_numpy()
-    first, last = places.span
+def _write_numpy(positions, look_of, looks, density_column, normals, falling, records, most):
+    """Reference implementation of ``_write_records``, in chunks of voxels."""
+    voxels = positions.voxels
+    targets = positions.targets_numpy()
+    first, last = positions.span
     for begin in range(first, last, CHUNK):
         part = slice(begin, min(begin + CHUNK, last))
         seen = looks[part] if look_of is None else looks[look_of[part]]
@@ -446,7 +507,7 @@ def _write_numpy(places, look_of, looks, density_column, normals, falling, recor
 
 
 def lit_numpy(falling, voxels, part, n, colors):
-    """(k, 3) float32 shaded colours of voxels ``part``, a slice, with normals ``n`` and their own ``colors``."""
+    """(k, 3) float32 shaded colors of voxels ``part`` (a slice) with normals ``n`` (k, 3) and own ``colors`` (k, 3)."""
     own = colors
     n_y, matrix = voxels.shape_xyz[1], falling.matrix
     _, diffuse, specular, shininess = falling.material[:4]
@@ -481,7 +542,7 @@ def lit_numpy(falling, voxels, part, n, colors):
 
 
 def _towards_numpy(light, points):
-    """Twin of ``_towards`` for (m, 3) points: (m, 3) unit vectors and (m,) falloff."""
+    """Reference implementation of ``_towards`` for (m, 3) points: (m, 3) unit vectors and (m,) falloff."""
     if light[KIND] == SUN:
         return np.broadcast_to(-light[AXIS:RGB], points.shape), np.ones(len(points))
     way = light[POSITION:AXIS] - points

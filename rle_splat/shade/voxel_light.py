@@ -1,11 +1,12 @@
-"""The light that falls on each voxel, apart from its colour: what post-classified sheets carry beside the scalar.
+"""Light on each voxel, apart from its color; post-classified sheets interpolate it beside the scalar.
 
-The paper shades voxels before they are splatted; so does this, but the colour comes later, from the value table:
+The paper shades voxels before they are splatted. So does this module, but the color is applied later, from the lookup
+table (algorithm.md, section 1.14):
 
-    colour of a sample  =  classified colour * light + highlight        (algorithm.md 1.14)
+    color of a sample  =  classified color * light + highlight
 
-One number each where all light is white, else three.  They are kept as the 16-bit floats of ``records``: relative to a
-power of two, so that the 1 of unshaded voxels is exact.
+Light and highlight have one channel if all light is white, else three. They are stored as the 16-bit floats of
+``encode.records``, relative to a power of two, so that the 1 of unshaded voxels is exact.
 """
 
 from __future__ import annotations
@@ -30,10 +31,16 @@ _ZERO = np.float32(0.0)
 
 @dataclass(frozen=True, eq=False)
 class VoxelLight:
-    """``codes``: (m, channels) uint16, light and then highlight of each voxel, 1 or 3 channels each; no highlight where
-    nothing is specular.  ``unit``: a code's float32 bits, shifted, times this are the number it stands for.
-    ``most_light``, ``most_highlight``: bounds of the largest of any voxel, by the lights alone: pictures are held to
-    them, and must not depend on which voxels are kept.
+    """Coded light of each voxel.
+
+    Attributes
+    ----------
+    codes : (m, channels) ndarray of uint16
+        Light, then highlight, of 1 or 3 channels each; no highlight if nothing is specular.
+    unit : float
+        A code, as shifted float32 bits, times this is its value.
+    most_light, most_highlight : float
+        Upper bounds of any voxel, from the lights alone, so that they do not depend on which voxels are kept.
     """
 
     codes: np.ndarray
@@ -43,16 +50,17 @@ class VoxelLight:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of the codes."""
         return self.codes.nbytes
 
 
 def light_planes(channels: int) -> tuple[tuple, tuple]:
-    """The planes of a sheet, counted behind the scalar, that hold light and highlight, from their number together."""
+    """Sheet planes, counted from the scalar, of light and of highlight, for so many ``channels`` together."""
     return {1: ((1,), ()), 2: ((1,), (2,)), 3: ((1, 2, 3), ()), 6: ((1, 2, 3), (4, 5, 6))}[channels]
 
 
 def with_factor(light: VoxelLight | None, factor: np.ndarray) -> VoxelLight:
-    """The light with one channel more, the last: a ``factor`` (m,) in [0, 1] of each voxel's extinction."""
+    """Copy with one more channel, the last: ``factor`` (m,) in [0, 1], which multiplies each voxel's extinction."""
     unit = float(UNBIAS) if light is None else light.unit
     codes = codes_numpy(factor * (float(UNBIAS) / unit)).astype(np.uint16)[:, None]
     if light is None:
@@ -63,8 +71,27 @@ def with_factor(light: VoxelLight | None, factor: np.ndarray) -> VoxelLight:
 def voxel_light(
     voxels: VisibleVoxels, normals, falling: Lighting, *, backend: str = "auto", threads: int = 0
 ) -> VoxelLight:
-    """What ``falling`` sheds on voxels with ``normals`` (m, 3) float32; where there is no normal, 0 of highlight and of
-    light 1, or what shadows leave of that."""
+    """Light on voxels.
+
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+    normals : (m, 3) ndarray of float32
+        A voxel without normal has light 1, or what shadows leave of it, and highlight 0.
+    falling : Lighting
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    VoxelLight
+
+    Raises
+    ------
+    RleSplatError
+        If the light is above BRIGHTEST.
+    """
     strengths = falling.rows[:, RGB:NEAREST]
     everywhere = falling.material[4:7]
     white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
@@ -88,29 +115,33 @@ def voxel_light(
 
 
 def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
-    """(n,) a bound of the squared distance at which each light falls on any voxel, 1 for parallel light.
+    """(n,) lower bound of the squared distance from each light to any voxel; 1 for parallel light.
 
-    Codes are relative to the strongest light there can be, so the bound has to be a good one for lights that stand
-    outside: it is that to the sphere around the volume.
+    Codes are relative to the strongest possible light, so the bound should be tight for lights outside the volume: it
+    is the distance to the sphere around the volume.
     """
     matrix, rows = falling.matrix, falling.rows
     half = 0.5 * (np.array(shape_xyz) - 1.0)
     corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half
     radius = np.linalg.norm(corners @ matrix[:3, :3].T, axis=1).max()
-    centre = matrix[:3, :3] @ half + matrix[:3, 3]
-    away = np.maximum(np.linalg.norm(rows[:, POSITION:AXIS] - centre, axis=1) * (1.0 - 1e-9) - radius, 0.0)
+    center = matrix[:3, :3] @ half + matrix[:3, 3]
+    away = np.maximum(np.linalg.norm(rows[:, POSITION:AXIS] - center, axis=1) * (1.0 - 1e-9) - radius, 0.0)
     return np.where(rows[:, KIND] == SUN, 1.0, np.maximum(rows[:, NEAREST], away**2))
 
 
 @kernel
 def _code_light(rows, n_planes, normals, material, rays, near, each, inverse, codes):
-    """``rows``: ny, row_start, column of the voxels.  ``rays`` and ``near``: see ``shading._write_records``.  ``each``:
-    channels of light, and of highlight; ``inverse``: one over their scale."""
+    """Kernel of ``voxel_light``.
+
+    ``rows``: ny, row_start and column of the voxels. ``rays``, ``near``: see ``shading._write_records``. ``each``:
+    channels of light, and of highlight. ``inverse``: one over their scale.
+    """
     share_out(_code_planes, n_planes, (rows, normals, material, rays, near, each, inverse, codes))
 
 
 @kernel(inner=True)
 def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse, codes):
+    """``_code_light`` for planes [begin, end)."""
     n_y, row_start, column = rows
     s = np.empty(SCRATCH, np.float32)
     for plane in range(begin, end):
@@ -139,11 +170,11 @@ def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse,
 
 
 def _code_light_numpy(voxels, normals, falling, each, scale, codes):
-    """Twin of ``_code_light``, in chunks of voxels."""
+    """Reference implementation of ``_code_light``, in chunks of voxels."""
     for begin in range(0, len(voxels), CHUNK):
         part = slice(begin, min(begin + CHUNK, len(voxels)))
         n = normals[part].astype(np.float64)
-        # White matter shows the light and the highlight, black matter the highlight alone.
+        # White voxels show light plus highlight, black voxels the highlight alone.
         white, black = (lit_numpy(falling, voxels, part, n, np.full((len(n), 3), c, np.float64)) for c in (1.0, 0.0))
         found = [white.astype(np.float64) - black, black][: codes.shape[1] // each]
         for kind, light in enumerate(found):

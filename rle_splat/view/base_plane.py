@@ -1,8 +1,8 @@
 """The base plane: the plane of the intermediate image, parallel to the slices of one principal axis.
 
-Slices are projected on to it along the rays.  Because it is parallel to them, each slice arrives scaled and
-moved but never rotated, voxel scanlines stay parallel to sheet scanlines, and a splat row stays a
-one-dimensional convolution: the claim the paper rests on.  One homography then warps it to the picture.
+Slices are projected to it along the rays. Because the plane is parallel to the slices, a slice is scaled and moved but
+never rotated. Voxel scanlines stay parallel to sheet scanlines, and splatting a row stays a one-dimensional convolution
+(paper, section 2). One homography then warps the plane to the picture.
 """
 
 from __future__ import annotations
@@ -13,43 +13,59 @@ from functools import cached_property
 
 import numpy as np
 
-# Which volume axes run along a scanline, count the scanlines, and count the slices, per principal axis.  The
-# same table as the encoder's; test_view compares them.
+# Volume axes along a scanline, across scanlines and across slices, per principal axis; the encoder uses the same table.
 from ..volume.axes import AXES
 from .depth_rules import Sheets, place_sheets
 from .eye import IndexView
 from .footprints import FOOTPRINTS, Footprint
 
-# Sheet pixels beyond what is seen, so that the warp's filter never misses a neighbour.
+# Sheet pixels beyond what is visible, so that the warp's filter never lacks a neighbor.
 MARGIN = 3
-# In strong perspective the densest corner does not decide the density of the whole sheet: it may ask for so many times
-# what the middle does.  Of sheets coarser than this, which are there to be quick, it asks for no more than the middle.
+# In strong perspective the densest corner may not ask for more than this multiple of the density at the middle. Sheets
+# coarser than QUICK, which are meant to be fast, use the density at the middle.
 DENSEST_CORNER, QUICK = 2.0, 0.5
 
-# Windows of a plane begin at a multiple of so many of its pixels, so that pixels which are handled together in the
-# whole plane are handled together in the window.
+# Windows of a plane begin at a multiple of this many pixels, so that pixels processed together in the whole plane are
+# processed together in the window.
 ALIGNED = 16
-SHORT = 1e-6  # a side of a polygon, of its longest
-SLANTED = 1e-9  # of sides and of how far corners are from them, what is put down to rounding
-OFFSET_BITS = 51  # of a float's 53: room for a whole plane's pixels to be added twice
+SHORT = 1e-6  # least length of a polygon's side, relative to its longest
+SLANTED = 1e-9  # relative tolerance for rounding in the sides of polygons
+OFFSET_BITS = 51  # of the 53 bits of a float64; the other two allow to add a plane's pixel numbers twice exactly
 
 
 @dataclass(frozen=True, eq=False)
 class BasePlane:
-    """One intermediate image: where it lies and which of its pixels are needed.
+    """One intermediate image: its geometry, and which of its pixels are needed.
 
-    Sheet pixel (u, v), centre at whole numbers, lies at base-plane point ``X = (u + origin[0]) / density[0]``,
-    ``Y = (v + origin[1]) / density[1]``, in voxels of the slice at ``reference`` along the principal axis.
-    ``homography``: (3, 3) float64, (X, Y, 1) to homogeneous pixel of the picture.
-    ``scale`` and ``offset``: per sheet, ``u = scale[i, 0] * x + offset[i, 0]`` for the voxel coordinate x along
-    the scanline, likewise v with index 1 for the scanline number.
+    Attributes
+    ----------
+    axis : {0, 1, 2}
+        Principal axis: x, y or z.
+    sign : {1, -1}
+        Viewing direction along the axis.
+    reference : float
+        Axis position of the base plane, in voxels.
+    density : (float, float)
+        Sheet pixels per voxel along X and Y.
+    origin : (int, int)
+        Sheet pixel (u, v), centered at integers, is the base-plane point X = (u + origin[0]) / density[0],
+        Y = (v + origin[1]) / density[1], in voxels of the slice at ``reference``.
+    width, height : int
+        Size in sheet pixels.
+    homography : (3, 3) ndarray of float64
+        (X, Y, 1) to homogeneous pixel of the picture.
+    sheets : Sheets
+    scale, offset : (n, 2) ndarray of float64
+        Per sheet i: u = scale[i, 0] * x + offset[i, 0] for the voxel coordinate x along the scanline; v likewise, with
+        index 1, for the scanline number.
+    view : IndexView
+    seen : (2, height) ndarray of int64
+        For each row, the first pixel that the picture reads and the one after the last. An empty row has end <= first.
 
-    ``seen``: (2, H) int64, of each row of pixels the first that the picture reads and the one behind the last; no less
-    than the first where there are any.  Much of what lies between the plane's corners may be left out.
-
-    A ``window`` is a base plane too, with fewer pixels: all that is reckoned for one of them is the same to the bit
-    as in the whole plane, because coordinates are whole numbers plus ``origin``, and taking whole numbers from
-    ``offset`` is exact.
+    Notes
+    -----
+    A ``window`` is a base plane too, with fewer pixels. Results for its pixels have the same bits as in the whole
+    plane, because coordinates are integers plus ``origin``, and subtracting integers from ``offset`` is exact.
     """
 
     axis: int
@@ -67,27 +83,36 @@ class BasePlane:
     seen: np.ndarray
 
     def window(self, crop: tuple[int, int, int, int], reach: int) -> BasePlane | None:
-        """The part of the plane that the pixels of ``crop`` read, None when they read nothing of it.
+        """The part of the plane that the pixels of a crop read.
 
-        ``crop``: (left, top, right, bottom) in pixels of the picture.  ``reach``: sheet pixels on either side of a
-        ray that a pixel may read.
+        Parameters
+        ----------
+        crop : (left, top, right, bottom)
+            Pixels of the picture.
+        reach : int
+            Sheet pixels on either side of a ray that a pixel may read.
+
+        Returns
+        -------
+        BasePlane or None
+            None if the crop reads nothing.
         """
         left, top, right, bottom = crop
         size = np.array((self.width, self.height))
         u0, v0 = self.origin
         u1, v1 = self.origin + size - 1
-        # Pixels look through their centres, half a pixel inside: ample for the rounding of this polygon.
+        # Rays go through pixel centers, half a pixel inside: enough margin for rounding of this polygon.
         polygon = _seen_through(
             self.homography, np.array(((u0, v0), (u1, v0), (u1, v1), (u0, v1))) / self.density,
             left, top, right, bottom,
         )
         if len(polygon) < 3:
             return None
-        place = polygon * self.density - self.origin
-        return self.part(np.floor(place.min(axis=0)), np.ceil(place.max(axis=0)), reach)
+        pixels = polygon * self.density - self.origin
+        return self.part(np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)), reach)
 
     def part(self, first, last, reach: int) -> BasePlane:
-        """A window that holds the plane's pixels (u, v) from ``first`` to ``last``, and ``reach`` on either side."""
+        """Window with the pixels (u, v) from ``first`` to ``last`` inclusive, and ``reach`` more on either side."""
         first, last = (np.asarray(end).astype(np.int64) for end in (first, last))
         last = np.minimum(last + reach, (self.width - 1, self.height - 1))
         first = np.maximum((first - reach) // ALIGNED * ALIGNED, 0)
@@ -97,35 +122,36 @@ class BasePlane:
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
     def points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Base-plane coordinates X (W,) and Y (H,) of the sheet pixels, float64, read-only."""
+        """Base-plane coordinates X (width,) and Y (height,) of the sheet pixels, float64, read-only."""
         return self._points
 
     @cached_property
     def _points(self):
+        """``points``, computed once."""
         sides = zip((self.width, self.height), self.origin, self.density)
         found = tuple((np.arange(count) + first) / density for count, first, density in sides)
-        for places in found:
-            places.flags.writeable = False
+        for coordinates in found:
+            coordinates.flags.writeable = False
         return found
 
     @cached_property
     def ray_slopes(self) -> tuple[np.ndarray, np.ndarray]:
-        """``slopes`` of the rays of each column of sheet pixels (W,) and of each row (H,), float64."""
+        """``slopes`` of the rays of each column (width,) and of each row (height,) of sheet pixels, float64."""
         points = self.points()
         slopes = self.slopes(*points)
-        if self.view.is_parallel:  # one number
-            slopes = (np.broadcast_to(slope, place.shape) for slope, place in zip(slopes, points))
+        if self.view.is_parallel:  # a single slope
+            slopes = (np.broadcast_to(slope, at.shape) for slope, at in zip(slopes, points))
         return tuple(slopes)
 
     def slopes(self, x, y) -> tuple[np.ndarray, np.ndarray]:
-        """Sideways advance per slice of the rays through base-plane points, index units (algorithm.md 1.4, 5)."""
+        """Sideways movement per slice of the rays through base-plane points, in voxels (algorithm.md, 1.4 and 5)."""
         i, j, k = AXES[self.axis]
         eye = self.view.eye
         ahead = eye[3] * self.reference - eye[k]
         return (eye[3] * x - eye[i]) / ahead, (eye[3] * y - eye[j]) / ahead
 
     def ray_steps(self, x, y) -> np.ndarray:
-        """(3, ...) float64 index-space steps, in volume order x, y, z, of the rays per slice along +axis."""
+        """(3, ...) float64 index-space movement x, y, z of the rays per slice along +axis."""
         i, j, k = AXES[self.axis]
         steps = np.empty((3, *np.broadcast_shapes(np.shape(x), np.shape(y))))
         steps[i], steps[j] = self.slopes(x, y)
@@ -134,19 +160,21 @@ class BasePlane:
 
     @cached_property
     def depth_map(self) -> tuple[tuple, tuple]:
-        """Two rows of three floats, of which each takes (X, Y, 1) to what is affine in the place of a ray: its planar
-        depth at axis position 0, and how much that grows per voxel of axis position."""
+        """Two rows of three floats that map (X, Y, 1) to the depth of a ray, which is affine in X and Y.
+
+        The first gives the planar depth at axis position 0, the second its change per voxel of axis position.
+        """
         i, j, k = AXES[self.axis]
         row, eye = self.view.depth.tolist(), self.view.eye.tolist()
         ahead = eye[3] * self.reference - eye[k]
-        along, across = row[i] / ahead, row[j] / ahead  # what its slopes, times that, add a slice
+        along, across = row[i] / ahead, row[j] / ahead  # depth per slice and unit of slope
         per_voxel = along * eye[3], across * eye[3], row[k] - along * eye[i] - across * eye[j]
         at_reference = row[i], row[j], row[k] * self.reference + row[3]
         return tuple(there - self.reference * step for there, step in zip(at_reference, per_voxel)), per_voxel
 
     def depth_along(self, x, y) -> tuple[np.ndarray, np.ndarray]:
-        """Planar depth at axis position 0 and per voxel of axis position, of the rays through points (X, Y)."""
-        # Element by element: the bits of a matrix product depend on its size.
+        """Planar depth at axis position 0, and its change per voxel of axis position, of the rays through (X, Y)."""
+        # Elementwise, because the bits of a matrix product depend on its size.
         at_zero, per_voxel = (a * x + b * y + c for a, b, c in self.depth_map)
         return at_zero, per_voxel
 
@@ -167,7 +195,7 @@ def _clip(polygon: np.ndarray, line: np.ndarray) -> np.ndarray:
 
 
 def _seen_through(homography: np.ndarray, polygon: np.ndarray, left, top, right, bottom) -> np.ndarray:
-    """The part of a polygon on the base plane that is seen through a rectangle of the picture, in its pixels."""
+    """The part of a base-plane polygon that is visible through a rectangle of the picture, given in its pixels."""
     h = homography
     # Inside means left <= a/c <= right and top <= b/c <= bottom with c > 0 for (a, b, c) = H (X, Y, 1).
     for line in (h[0] - left * h[2], right * h[2] - h[0], h[1] - top * h[2], bottom * h[2] - h[1]):
@@ -176,21 +204,23 @@ def _seen_through(homography: np.ndarray, polygon: np.ndarray, left, top, right,
 
 
 def _sides(polygon: list) -> list:
-    """Half-planes (a, b, c), where ``a X + b Y + c >= 0``, whose common part a convex polygon, anticlockwise, is."""
+    """Half-planes (a, b, c), a X + b Y + c >= 0, whose intersection is a convex counterclockwise polygon."""
     edges = [(x, y, u - x, v - y) for (x, y), (u, v) in zip(polygon, (*polygon[1:], polygon[0]))]
     longest = max(math.hypot(dx, dy) for *_, dx, dy in edges)
-    # Corners that rounding alone sets apart give no direction.
+    # Corners that differ by rounding only give no direction.
     return [(-dy, dx, dy * x - dx * y) for x, y, dx, dy in edges if math.hypot(dx, dy) > SHORT * longest]
 
 
 def _slanted_sides(one: list, two: list) -> list:
-    """Half-planes, as of ``_sides``: what the smallest convex outline of two upright rectangles, each its four corners
-    in the same order, has besides upright sides."""
+    """Half-planes, as of ``_sides``, of the slanted sides of the convex hull of two axis-aligned rectangles.
+
+    Each rectangle is given by its four corners, in the same order.
+    """
     found = []
     for (x, y), (u, v) in zip(one, two):
         a, b, c = y - v, u - x, (v - y) * x - (u - x) * y
-        places = [a * x + b * y + c for x, y in (*one, *two)]
-        least, most = min(places), max(places)
+        distances = [a * x + b * y + c for x, y in (*one, *two)]
+        least, most = min(distances), max(distances)
         slack = SLANTED * max(-least, most)
         if slack > 0.0 and (least >= -slack or most <= slack):
             found.append((a, b, c) if least >= -slack else (-a, -b, -c))
@@ -198,14 +228,16 @@ def _slanted_sides(one: list, two: list) -> list:
 
 
 def _columns_within(sides: list, origin, width: int, height: int) -> np.ndarray:
-    """(2, H) int64: see ``BasePlane.seen``.  ``sides``: half-planes as of ``_sides``, in pixels by their numbers, of
-    which the first are ``origin``."""
+    """(2, height) int64, see ``BasePlane.seen``.
+
+    ``sides``: half-planes as of ``_sides``, in sheet pixels; ``origin``: number of the first pixel.
+    """
     rows = np.arange(height) + origin[1]
     left, right = [(0.0, float(origin[0]))], [(0.0, origin[0] + width - 1.0)]  # slope and column of the first row
     columns = np.empty((2, height))
     level = []
     for a, b, c in sides:
-        if abs(a) <= SLANTED * abs(b):  # along the rows: it leaves all of a row or nothing
+        if abs(a) <= SLANTED * abs(b):  # parallel to the rows: it keeps or removes whole rows
             level.append(b * rows + c < 0.0)
         else:
             (left if a > 0.0 else right).append((-b / a, -c / a))
@@ -220,9 +252,9 @@ def _columns_within(sides: list, origin, width: int, height: int) -> np.ndarray:
 
 
 def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
-    """Offsets in pixels rounded to a power of two so large that adding whole numbers up to ``furthest`` is exact.
+    """Round offsets in pixels to a power of two so large that adding integers up to ``furthest`` is exact.
 
-    Rounding by less than 2**-OFFSET_BITS of the distances involved: nothing that could be seen.
+    The rounding error is below 2**-OFFSET_BITS of the distances, which is invisible.
     """
     most = np.maximum(np.abs(offsets), max(furthest, 1.0))
     unit = 2.0 ** (np.ceil(np.log2(most)) - OFFSET_BITS)
@@ -230,7 +262,7 @@ def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
 
 
 def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
-    """Scale (n,) and offsets (n,), (n,) of slices at ``positions`` on the base plane (algorithm.md 1.4, 3)."""
+    """Scale (n,) and offsets (n,), (n,) of slices at ``positions`` on the base plane (algorithm.md, 1.4 and 3)."""
     i, j, k = axes
     eye = view.eye
     beyond = eye[3] * positions - eye[k]
@@ -243,12 +275,28 @@ def base_plane(
     view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float,
     footprint: Footprint = FOOTPRINTS["tent"], boxed: bool = False, reach: int | None = None,
 ) -> BasePlane | None:
-    """The base plane of one principal axis and direction, or None when no visible ray belongs to it.
+    """Make the base plane of one principal axis and direction.
 
-    ``sheet_density`` is in sheet pixels per image pixel; 0 asks for one sheet pixel per voxel at the reference.
-    ``boxed``: the medium fills the box of the voxel centres only, without the ramps of its face voxels' footprints.
-    ``reach``: sheet pixels on either side of a ray that a pixel of the picture may read; None where all of the plane is
-    wanted, whoever reads it.
+    Parameters
+    ----------
+    view : IndexView
+    shape_xyz : (nx, ny, nz)
+    axis : {0, 1, 2}
+    sign : {1, -1}
+    rule : str
+        Depth rule.
+    sheet_density : float
+        Sheet pixels per image pixel; 0 for one sheet pixel per voxel at the reference.
+    footprint : Footprint
+    boxed : bool
+        Whether the medium ends at the voxel centers; else the footprints of the outermost voxels extend beyond.
+    reach : int or None
+        Sheet pixels on either side of a ray that a pixel of the picture may read; None if the whole plane is needed.
+
+    Returns
+    -------
+    BasePlane or None
+        None if no visible ray belongs to this axis and direction.
     """
     axes = i, j, k = AXES[axis]
     eye = view.eye
@@ -263,7 +311,7 @@ def base_plane(
         reference = eye_position + sign
     scale, move_x, move_y = _slice_map(view, axes, reference, sheets.position)
 
-    # Where the volume (with the footprints of its outermost voxels) lands: monotone in depth, so the ends decide.
+    # Extent of the volume with the footprints of its outermost voxels. It is monotone in depth, so the ends decide.
     ends = [0, -1]
     moves = np.stack((move_x[ends], move_y[ends]), axis=1)
     low = (moves - radius * scale[ends, None]).min(axis=0)
@@ -273,6 +321,7 @@ def base_plane(
     ), axis=1)
 
     def window(pixel_margin, slope_margin):
+        """Visible part of the plane as a polygon, with margins in pixels of the picture and in slopes."""
         least, most = low, high
         if not view.is_parallel:
             ahead = abs(reference - eye_position)
@@ -289,7 +338,7 @@ def base_plane(
     if len(polygon) < 3:
         return None
     density = _density(homography, polygon, sheet_density)
-    # One image pixel and MARGIN sheet pixels of slack on every side.
+    # A margin of one image pixel and MARGIN sheet pixels on every side.
     slack = MARGIN / (density * (1.0 if view.is_parallel else abs(reference - eye_position)))
     polygon = window(1.0 + MARGIN / max(sheet_density, 0.5), 0.0 if view.is_parallel else slack.max())
     first = np.floor(polygon.min(axis=0) * density).astype(np.int64) - MARGIN
@@ -312,8 +361,11 @@ def base_plane(
 
 
 def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> list:
-    """Half-planes, as of ``_sides``: the slanted sides of what the volume covers on the plane, with footprints of
-    ``radius`` around its ``counts`` voxels; none where the eye is so near that its nearest slice has no end."""
+    """Half-planes, as of ``_sides``, of the slanted sides of the volume's outline on the plane.
+
+    The volume has ``counts`` voxels with footprints of ``radius``. The result is empty if the eye is so near that the
+    outline is not bounded.
+    """
     ends = sheets.begin[0], max(sheets.end[-1], sheets.far[-1])
     if not view.is_parallel and ends[0] - sign * view.eye[axes[2]] < 1.0:
         return []
@@ -332,7 +384,7 @@ def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) 
     points = np.concatenate((polygon, polygon.mean(axis=0, keepdims=True)))
     a, b, c = homography @ np.concatenate((points, np.ones((len(points), 1))), axis=1).T
     stretch = np.empty((2, len(points)))
-    for d in range(2):  # image pixels per voxel along X, along Y, at each point
+    for d in range(2):  # image pixels per voxel along X, then Y, at each point
         h = homography[:, d]
         stretch[d] = np.hypot(h[0] * c - a * h[2], h[1] * c - b * h[2]) / c**2
     cap = DENSEST_CORNER if sheet_density >= QUICK else 1.0

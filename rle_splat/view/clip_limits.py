@@ -1,7 +1,7 @@
-"""Clip limits: where the rays of sheet pixels go through half-spaces, and through holes cut out of them.
+"""Ray intervals inside clip objects: where the rays of sheet pixels pass half-spaces, and holes cut out of them.
 
-What convex bodies keep of a ray is one stretch of it; what is cut out of it by a convex body is one hole.  Both end at
-the planes themselves, inside a slab as well as between two.
+Convex bodies to keep leave one interval of a ray; a convex body to cut away makes one hole in it. Intervals and holes
+end exactly at the planes, also inside a slab.
 """
 
 from __future__ import annotations
@@ -19,10 +19,14 @@ from .ray_limits import MOST
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """Planes in voxel indices: ``plane @ (x, y, z, 1)``, in any unit, is at most 0 on the side that counts.
+    """Half-spaces in voxel-index space: ``plane @ (x, y, z, 1) <= 0``.
 
-    ``kept``: (n, 4) float64 half-spaces; what lies in all of them is kept.  ``holes``: tuple of (m, 4) float64
-    half-spaces; what lies in all m of one of them is cut away.
+    Attributes
+    ----------
+    kept : (n, 4) ndarray of float64
+        The intersection of these half-spaces is kept.
+    holes : tuple of (m, 4) ndarray of float64
+        For each entry, the intersection of its m half-spaces is cut away.
     """
 
     kept: np.ndarray
@@ -32,12 +36,24 @@ class Cuts:
 def clip_limits(
     plane: BasePlane, cuts: Cuts, limits: np.ndarray | None = None, backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
-    """(2 + 2 holes, H, W) float32: the ``limits`` (2, H, W) of ``ray_limits``, or without any the whole of each ray,
-    with what the cuts leave of it, voxels along the viewing direction.
+    """Limit ray intervals to what clip objects leave.
 
-    The first two: where a ray begins and ends.  Then, for each hole that any ray has between them, where it goes in and
-    comes out; a hole that a ray does not have is as deep as nothing, and no two of a ray overlap.  A ray of which
-    nothing is left ends before it begins.
+    Parameters
+    ----------
+    plane : BasePlane
+    cuts : Cuts
+    limits : (2, H, W) ndarray of float32 or None
+        Ray intervals as of ``ray_limits``; None for unlimited rays.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (2 + 2 holes, H, W) ndarray of float32
+        Voxels along the viewing direction. The first two planes are begin and end of each ray; begin > end if nothing
+        is left. Then follow begin and end of each hole that any ray has. Holes of a ray do not overlap. A ray without
+        a hole stores an empty interval (begin = end).
     """
     if limits is None:
         limits = np.empty((2, plane.height, plane.width), np.float32)
@@ -54,9 +70,20 @@ def clip_limits(
 
 
 def what_is_left(plane: BasePlane, limits: np.ndarray, reach: int) -> tuple[BasePlane, np.ndarray] | None:
-    """The window of the plane outside which the ``limits`` leave nothing of any ray, and its limits; None for nothing.
+    """Reduce a plane to the window outside which no ray has anything left.
 
-    ``reach``: sheet pixels about a ray of which anything is left that are held besides.
+    Parameters
+    ----------
+    plane : BasePlane
+    limits : (2 + 2 holes, H, W) ndarray of float32
+        Ray intervals of the plane.
+    reach : int
+        Sheet pixels to keep around rays that have something left.
+
+    Returns
+    -------
+    (BasePlane, ndarray) or None
+        The window and its ray intervals; None if nothing is left.
     """
     some = limits[0] < limits[1]
     columns, rows = (np.flatnonzero(some.any(axis=axis)) for axis in (0, 1))
@@ -68,14 +95,14 @@ def what_is_left(plane: BasePlane, limits: np.ndarray, reach: int) -> tuple[Base
 
 
 def _crossings(plane: BasePlane, sides: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Where rays meet planes, by column and row of sheet pixels: (n, W), (n, W), (n, H) and (n, H) float64.
+    """Linear functions whose roots are the crossings of rays and planes: (n, W), (n, W), (n, H) and (n, H) float64.
 
-    On the ray of pixel (u, v), ``side @ (place, 1)`` is ``column_zero[u] + row_zero[v]`` at axis position zero and
-    changes by ``column_rate[u] + row_rate[v]`` a voxel along the viewing direction.
+    On the ray of pixel (u, v), ``side @ (x, y, z, 1)`` is ``column_zero[u] + row_zero[v]`` at axis position 0 and
+    changes by ``column_rate[u] + row_rate[v]`` per voxel along the viewing direction.
     """
     i, j, k = AXES[plane.axis]
     x, y = plane.points()
-    dx, dy = (np.broadcast_to(slope, place.shape) for slope, place in zip(plane.slopes(x, y), (x, y)))
+    dx, dy = (np.broadcast_to(slope, at.shape) for slope, at in zip(plane.slopes(x, y), (x, y)))
     a, b, c, d = (sides[:, number, None] for number in (i, j, k, 3))
     return (
         plane.sign * (a * dx), a * (x - plane.reference * dx),
@@ -85,8 +112,11 @@ def _crossings(plane: BasePlane, sides: np.ndarray) -> tuple[np.ndarray, ...]:
 
 @kernel
 def _limit_rows(column_rate, column_zero, row_rate, row_zero, bodies, limits, found, has_hole):
-    """``clip_limits`` of all rows.  ``bodies``: up to which side each body goes, the first of what is kept, then holes.
-    Out: ``found`` (2 bodies, H, W) float32 and ``has_hole`` (H, bodies), for whichever body a row has."""
+    """Kernel of ``clip_limits``.
+
+    ``bodies``: end of each body in the list of sides; the first body is kept, the others are holes. Writes ``found``
+    (2 bodies, H, W) float32 and ``has_hole`` (H, bodies), the holes that any ray of a row has.
+    """
     share_out(
         _limit_some, limits.shape[1],
         (column_rate, column_zero, row_rate, row_zero, bodies, limits, found, has_hole),
@@ -94,12 +124,14 @@ def _limit_rows(column_rate, column_zero, row_rate, row_zero, bodies, limits, fo
 
 
 @kernel(inline="always", exact=True)
-def _held(place):
-    return np.float32(min(max(place, -MOST), MOST))
+def _held(position):
+    """Clamp to the range of float32."""
+    return np.float32(min(max(position, -MOST), MOST))
 
 
 @kernel(inner=True, exact=True)
 def _limit_some(first_row, last_row, column_rate, column_zero, row_rate, row_zero, bodies, limits, found, has_hole):
+    """``_limit_rows`` for rows [first_row, last_row)."""
     width, holes = limits.shape[2], bodies.size - 1
     begin, end = np.empty((1 + holes, width)), np.empty((1 + holes, width))
     for v in range(first_row, last_row):
@@ -133,9 +165,11 @@ def _limit_some(first_row, last_row, column_rate, column_zero, row_rate, row_zer
 
 @kernel(inner=True, exact=True)
 def _take_holes(into, out, has_hole):
-    """Rays from ``into[0]`` to ``out[0]`` shortened by the holes at their ends, which the other rows of the two arrays
-    (1 + holes, W) are; then these sorted, apart and within the ray, or infinitely far.  Out: ``has_hole`` (1 + holes,),
-    whether any ray has each."""
+    """Shorten rays by the holes at their ends, and sort and separate the other holes, in place.
+
+    ``into``, ``out`` (1 + holes, W): begin and end of each ray, then of its holes. Holes that are not inside the ray
+    become infinitely far. Writes ``has_hole`` (1 + holes,), whether any ray has each hole.
+    """
     count, width = into.shape
     for u in range(width):
         holes = 1
@@ -168,7 +202,7 @@ def _take_holes(into, out, has_hole):
 
 
 def _limits_numpy(crossings, bodies, limits) -> np.ndarray:
-    """Twin of ``_limit_rows``, without the holes that no ray has."""
+    """Reference implementation of ``_limit_rows``, without the holes that no ray has."""
     begin, end = (limit.astype(np.float64) for limit in limits)
     ways = [_stretch_within(*(part[first:last] for part in crossings)) for first, last in zip((0, *bodies), bodies)]
     begin, end = np.maximum(begin, ways[0][0]), np.minimum(end, ways[0][1])
@@ -182,8 +216,10 @@ def _limits_numpy(crossings, bodies, limits) -> np.ndarray:
 
 
 def _stretch_within(column_rate, column_zero, row_rate, row_zero) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W), (H, W) float64: where each ray enters and leaves the convex body of some half-spaces; it enters behind
-    where it leaves where it never does."""
+    """(H, W), (H, W) float64: where each ray enters and leaves an intersection of half-spaces.
+
+    A ray that misses it has begin > end.
+    """
     shape = row_rate.shape[1], column_rate.shape[1]
     begin, end = np.full(shape, -np.inf), np.full(shape, np.inf)
     for side in range(len(column_rate)):
@@ -198,11 +234,12 @@ def _stretch_within(column_rate, column_zero, row_rate, row_zero) -> tuple[np.nd
 
 
 def _without_holes(begin, end, into, out):
-    """Rays shortened by the holes at their ends, and (holes, 2, H, W) those that remain inside some ray, apart.
+    """Reference implementation of ``_take_holes``.
 
-    ``into``, ``out``: (n, H, W), where a ray enters and leaves each hole; ``begin`` and ``end``: (H, W) of the rays.
+    ``begin``, ``end`` (H, W): of the rays; ``into``, ``out`` (n, H, W): of the holes. Returns the shortened rays, and
+    (holes, 2, H, W) the holes that remain inside any ray, separated.
     """
-    into, out = np.where(into < out, into, np.inf), np.where(into < out, out, np.inf)  # none: behind all others
+    into, out = np.where(into < out, into, np.inf), np.where(into < out, out, np.inf)  # empty holes sort last
     order = np.argsort(into, axis=0, kind="stable")
     into, out = np.take_along_axis(into, order, 0), np.take_along_axis(out, order, 0)
     reached = begin

@@ -1,7 +1,7 @@
-"""Depth rules: where the sheets lie along the principal axis, and how much depth each one stands for.
+"""Depth rules: positions of the sheets along the principal axis, and the depth that each sheet represents.
 
-Positions are in voxels along the principal axis.  The classified medium is zero outside the grid, so footprints of
-the first and last slice reach past it (a tent's ramp over [-1, 0] and [n-1, n]), and so do the cells.
+Positions are in voxels along the principal axis. The classified medium is zero outside the grid. Footprints of the
+first and last slice extend beyond it (the tent ramps over [-1, 0] and [n-1, n]), and so do the cells.
 """
 
 from __future__ import annotations
@@ -18,22 +18,33 @@ from .footprints import FOOTPRINTS, Footprint, footprint_weights
 _INSET = 0.5 / np.sqrt(3.0)
 
 
-# Nodes (position in a cell, weight) of each rule, of a cell of depth one; its weights sum to one.  algorithm.md 1.7
+# Quadrature nodes (position in a cell, weight) of each rule, for a cell of depth one; weights sum to one (algorithm.md,
+# section 1.7).
 NAMED_NODES = {
     "slice": ((0.0, 0.5), (1.0, 0.5)),
     "slice-2": ((0.0, 0.5), (1.0, 0.5)),
     "simpson": ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)),
     "gauss2": ((0.5 - _INSET, 0.5), (0.5 + _INSET, 0.5)),
 }
-assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "the table of names in scene/quality.py is the one that people see"
-# Voxels of depth of a cell, where it is not one.  The ramps before the first and behind the last slice have cells of
-# their own, and the last cell inside may be smaller.
+assert tuple(NAMED_NODES) == NAMED_DEPTH_RULES, "scene/quality.py lists other depth rules"
+# Depth of a cell in voxels, if it is not one. The ramps before the first and after the last slice have cells of depth
+# one, and the last cell between them may be smaller.
 CELL_DEPTHS = {"slice-2": 2}
 
 
 def cell_nodes(rule: str) -> tuple:
-    """The nodes of a rule by its name: one of NAMED_NODES; midpoint-M for M midpoints of equal weight; or planes-M, of
-    ``value_rule``."""
+    """Quadrature nodes of a depth rule.
+
+    Parameters
+    ----------
+    rule : str
+        A key of NAMED_NODES; midpoint-M for M midpoints of equal weight; or planes-M, see ``value_rule``.
+
+    Returns
+    -------
+    tuple of (position, weight)
+        For a cell of depth one.
+    """
     m = midpoints_of(rule)
     if m is not None:
         return tuple(((i + 0.5) / m, 1.0 / m) for i in range(m))
@@ -47,37 +58,49 @@ PLANES = "planes-"
 
 
 def value_rule(rule: str) -> str:
-    """The rule for the largest, smallest or mean value along a ray that is about as dear as ``rule``: planes-M, the
-    slices themselves, where voxels have their own values, and M - 1 sheets between each two."""
+    """Depth rule for the largest, smallest or mean value along a ray, about as expensive as ``rule``.
+
+    This is planes-M: the slices, where voxels have their own values, and M - 1 sheets between neighboring slices.
+    """
     slabs, midpoints = preintegrated_of(rule), midpoints_of(rule)
     between = {"slice": 1}.get(rule, 2) if slabs is None else 2 * slabs
     return f"{PLANES}{midpoints or between}"
 
 
-# The cell that the eye lies in is integrated from the eye on, and no sheet may lie in the eye itself.
+# The cell that contains the eye is integrated from the eye on, and no sheet may contain the eye.
 FIRST_CELL_NODES = NAMED_NODES["gauss2"]
-# A slice closer to the eye than this, in voxels, joins the next cell: its own would be a sheet in the eye, or one
-# that the slice map magnifies beyond number.
+# Voxels; a slice closer to the eye joins the next cell, because a sheet there would contain the eye or be magnified
+# without bound.
 NEAREST_SLICE = 1e-3
 
 
-# What a sheet of the scalar stands for: the slab around it by its own samples; nothing, it only begins the next slab;
-# or the slab between the sheet before and itself, the scalar changing linearly from there to here.
-# (ALONE: the sheet before was left out, because nothing reaches it.)
+# What a post-classified sheet represents: OWN, the slab around it by its own samples; BEGINS, nothing, it only begins
+# the next slab; BETWEEN, the slab from the previous sheet to itself, over which the scalar changes linearly; ALONE, as
+# BETWEEN, but the previous sheet was left out because nothing reaches it.
 OWN, BEGINS, BETWEEN, ALONE = 0, 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
-    """The sheets of one base plane, front to back; every array has one entry per sheet.
+    """The sheets of one base plane, front to back. Every array has one entry per sheet.
 
-    ``position``: along the principal axis, voxels.  ``first_slice``: the first slice whose footprint reaches it
-    (int64, may lie outside the grid), ``slice_weights`` (n, taps) float32 the weights of that slice and the next
-    ones.  ``thickness``: voxels of depth it stands for.
-    ``begin`` and ``end``: the slab it stands for, in voxels along the viewing direction of the axis
-    (``sign * position``), so that ``begin < end`` and slabs follow each other without gaps.
-    ``far``: up to where its samples are of use, the end of its slab or of the next one.  ``kind``: OWN, BEGINS or
-    BETWEEN.
+    Attributes
+    ----------
+    position : (n,) ndarray of float64
+        Along the principal axis, voxels.
+    first_slice : (n,) ndarray of int64
+        First slice whose footprint reaches the sheet; may be outside the grid.
+    slice_weights : (n, taps) ndarray of float32
+        Weights of that slice and the following ones.
+    thickness : (n,) ndarray of float64
+        Depth that the sheet represents, voxels.
+    begin, end : (n,) ndarray of float64
+        The slab that the sheet represents, in voxels along the viewing direction (``sign * position``), so that
+        begin < end. Slabs follow each other without gaps.
+    far : (n,) ndarray of float64
+        Where its samples are no longer used: the end of its slab, or of the next one.
+    kind : (n,) ndarray of int64
+        OWN, BEGINS or BETWEEN.
     """
 
     position: np.ndarray
@@ -94,7 +117,7 @@ class Sheets:
 
 
 def _cells(begin: float, ramp_end: float, ramp_begin: float, end: float, depth: int) -> np.ndarray:
-    """Where the cells from ``begin`` to ``end`` begin: ``depth`` voxels apart between the ramps, one in them."""
+    """Where the cells from ``begin`` to ``end`` begin: ``depth`` voxels apart between the ramps, one in the ramps."""
     inside = max(begin, ramp_end)
     parts = np.arange(begin, ramp_end), np.arange(inside, ramp_begin, depth), np.arange(max(inside, ramp_begin), end)
     return np.concatenate(parts)
@@ -104,21 +127,35 @@ def place_sheets(
     n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: Footprint = FOOTPRINTS["tent"],
     boxed: bool = False,
 ) -> Sheets:
-    """The sheets of ``rule`` through ``n_slices`` slices, seen along ``sign`` (+1 or -1) of the principal axis.
+    """Place the sheets of a depth rule.
 
-    ``eye_position`` is the eye's coordinate along the axis, None for parallel rays; what lies behind the eye is
-    left out and the cell around the eye is integrated from the eye on (algorithm.md 1.4).  ``boxed``: the medium ends
-    at the first and the last slice, without the footprints' ramps.
+    Parameters
+    ----------
+    n_slices : int
+    sign : {1, -1}
+        Viewing direction along the principal axis.
+    rule : str
+        Depth rule.
+    eye_position : float or None
+        The eye's coordinate along the axis; None for parallel rays. Sheets behind the eye are left out, and the cell
+        around the eye is integrated from the eye on (algorithm.md, section 1.4).
+    footprint : Footprint
+    boxed : bool
+        Whether the medium ends at the first and last slice, without the ramps of footprints.
+
+    Returns
+    -------
+    Sheets
     """
     _, first, last = _ends(n_slices, sign, footprint, boxed)
     eye = -np.inf if eye_position is None else sign * float(eye_position)
-    # All eyes before the first sheet have the same ones, and so have all behind the last.
+    # Clamp the eye, because all eyes before the first sheet have the same sheets, and so have all behind the last.
     eye = -np.inf if eye <= first - NEAREST_SLICE else min(eye, last)
     return _sheets_from(eye, n_slices, sign, rule, footprint, boxed)
 
 
 def _ends(n_slices: int, sign: int, footprint: Footprint, boxed: bool) -> tuple[int, float, float]:
-    """By how many voxels the medium reaches past the slices; where it begins and ends along the viewing direction."""
+    """Voxels by which the medium extends beyond the slices; where it begins and ends along the viewing direction."""
     past = 0 if boxed else math.ceil(footprint.radius)
     front, back = -float(past), n_slices - 1.0 + past
     return (past, front, back) if sign > 0 else (past, -back, -front)
@@ -126,7 +163,7 @@ def _ends(n_slices: int, sign: int, footprint: Footprint, boxed: bool) -> tuple[
 
 @lru_cache(maxsize=32)
 def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Footprint, boxed: bool) -> Sheets:
-    """``place_sheets`` for an eye along the viewing direction, kept, as most frames have those of the last one."""
+    """``place_sheets`` for an eye along the viewing direction; cached, since most frames repeat the previous sheets."""
     past, first, last = _ends(n_slices, sign, footprint, boxed)
     position, thickness, kinds = [], [], []
     start = first
@@ -151,7 +188,7 @@ def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Foo
         nodes = np.array(cell_nodes(rule))
         depths = np.diff(np.append(cells, last))[:, None]
         along, weights = (cells[:, None] + depths * nodes[:, 0]).ravel(), (depths * nodes[:, 1]).ravel()
-        if nodes[0, 0] == 0.0:  # the last node of a cell is the first of the next: one sheet
+        if nodes[0, 0] == 0.0:  # the last node of a cell is the first of the next: merge them to one sheet
             last_of_cell = np.arange(len(nodes) - 1, len(along) - 1, len(nodes))
             weights[last_of_cell + 1] += weights[last_of_cell]
             along, weights = np.delete(along, last_of_cell), np.delete(weights, last_of_cell)
@@ -162,12 +199,12 @@ def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Foo
     end = begin + thickness
     kind = np.array(kinds or [OWN] * len(along), np.int64)
     far = np.where(np.append(kind[1:] == BETWEEN, False), np.append(end[1:], 0.0), end) if len(along) else end
-    place = sign * along
-    reach = 0.5 if boxed else footprint.radius  # half a voxel keeps what rounding puts behind the last slice
-    touches_data = (place > -reach) & (place < n_slices - 1 + reach)
-    place = np.clip(place, 0.0, n_slices - 1.0) if boxed else place
-    first_slice, slice_weights = footprint_weights(footprint, place[touches_data])
+    axis_position = sign * along
+    reach = 0.5 if boxed else footprint.radius  # half a voxel keeps sheets that rounding puts beyond the last slice
+    touches_data = (axis_position > -reach) & (axis_position < n_slices - 1 + reach)
+    axis_position = np.clip(axis_position, 0.0, n_slices - 1.0) if boxed else axis_position
+    first_slice, slice_weights = footprint_weights(footprint, axis_position[touches_data])
     return Sheets(
-        *(np.ascontiguousarray(column) for column in (place[touches_data], first_slice, slice_weights)),
+        *(np.ascontiguousarray(column) for column in (axis_position[touches_data], first_slice, slice_weights)),
         *(np.ascontiguousarray(column[touches_data]) for column in (thickness, begin, end, far, kind)),
     )

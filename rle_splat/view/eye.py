@@ -1,7 +1,7 @@
 """The homogeneous eye: one formula for orthographic, perspective, shifted, sheared and mirrored views.
 
-Voxel-index space is the only space in which voxel scanlines are parallel to the axes, so the whole view is
-expressed there (algorithm.md 1.4).
+The view is expressed in voxel-index space, the only space in which voxel scanlines are parallel to the axes
+(algorithm.md, section 1.4).
 """
 
 from __future__ import annotations
@@ -13,19 +13,27 @@ import numpy as np
 from ..scene import Camera, RleSplatError
 from .projection import depth_row, world_to_pixel
 
-# A matrix whose smallest singular value is below this fraction of its largest squeezes the volume flat.
+# A matrix whose smallest singular value is below this fraction of its largest flattens the volume.
 FLAT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class IndexView:
-    """A camera as the voxel grid sees it.
+    """A camera in voxel-index space.
 
-    ``projection``: (3, 4) float64, voxel index (x, y, z, 1) to homogeneous pixel, row 0 on top.
-    ``depth``: (4,) float64, voxel index to planar distance ahead of the camera, world units.
-    ``eye``: (4,) float64 homogeneous eye in voxel-index space; the last component is 0 for parallel rays, else
-    1.  The ray through a point x runs along ``eye[3] * x - eye[:3]``.
-    ``to_world``: (3, 3) float64, index differences to world differences.
+    Attributes
+    ----------
+    projection : (3, 4) ndarray of float64
+        Voxel index (x, y, z, 1) to homogeneous pixel; row 0 at the top.
+    depth : (4,) ndarray of float64
+        Voxel index (x, y, z, 1) to planar distance ahead of the camera, world units.
+    eye : (4,) ndarray of float64
+        Homogeneous eye; its last component is 0 for parallel rays, else 1. The ray through a point x has the direction
+        ``eye[3] * x - eye[:3]``.
+    to_world : (3, 3) ndarray of float64
+        Index differences to world differences.
+    width, height : int
+        Size of the picture in pixels.
     """
 
     projection: np.ndarray
@@ -37,38 +45,56 @@ class IndexView:
 
     @property
     def is_parallel(self) -> bool:
+        """Whether all rays are parallel (orthographic camera)."""
         return self.eye[3] == 0.0
 
     def ray_directions(self, columns, rows) -> np.ndarray:
-        """Index-space directions, (..., 3) float64 of any length, of the rays through pixel positions."""
+        """(..., 3) float64 index-space directions, of any length, of the rays through pixel positions."""
         columns, rows = np.broadcast_arrays(np.asarray(columns, float), np.asarray(rows, float))
         if self.is_parallel:
             return np.broadcast_to(-self.eye[:3], (*columns.shape, 3))
-        # Element by element: the bits of a matrix product depend on its size.
+        # Elementwise, because the bits of a matrix product depend on its size.
         inverse = np.linalg.inv(self.projection[:, :3])
         return np.stack([row[0] * columns + row[1] * rows + row[2] for row in inverse], axis=-1)
 
 
 def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: int) -> IndexView:
-    """The view in voxel-index space; RleSplatError when the volume's matrix is singular."""
+    """Express a camera in voxel-index space.
+
+    Parameters
+    ----------
+    camera : Camera
+    index_to_world : (4, 4) ndarray of float64
+    width, height : int
+        Size of the picture in pixels.
+
+    Returns
+    -------
+    IndexView
+
+    Raises
+    ------
+    RleSplatError
+        If the volume's matrix is singular, or camera and volume differ so much in size that float64 cannot hold both.
+    """
     linear = index_to_world[:3, :3]
     singular = np.linalg.svd(linear, compute_uv=False)
     if not singular[2] > FLAT * singular[0]:
         raise RleSplatError(
-            "The volume's matrix is singular: it squeezes the volume flat; "
+            "The volume's matrix is singular and flattens the volume; "
             "give it a scale other than zero on every axis."
         )
     projection = world_to_pixel(camera, width, height) @ index_to_world
     depth = depth_row(camera) @ index_to_world
-    # Right null vector by signed 3x3 minors: no inverse, and no division by a small w.  Only their ratios count, so a
-    # power of two, which changes no bits, keeps their products in the range of float64.
+    # Null vector by signed 3x3 minors: no inverse, and no division by a small w. Only their ratios matter, so scaling
+    # by a power of two, which changes no bits, keeps the products in the range of float64.
     scaled = np.ldexp(projection, -int(np.frexp(np.abs(projection).max())[1]))
     minors = np.array([
         (-1.0) ** i * np.linalg.det(np.delete(scaled, i, axis=1)) for i in range(4)
     ])
     if not (np.isfinite(minors).all() and (minors[:3] if camera.type == "ORTHO" else minors[3:]).any()):
         raise RleSplatError(
-            "Camera and volume are too unlike in size, or too far apart, to be reckoned together; bring them closer."
+            "Camera and volume differ too much in size, or are too far apart, for the arithmetic; bring them closer."
         )
     if camera.type == "ORTHO":
         eye = np.append(minors[:3] / np.abs(minors[:3]).max(), 0.0)

@@ -1,9 +1,9 @@
-"""Footprints: the separable kernels that spread a voxel over a sheet, and over the sheets before and behind it.
+"""Footprints: separable kernels that spread a voxel over a sheet and over the neighboring sheets.
 
-Each is the same function along all three voxel axes, so a footprint is a product of one-dimensional weights that
-depend on (row, slice) and (column, slice) only (algorithm.md 1.5).  All but the Gaussian sum to one over the
-voxels by themselves; its weights are divided by their sum over *all* voxels, transparent ones included, because
-dividing by what was visited would inflate every boundary.
+A footprint is the same function along all three voxel axes, so it is a product of one-dimensional weights that depend
+on (row, slice) and (column, slice) only (algorithm.md, section 1.5). The weights of all kernels but the Gaussian sum to
+one. Gaussian weights are divided by their sum over all voxels, transparent ones included: dividing by the sum over
+visited voxels would brighten every boundary.
 """
 
 from __future__ import annotations
@@ -17,14 +17,24 @@ from ..runtime.jit import kernel
 from ..scene import FOOTPRINTS as NAMES
 
 NEAREST, TENT, BSPLINE2, BSPLINE3, GAUSSIAN = range(5)
-# Wide enough that the ripple left by cutting the tails stays below half a level: algorithm.md 1.5.
+# Wide enough that the ripple from truncated tails stays below half a level (algorithm.md, section 1.5).
 GAUSSIAN_SIGMA = 0.7
 GAUSSIAN_RADIUS = 3.0
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """``kind``: number the kernels know it by.  ``radius``: half its support, voxels.  ``about``: for people."""
+    """A reconstruction kernel.
+
+    Attributes
+    ----------
+    kind : int
+        Number in kernels.
+    radius : float
+        Half the support, voxels.
+    about : str
+        Description for display.
+    """
 
     kind: int
     radius: float
@@ -32,26 +42,27 @@ class Footprint:
 
 
 FOOTPRINTS = {
-    "nearest": Footprint(NEAREST, 0.5, "one voxel, a box: for label maps and for looking at voxels"),
+    "nearest": Footprint(NEAREST, 0.5, "box of one voxel: for label maps and for inspecting voxels"),
     "tent": Footprint(TENT, 1.0, "trilinear, second order: the default"),
     "bspline2": Footprint(BSPLINE2, 1.5, "quadratic B-spline: smooth, blurs a little"),
     "bspline3": Footprint(BSPLINE3, 2.0, "cubic B-spline: smoothest, blurs most"),
-    "gaussian": Footprint(GAUSSIAN, GAUSSIAN_RADIUS, "normalised Gaussian of Westover's splatting, sigma 0.7 voxel"),
+    "gaussian": Footprint(GAUSSIAN, GAUSSIAN_RADIUS, "normalized Gaussian of Westover's splatting, sigma 0.7 voxel"),
 }
-assert tuple(FOOTPRINTS) == NAMES, "the table of names in scene/quality.py is the one that people see"
+assert tuple(FOOTPRINTS) == NAMES, "scene/quality.py lists other footprints"
 
 
 @kernel(exact=True)
 def voxel_at(pixel, shift, scale):
-    """Where a sheet pixel lies among voxels: pixel = ``scale`` * voxel + ``shift``.
+    """Voxel coordinate of a sheet pixel, where pixel = ``scale`` * voxel + ``shift``.
 
-    Rounded as numpy rounds it: footprints with an edge, and voxels that are not kept, ask on which side it is."""
+    Rounded as numpy does, because footprints with an edge, and voxels that are not kept, depend on the side.
+    """
     return (pixel - shift) / scale
 
 
 @kernel(exact=True)
 def footprint_weight(kind, t):
-    """The kernel at ``t`` voxels from its centre; float64.  The box is closed on its left side only."""
+    """The kernel at ``t`` voxels from its center, float64. The box includes its left end only."""
     d = abs(t)
     if kind == TENT:
         return max(1.0 - d, 0.0)
@@ -70,13 +81,13 @@ def footprint_weight(kind, t):
 
 @kernel
 def tap_count(radius):
-    """How many voxels a footprint of ``radius`` can reach at once."""
+    """Largest number of voxels whose footprints of ``radius`` reach one point."""
     return max(math.ceil(2.0 * radius), 1)
 
 
 @kernel(exact=True)
 def first_tap(kind, x, radius):
-    """The first voxel whose footprint of ``radius`` reaches ``x``; a box's right end belongs to the next voxel."""
+    """First voxel whose footprint of ``radius`` reaches ``x``; a box's right end belongs to the next voxel."""
     if kind == NEAREST:
         return math.floor(x - radius) + 1
     return math.ceil(x - radius)
@@ -84,12 +95,12 @@ def first_tap(kind, x, radius):
 
 @kernel(exact=True)
 def tap_weight(kind, x, voxel, stretch):
-    """What ``voxel`` gives to ``x`` by a footprint made wider by ``stretch``, before it is normalised; float64."""
+    """Weight of ``voxel`` at ``x`` for a footprint widened by ``stretch``, before normalization, float64."""
     return footprint_weight(kind, (x - voxel) / stretch)
 
 
 def footprint_values(kind: int, t: np.ndarray) -> np.ndarray:
-    """The numpy twin of ``footprint_weight``: the kernel at ``t`` voxels from its centre, float64."""
+    """Reference implementation of ``footprint_weight``: the kernel at ``t`` voxels from its center, float64."""
     d = np.abs(t)
     if kind == TENT:
         return np.maximum(1.0 - d, 0.0)
@@ -103,9 +114,22 @@ def footprint_values(kind: int, t: np.ndarray) -> np.ndarray:
 
 
 def footprint_weights(footprint: Footprint, positions: np.ndarray, stretch: float = 1.0):
-    """First tap (n,) int64 and weights (n, taps) float32 of the voxels around ``positions`` (n,), in voxels.
+    """Weights of the voxels around positions.
 
-    ``stretch``: how much wider than a voxel the footprint is made, for minification.  Each row sums to one.
+    Parameters
+    ----------
+    footprint : Footprint
+    positions : (n,) array_like
+        Voxels.
+    stretch : float
+        Factor by which the footprint is widened, for minification.
+
+    Returns
+    -------
+    first : (n,) ndarray of int64
+        First voxel.
+    weights : (n, taps) ndarray of float32
+        Each row sums to one.
     """
     radius = footprint.radius * stretch
     taps = max(math.ceil(2.0 * radius), 1)

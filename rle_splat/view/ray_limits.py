@@ -1,4 +1,4 @@
-"""Ray limits: where the rays of sheet pixels begin and end, for clip distances and for meshes in the volume."""
+"""Ray intervals: where the rays of sheet pixels begin and end, for clip distances and meshes in the volume."""
 
 from __future__ import annotations
 
@@ -10,15 +10,25 @@ from ..volume.axes import AXES
 from .base_plane import BasePlane
 from .eye import IndexView
 
-# Depths of neighbouring pixels closer than this part of their mean lie on one surface.
+# Depths of neighboring pixels lie on one surface if they differ by less than this fraction of their mean.
 SAME_SURFACE = np.float32(0.02)
 MOST = float(np.finfo(np.float32).max)
 
 
 def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
-    """Least and largest planar depth of the volume's box, footprints of its face voxels included; world units.
+    """Smallest and largest planar depth of the volume's box, with the footprints of its outermost voxels.
 
-    ``radius``: of the footprint, voxels.
+    Parameters
+    ----------
+    view : IndexView
+    shape_xyz : (nx, ny, nz)
+    radius : float
+        Radius of the footprint, voxels.
+
+    Returns
+    -------
+    (float, float)
+        World units.
     """
     corners = np.array(np.meshgrid(*((-radius, n - 1.0 + radius) for n in shape_xyz), indexing="ij")).reshape(3, -1)
     depths = view.depth[:3] @ corners + view.depth[3]
@@ -29,11 +39,25 @@ def ray_limits(
     plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0), *,
     backend: str = "auto", threads: int = 0,
 ) -> np.ndarray:
-    """(2, H, W) float32: where each sheet pixel's ray begins and ends, voxels along the viewing direction.
+    """Ray intervals of the sheet pixels of a plane.
 
-    ``nearest`` and ``furthest``: planar depths, world units.  ``layer``: (rows, columns) planar depth at which each
-    pixel's ray meets a mesh, inf for none, of the picture's pixels from ``first_pixel`` (column, row) on; it must
-    hold ``pixels_read(plane)``.
+    Parameters
+    ----------
+    plane : BasePlane
+    nearest, furthest : float
+        Planar depths between which rays are integrated, world units.
+    layer : (rows, columns) ndarray or None
+        Planar depth at which each pixel's ray meets a mesh, inf for none. Must cover ``pixels_read(plane)``.
+    first_pixel : (column, row)
+        Pixel of the picture at which ``layer`` begins.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (2, H, W) ndarray of float32
+        Begin and end of each ray, voxels along the viewing direction.
     """
     columns, rows = _along_and_across(plane)
     limits = np.empty((2, plane.height, plane.width), np.float32)
@@ -51,16 +75,16 @@ def ray_limits(
         end = np.minimum(end, _sampled(layer, first_pixel, *_picture_positions(plane, columns, rows)))
     with np.errstate(divide="ignore", invalid="ignore"):
         limits[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
-    sideways = ~(per_voxel > 0.0)  # never visible: such a ray runs across or against the camera's axis
+    sideways = ~(per_voxel > 0.0)  # never visible: the ray runs across or against the camera's axis
     limits[0][sideways], limits[1][sideways] = -MOST, MOST
     return limits
 
 
 def _along_and_across(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
-    """(5, W) and (5, H) float64: what is affine in a sheet pixel's place, the shares of its column and of its row.
+    """Column and row shares, (5, W) and (5, H) float64, of quantities that are affine in the sheet pixel.
 
-    Their sums are the homogeneous pixel of the picture (3), the planar depth of the ray at axis position 0, and how
-    much that grows per voxel along the viewing direction.
+    The sum of both is the homogeneous pixel of the picture (3), the planar depth of the ray at axis position 0, and its
+    change per voxel along the viewing direction.
     """
     i, j, k = AXES[plane.axis]
     x, y = plane.points()
@@ -78,7 +102,7 @@ def _along_and_across(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
 
 @kernel
 def limit_rays(height, arguments):
-    """Rows [0, ``height``) of ``ray_limits``; ``arguments``: of ``_limit_rows``."""
+    """Kernel of ``ray_limits`` for rows [0, ``height``); ``arguments``: of ``_limit_rows``."""
     share_out(_limit_rows, height, arguments)
 
 
@@ -86,8 +110,11 @@ def limit_rays(height, arguments):
 def _limit_rows(
     begin, end, columns, rows, nearest, furthest, layer, left, top, last_column, last_row, limits
 ):
-    """``columns``, ``rows``: of ``_along_and_across``.  ``layer``: (h, w) float32 or None, its first pixel at column
-    ``left``, row ``top`` of a picture whose last are ``last_column`` and ``last_row``.  Out: ``limits`` (2, H, W)."""
+    """Ray intervals of rows [begin, end), to ``limits`` (2, H, W).
+
+    ``columns``, ``rows``: of ``_along_and_across``. ``layer``: (h, w) float32 or None, whose first pixel is at column
+    ``left`` and row ``top`` of a picture with the last column ``last_column`` and the last row ``last_row``.
+    """
     for v in range(begin, end):
         for u in range(limits.shape[2]):
             at_zero, per_voxel = columns[3, u] + rows[3, v], columns[4, u] + rows[4, v]
@@ -105,14 +132,14 @@ def _limit_rows(
 
 
 @inner_loop(forceinline=True)
-def _within(place, last):
-    """A coordinate of the picture, counted from the centre of its first pixel and cut off at its sides."""
-    return 0.0 if place != place else min(max(place - 0.5, 0.0), last)
+def _within(position, last):
+    """Coordinate of the picture from the center of its first pixel, clamped to its sides; 0 for NaN."""
+    return 0.0 if position != position else min(max(position - 0.5, 0.0), last)
 
 
 @inner_loop(forceinline=True)
 def _sample(layer, left, top, column, row):
-    """See ``_sampled``."""
+    """Kernel of ``_sampled``, for one position."""
     c, r = int(column), int(row)
     c0, r0 = c - left, r - top
     c1, r1 = min(c0 + 1, layer.shape[1] - 1), min(r0 + 1, layer.shape[0] - 1)
@@ -125,8 +152,20 @@ def _sample(layer, left, top, column, row):
 
 
 def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) -> np.ndarray:
-    """(2, H, W) float32: where each sheet pixel's ray enters and leaves the box of the voxel centres and, given
-    ``limits`` as of ``ray_limits``, which are written to, where it is within those as well."""
+    """Ray intervals inside the box of the voxel centers.
+
+    Parameters
+    ----------
+    plane : BasePlane
+    shape_xyz : (nx, ny, nz)
+    limits : (2, H, W) ndarray of float32 or None
+        Ray intervals, changed in place; None for unlimited rays.
+
+    Returns
+    -------
+    (2, H, W) ndarray of float32
+        Begin and end of each ray, voxels along the viewing direction.
+    """
     ends = np.sort((0.0, plane.sign * (shape_xyz[plane.axis] - 1.0)))
     if limits is None:
         limits = np.empty((2, plane.height, plane.width), np.float32)
@@ -140,13 +179,13 @@ def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) ->
 
 
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom): the part of the picture from which ``ray_limits`` reads a layer for this plane."""
+    """(left, top, right, bottom) of the picture's pixels at which ``ray_limits`` reads a layer for this plane."""
     column, row = _picture_positions(plane, *_along_and_across(plane))
     return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
 
 
 def _picture_positions(plane: BasePlane, columns, rows) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row (H, W) of each sheet pixel among the centres of the picture's pixels, cut off at its sides.
+    """Column and row (H, W) of each sheet pixel in the picture, from the center of its first pixel, clamped.
 
     ``columns``, ``rows``: of ``_along_and_across``.
     """
@@ -158,7 +197,7 @@ def _picture_positions(plane: BasePlane, columns, rows) -> tuple[np.ndarray, np.
 
 
 def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
-    """The layer at positions in the picture: linear on one surface, the nearest pixel's value elsewhere."""
+    """The layer at positions in the picture: bilinear within one surface, the nearest pixel elsewhere."""
     height, width = layer.shape
     left, top = first_pixel
     whole_column, whole_row = column.astype(np.intp), row.astype(np.intp)
@@ -176,24 +215,35 @@ def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
 
 
 def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
-    """(2, W) and (2, H) float32: where the rays of each column and of each row of sheet pixels enter and leave the
-    box of the voxel centres sideways, voxels along the viewing direction.
+    """Ray intervals inside the box of the voxel centers, by column and by row.
 
-    A ray through column u and row v is inside between the later of both entries and the earlier of both exits: a
-    slice's place sideways depends on its column along the scanlines, and on its row across them, alone.
+    Parameters
+    ----------
+    plane : BasePlane
+    shape_xyz : (nx, ny, nz)
+
+    Returns
+    -------
+    (2, W) ndarray of float32, (2, H) ndarray of float32
+        Begin and end for the columns and for the rows of sheet pixels, voxels along the viewing direction.
+
+    Notes
+    -----
+    The sideways position of a ray along the scanlines depends on its column only, and across them on its row only. So a
+    ray is inside from the later of both begins to the earlier of both ends.
     """
     found = []
-    for place, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
+    for position, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
         last = shape_xyz[axis] - 1.0
-        ends = np.empty((2, len(place)))
+        ends = np.empty((2, len(position)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            at_first = plane.sign * ((0.0 - place) / slope + plane.reference)
-            at_last = plane.sign * ((last - place) / slope + plane.reference)
+            at_first = plane.sign * ((0.0 - position) / slope + plane.reference)
+            at_last = plane.sign * ((last - position) / slope + plane.reference)
         np.minimum(at_first, at_last, out=ends[0])
         np.maximum(at_first, at_last, out=ends[1])
         straight = np.equal(slope, 0.0)
         if straight.any():
-            inside = (place >= 0.0) & (place <= last)
+            inside = (position >= 0.0) & (position <= last)
             ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
             ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
         found.append(np.clip(ends, -MOST, MOST).astype(np.float32))

@@ -1,4 +1,4 @@
-"""The turntable: a camera that looks at the middle of a volume from an azimuth and an elevation."""
+"""Turntable camera: looks at the center of a volume from an azimuth and an elevation."""
 
 from __future__ import annotations
 
@@ -12,22 +12,47 @@ def turntable(
     volume: Volume, azimuth: float = 0.0, elevation: float = 0.0, fit: float = 1.25, perspective: bool = False,
     fov: float = 40.0, width: int = 512, height: int = 512, scene_scale: float = 1.0,
 ) -> tuple[Camera, np.ndarray]:
-    """The camera, and the volume matrix that goes with it.
+    """Make a camera that looks at the center of a volume.
 
-    Angles are degrees.  The world's axes are the volume's own: a rotation in the volume's affine is taken back
-    by the returned (4, 4) volume matrix, its spacing is kept.  Azimuth 0, elevation 0 looks along +Y with +Z
-    up.  The view is ``fit`` times the largest n * spacing high; in perspective ``fov`` is the vertical angle
-    and the plane through the middle of the box of voxel centres fills the same height.
+    Parameters
+    ----------
+    volume : Volume
+    azimuth, elevation : float
+        Degrees. 0 and 0 look along +Y with +Z up.
+    fit : float
+        Height of the view as a multiple of the largest n * spacing.
+    perspective : bool
+        In perspective, the plane through the center of the box of voxel centers fills that height.
+    fov : float
+        Vertical field of view in degrees, for perspective.
+    width, height : int
+        Size of the picture in pixels.
+    scene_scale : float
+        World units per unit of the volume.
+
+    Returns
+    -------
+    camera : Camera
+    volume_matrix : (4, 4) ndarray of float64
+        Matrix of the volume object. It undoes the rotation of the volume's affine, so that the world's axes are the
+        voxel axes, and keeps the spacing.
+
+    Raises
+    ------
+    RleSplatError
+        If a number is out of range or the volume's affine is singular.
     """
     if not (np.isfinite(fit) and fit > 0.0):
-        raise RleSplatError("--fit must be a finite number above zero.")
+        raise RleSplatError(f"--fit must be a finite number above zero, not {fit}.")
     if not 0.0 < fov < 180.0:
-        raise RleSplatError("--fov must lie between 0 and 180 degrees.")
+        raise RleSplatError(f"--fov must be between 0 and 180 degrees, not {fov}.")
     if not (np.isfinite(azimuth) and np.isfinite(elevation)):
-        raise RleSplatError("--azimuth and --elevation must be finite numbers of degrees.")
+        raise RleSplatError(
+            f"--azimuth and --elevation must be finite numbers of degrees, not {azimuth} and {elevation}."
+        )
     counts, spacing = np.array(volume.shape_xyz), volume.spacing
     if not (spacing > 0.0).all():
-        raise RleSplatError("The volume's affine is singular: a voxel has no length along one axis.")
+        raise RleSplatError("The volume's affine is singular: voxels have no length along one axis; correct the file.")
     # Chosen so that volume_matrix @ scale @ affine = scale @ diag(spacing), whatever the affine's translation.
     scale = np.diag((scene_scale, scene_scale, scene_scale, 1.0))
     volume_matrix = scale @ np.diag((*spacing, 1.0)) @ np.linalg.inv(scale @ volume.affine)
@@ -42,7 +67,7 @@ def turntable(
 
     if perspective:
         distance = 0.5 * view_height / np.tan(0.5 * np.radians(fov))
-        # Sensor height 24 mm; the lens that sees `fov` over it.
+        # The lens that sees ``fov`` over a sensor height of 24 mm.
         lens = 12.0 / np.tan(0.5 * np.radians(fov))
         nearest = max(distance - extent, 1e-4 * distance)
     else:

@@ -1,8 +1,8 @@
-"""The one table of axis orders.
+"""The table of axis orders.
 
-People say x, y, z; arrays are indexed [z, y, x].  Per principal axis (0 x, 1 y, 2 z) the volume's axes take
-three parts: along the voxel scanline, counting the scanlines of a slice, counting the slices.  Scanlines run
-along x wherever they can, because x is contiguous in memory.
+Points are (x, y, z); arrays are indexed [z, y, x]. Per principal axis (0 x, 1 y, 2 z), AXES lists the volume's axes
+(along a voxel scanline, across the scanlines of a slice, across the slices). Scanlines run along x where possible,
+because x is contiguous in memory.
 """
 
 AXIS_NAMES = ("x", "y", "z")

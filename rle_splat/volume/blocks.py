@@ -1,7 +1,7 @@
-"""The smallest and the largest value of every block of voxels (algorithm.md 6: the min-max octree, flattened).
+"""Smallest and largest value of every block of voxels: one level of a min-max octree (algorithm.md, section 6).
 
-A transfer function that hides all of [low, high] hides the block, so a change of the function looks only at the
-voxels of blocks that it shows.
+A block is hidden if the transfer function hides all of [low, high]. After a change of the transfer function only the
+voxels of visible blocks are read.
 """
 
 from __future__ import annotations
@@ -14,14 +14,19 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from .sizes import BLOCK_X, BLOCK_Y, BLOCK_Z
 
-VOXELS_AT_ONCE = 1 << 25  # voxels between two chances to report progress or to cancel, some hundredths of a second
+VOXELS_AT_ONCE = 1 << 25  # voxels between two progress reports, at which a user can cancel: some hundredths of a second
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """``low``, ``high``: (blocks along z, y, x) stored values, low > high where every voxel of a block is NaN.
+    """Value range of every block of a volume.
 
-    ``nan_voxels``: how many voxels of the volume are NaN.
+    Attributes
+    ----------
+    low, high : (blocks along z, y, x) ndarray of the voxels' dtype
+        Smallest and largest stored value. low > high where every voxel of a block is NaN.
+    nan_voxels : int
+        Number of NaN voxels in the volume.
     """
 
     low: np.ndarray
@@ -30,18 +35,52 @@ class Blocks:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of both arrays."""
         return self.low.nbytes + self.high.nbytes
 
 
 def slabs(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, multiple: int = 1):
-    """(first, last) plane of pieces of a volume: some ``multiple`` of whole planes, near ``at_once`` voxels."""
+    """Yield (first, end) of pieces of ``n_planes`` planes.
+
+    Parameters
+    ----------
+    n_planes : int
+    plane_voxels : int
+        Voxels of a plane.
+    at_once : int
+        Approximate number of voxels of a piece.
+    multiple : int
+        Every piece but the last has a multiple of so many planes.
+
+    Yields
+    ------
+    first, end : int
+        Half-open range of planes.
+    """
     planes = max(at_once // max(plane_voxels, 1) // multiple, 1) * multiple
     for first in range(0, n_planes, planes):
         yield first, min(first + planes, n_planes)
 
 
 def block_steps(volume, *, backend: str = "auto", threads: int = 0):
-    """Generator: yields the fraction done, returns the Blocks of ``volume``.  Reads every voxel once."""
+    """Compute the blocks of a volume. Reads every voxel once.
+
+    Parameters
+    ----------
+    volume : Volume
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    Blocks
+    """
     voxels = read_only(np.asarray(volume.voxels))
     nz, ny, nx = voxels.shape
     shape = (-(-nz // BLOCK_Z), -(-ny // BLOCK_Y), -(-nx // BLOCK_X))
@@ -64,16 +103,16 @@ def block_steps(volume, *, backend: str = "auto", threads: int = 0):
 
 @kernel
 def _extremes(voxels, most, least, low, high, nan_voxels):
-    """``voxels``: whole planes of blocks, the last may be cut off; ``most``, ``least``: the type's own extremes."""
+    """Extremes of the blocks of ``voxels``, whole planes of blocks. ``most``, ``least``: extremes of the dtype."""
     share_out(_rows_of_blocks, low.shape[0] * low.shape[1], (voxels, most, least, low, high, nan_voxels))
 
 
 @kernel(inner=True)
 def _rows_of_blocks(begin, end, voxels, most, least, low, high, nan_voxels):
-    """Rows of blocks [begin, end), numbered along y, then z."""
+    """Extremes of rows of blocks [begin, end), numbered along y, then z."""
     n_z, n_y, n_x = voxels.shape
     across, along = low.shape[1], low.shape[2]
-    smallest = np.empty(n_x, voxels.dtype)  # whole rows at a time: long loops become wide SIMD
+    smallest = np.empty(n_x, voxels.dtype)  # whole rows at once: long loops become wide SIMD
     largest = np.empty(n_x, voxels.dtype)
     for row in range(begin, end):
         k, j = row // across, row % across
@@ -99,7 +138,7 @@ def _rows_of_blocks(begin, end, voxels, most, least, low, high, nan_voxels):
 
 
 def _extremes_numpy(voxels, most, least, low, high, nan_voxels):
-    """Twin of ``_extremes``."""
+    """Reference implementation of ``_extremes``."""
     starts = [np.arange(0, n, size) for n, size in zip(voxels.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X))]
     nan = np.isnan(voxels) if voxels.dtype.kind == "f" else None
     for reduce, filling, out in ((np.minimum, most, low), (np.maximum, least, high)):

@@ -1,4 +1,4 @@
-"""What a volume must hold for any picture of it to be made."""
+"""Checks of the values of a volume."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from .volume import Volume
 
 
 def check_values(volume: Volume) -> None:
-    """Refuse a volume in which no voxel holds a number: whatever the transfer function, nothing could be seen."""
+    """Raise a RleSplatError if no voxel of ``volume`` holds a finite number, since nothing could be visible."""
     if volume.voxels.dtype.kind == "f" and not any(np.isfinite(plane).any() for plane in volume.voxels):
         raise RleSplatError(
-            "No voxel of the volume holds a finite number, all are NaN or infinite; check its type and byte order."
+            "No voxel of the volume holds a finite number (all are NaN or infinite); check its type and byte order."
         )

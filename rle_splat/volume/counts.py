@@ -1,6 +1,6 @@
-"""How often each stored value of an 8- or 16-bit volume occurs: range, histogram and percentiles follow from it.
+"""How often each stored value of an 8- or 16-bit volume occurs. Range, histogram and percentiles follow from it.
 
-Without kernels: what only looks at a file does not wait for a compiler to load.
+This module has no kernels, so that commands that only look at a file do not load the compiler.
 """
 
 from __future__ import annotations
@@ -9,22 +9,32 @@ import numpy as np
 
 
 def counts_values(dtype) -> bool:
-    """Whether volumes of this type have so few values that each is counted."""
+    """Whether a voxel type has so few values (8 or 16 bits) that each is counted."""
     return np.dtype(dtype).kind in "iu" and np.dtype(dtype).itemsize <= 2
 
 
 def stored_values(dtype) -> np.ndarray:
-    """(256 or 65536,) every stored value of a type, ascending."""
+    """All stored values of an integer type, ascending; (256,) or (65536,)."""
     limits = np.iinfo(dtype)
     return np.arange(limits.min, limits.max + 1).astype(dtype)
 
 
 def count_values(voxels: np.ndarray) -> np.ndarray:
-    """(256 or 65536,) int64: how many voxels hold each of ``stored_values``; plane by plane, in one pass."""
+    """Count the voxels of each stored value, plane by plane.
+
+    Parameters
+    ----------
+    voxels : (nz, ny, nx) ndarray of an 8- or 16-bit integer dtype
+
+    Returns
+    -------
+    (256,) or (65536,) ndarray of int64
+        In the order of ``stored_values``.
+    """
     unsigned = np.dtype(f"u{voxels.dtype.itemsize}")
     counts = np.zeros(1 << 16, np.int64)
     n = 1 << (8 * unsigned.itemsize)
-    pairs = unsigned.itemsize == 1 and voxels[0].size % 2 == 0  # two 8-bit voxels counted at a time, then apart
+    pairs = unsigned.itemsize == 1 and voxels[0].size % 2 == 0  # count two 8-bit voxels at once, separate them below
     for plane in voxels:
         patterns = np.ascontiguousarray(plane).reshape(-1).view(np.uint16 if pairs else unsigned)
         counts += np.bincount(patterns, minlength=len(counts))

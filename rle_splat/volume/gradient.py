@@ -1,12 +1,13 @@
-"""Normals from the gradient of the scalar, at chosen voxels only (algorithm.md 1.13).
+"""Unit normals from the gradient of the scalar, at selected voxels only (algorithm.md, section 1.13).
 
-Float data: central differences.  Integer data: Sobel's 3x3x3 estimator, whose (1, 2, 1) smoothing across the
-derivative averages the rounding out.  At the volume's faces the difference is one-sided, and smoothing repeats
-the face.  A neighbour that is not finite counts as equal to the voxel itself.
+Float data: central differences. Integer data: Sobel's 3x3x3 operator, whose (1, 2, 1) smoothing across the derivative
+averages out rounding errors. At the faces of the volume the difference is one-sided, and the smoothing repeats the
+face. A neighbor that is not finite counts as equal to the voxel itself.
 
-Noise floor, as change per voxel step in stored values: below it there is no normal, never a random one.
-Integer data: a quarter of a step, twice the 0.13 steps (standard deviation) that rounding alone gives Sobel's
-gradient.  Float data: eight rounding errors of the larger value, which is what a computed constant may carry.
+Below a noise floor (change per voxel step, in stored values) a voxel has no normal, so that noise does not give random
+normals. Integer data: a quarter of a stored step, twice the standard deviation (0.13 steps) that rounding alone gives
+Sobel's gradient. Float data: eight machine epsilons of the largest neighboring value, the rounding error that a
+computed constant may carry.
 """
 
 from __future__ import annotations
@@ -18,29 +19,47 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
-FLOAT_FLOOR = 8.0  # rounding errors (machine epsilons) per voxel
-SMOOTHING = 16.0  # sum of the smoothing weights; the span of a difference is 2, or 1 at a face
-CHUNK = 1 << 18  # voxels that the numpy twin works on at once
-GAP = 64  # columns: hidden voxels between visible ones, worked on with them rather than begun anew after
-AT_ONCE = 16  # columns looked at together
+FLOAT_FLOOR = 8.0  # machine epsilons per voxel
+SMOOTHING = 16.0  # sum of the smoothing weights; a difference spans 2 voxels, or 1 at a face
+CHUNK = 1 << 18  # voxels that the reference implementation processes at once
+GAP = 64  # columns: hidden voxels between visible ones up to this width are computed too, which beats a new stretch
+AT_ONCE = 16  # columns tested together
 
 
 def unit_normals(
     volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
-    """(m, 3) float32 unit vectors in world space along the scalar's gradient; (0, 0, 0) where there is none.
+    """Unit normals of selected voxels, in world space.
 
-    ``row_start`` (nz * ny + 1,) int64 and ``column`` (m,): which voxels, in rows along x (row = z * ny + y), as
-    in a ClassifiedVolume.  ``index_to_world``: (4, 4) float64, any invertible affine: a gradient is a covector,
-    so it goes to the world by the inverse transpose.
+    Parameters
+    ----------
+    volume : Volume
+    row_start : (nz * ny + 1,) ndarray of int64
+        First entry of ``column`` of each row of voxels along x; row = z * ny + y, as in ClassifiedVolume.
+    column : (m,) ndarray of integers
+        x of the selected voxels.
+    index_to_world : (4, 4) array_like
+        Voxel index (x, y, z) to world; any invertible affine.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (m, 3) ndarray of float32
+        Unit vectors along the gradient of the scalar; (0, 0, 0) where the gradient is below the noise floor.
+
+    Notes
+    -----
+    A gradient is a covector: it is transformed by the inverse transpose of the matrix.
     """
     voxels = read_only(np.asarray(volume.voxels))
     linear = np.asarray(index_to_world, dtype=np.float64)[:3, :3]
-    # Only the direction matters, so the matrix is brought to ordinary size: no overflow at extreme scales.
+    # Only the direction matters. Scaling the matrix first avoids overflow at extreme scales.
     covector = np.linalg.inv(linear / np.abs(linear).max()).T * np.sign(volume.slope)
     is_integer = voxels.dtype.kind in "iu"
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
-    normals = empty((3, len(column)), np.float32)  # one component after the other, for SIMD
+    normals = empty((3, len(column)), np.float32)  # one component after another, for SIMD
     lists = (read_only(row_start), read_only(column))
     if compiled(backend):
         covector = tuple(covector.ravel().tolist())
@@ -57,17 +76,17 @@ def unit_normals(
 
 # --- kernels --------------------------------------------------------------------------------------------------
 #
-# Throughout: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the voxels wanted; ``covector``: the nine
-# numbers of the matrix, row by row (an array would be read anew for every voxel); ``normals`` (3, m) float32, unit,
-# world, to be written.
+# Arguments of all kernels: ``voxels`` (nz, ny, nx); ``lists``: row_start and column of the selected voxels;
+# ``covector``: nine floats, the matrix row by row (a tuple, because an array would be reloaded for every voxel);
+# ``normals`` (3, m) float32: output, unit vectors in world space.
 
 
 @kernel(inner=True)
 def _stretch_end(column, first, end):
-    """One past the last of the voxels from ``first`` on, before ``end``, that have no wide gap between them."""
+    """End of the stretch of ``column`` that starts at ``first`` (before ``end``) and has no gap wider than GAP."""
     i = first + 1
     while i < end:
-        # Many at once, where the last of them tells that there is no wide gap.
+        # Skip AT_ONCE columns if the last of them shows that no gap among them can be wider than GAP.
         if i + AT_ONCE <= end and np.int64(column[i + AT_ONCE - 1]) - np.int64(column[i - 1]) < AT_ONCE + GAP:
             i += AT_ONCE
         elif np.int64(column[i]) - np.int64(column[i - 1]) > GAP:
@@ -84,7 +103,7 @@ def _unit(gx, gy, gz, floor, covector):
     wy = covector[3] * gx + covector[4] * gy + covector[5] * gz
     wz = covector[6] * gx + covector[7] * gy + covector[8] * gz
     length = np.sqrt(wx * wx + wy * wy + wz * wz)
-    # No branch, so that the loop round it becomes SIMD.
+    # Selections instead of branches, so that the calling loop becomes SIMD.
     found = gx * gx + gy * gy + gz * gz > floor * floor and 0.0 < length < np.inf
     scale = 1.0 / length if found else 0.0
     return wx * scale if found else 0.0, wy * scale if found else 0.0, wz * scale if found else 0.0
@@ -92,16 +111,17 @@ def _unit(gx, gy, gz, floor, covector):
 
 @kernel
 def _sobel(voxels, lists, covector, floor, sum_type, normals):
-    """Integer ``voxels``; ``sum_type``: an array of the type that holds 16 times any voxel exactly."""
+    """Normals of integer ``voxels``. ``sum_type``: an empty array whose dtype holds 16 times any voxel exactly."""
     arguments = (voxels, lists, covector, floor, sum_type, normals)
     share_out(_sobel_rows, voxels.shape[0] * voxels.shape[1], arguments)
 
 
 @kernel(inner=True)
 def _sobel_rows(begin_row, end_row, voxels, lists, covector, floor, sum_type, normals):
+    """Normals of rows [begin_row, end_row) of integer voxels."""
     row_start, column = lists
     n_x = voxels.shape[2]
-    # Arrays of their own, so that the compiler knows which do not overlap.
+    # Separate arrays, so that the compiler knows that they do not overlap.
     sums = np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype)
     unit = np.empty(n_x, np.float32), np.empty(n_x, np.float32), np.empty(n_x, np.float32)
     for row in range(begin_row, end_row):
@@ -114,9 +134,11 @@ def _sobel_rows(begin_row, end_row, voxels, lists, covector, floor, sum_type, no
 
 @kernel(inline="always")
 def _across(one, nw, nn, ne, ww, here, ee, sw, ss, se):
-    """Of the 3 x 3 voxels across a row, along y, then z: smoothed over y and z; difference along y, smoothed over z;
-    difference along z, smoothed over y.  Arithmetic stays in type ``one``: with plain integers it would be twice as
-    wide."""
+    """Sobel sums of the 3 x 3 voxels across a row (y fastest, then z).
+
+    Returns the voxels smoothed over y and z; their difference along y smoothed over z; their difference along z
+    smoothed over y. Arithmetic stays in type ``one``, because plain integers would be twice as wide.
+    """
     nw, nn, ne, ww, here, ee = one(nw), one(nn), one(ne), one(ww), one(here), one(ee)
     sw, ss, se = one(sw), one(ss), one(se)
     two, four = one(2), one(4)
@@ -126,31 +148,31 @@ def _across(one, nw, nn, ne, ww, here, ee, sw, ss, se):
 
 @kernel(inner=True)
 def _sobel_stretch(voxels, row, column, covector, floor, sums, unit, normals):
-    """Normals of the voxels of a row at ``column``, and of those between them, in long SIMD loops: first the sums over
-    the 3 x 3 voxels across the row, then normals, of which those wanted are taken.
+    """Normals of a stretch of a row: the voxels at ``column`` and those between them.
 
-    Scratch: ``sums``, three (nx + 2,) integers, and ``unit``, three (nx,) float32.
+    Long SIMD loops compute the sums over the 3 x 3 voxels across the row, then all normals; the selected ones are
+    copied. Scratch: ``sums``, three (nx + 2,) integer arrays, and ``unit``, three (nx,) float32 arrays.
     """
     n_z, n_y, n_x = voxels.shape
     z, y = row // n_y, row % n_y
     z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
     begin, count = np.int64(column[0]), np.int64(column[-1]) + 1 - np.int64(column[0])
-    one = sums[0].dtype.type  # arithmetic stays in this type: with plain integers it would be twice as wide
+    one = sums[0].dtype.type  # arithmetic stays in this type, because plain integers would be twice as wide
     two = one(2)
     scale_x = 1.0 / (2 * SMOOTHING)
     scale_y, scale_z = 1.0 / (SMOOTHING * max(y1 - y0, 1)), 1.0 / (SMOOTHING * max(z1 - z0, 1))
     first, last = max(begin - 1, 0), min(begin + count + 1, n_x)
-    # (Slices: counted from zero, the compiler knows that no index is negative, and makes SIMD of the loops.)
+    # Slices start at zero, so the compiler knows that no index is negative, and vectorizes the loops.
     nw, nn, ne = voxels[z0, y0, first:last], voxels[z0, y, first:last], voxels[z0, y1, first:last]
     ww, here, ee = voxels[z, y0, first:last], voxels[z, y, first:last], voxels[z, y1, first:last]
     sw, ss, se = voxels[z1, y0, first:last], voxels[z1, y, first:last], voxels[z1, y1, first:last]
     smooth, along_y, along_z = sums
-    at = first - (begin - 1)  # the sums of the voxel before the first one come first
+    at = first - (begin - 1)  # entry 0 of the sums belongs to the voxel before ``begin``
     s, a, b = smooth[at:], along_y[at:], along_z[at:]
     for i in range(here.size):
         s[i], a[i], b[i] = _across(one, nw[i], nn[i], ne[i], ww[i], here[i], ee[i], sw[i], ss[i], se[i])
-    # Beyond a face: repeated for the smoothing, and as much further for the difference, which is then exactly twice
-    # the one-sided one.
+    # Outside the volume: repeat the face for the smoothing, and extrapolate linearly for the difference, which then is
+    # exactly twice the one-sided difference.
     if begin == 0:
         along_y[0], along_z[0] = along_y[1], along_z[1]
         smooth[0] = two * smooth[1] - smooth[2 if n_x > 1 else 1]
@@ -180,12 +202,13 @@ def _finite_or(value, otherwise):
 
 @kernel
 def _central(voxels, lists, covector, floor, normals):
-    """Float ``voxels``; ``floor`` is relative to the largest value met."""
+    """Normals of float ``voxels``; ``floor`` is relative to the largest value among a voxel's neighbors."""
     share_out(_central_rows, voxels.shape[0] * voxels.shape[1], (voxels, lists, covector, floor, normals))
 
 
 @kernel(inner=True)
 def _central_rows(begin_row, end_row, voxels, lists, covector, floor, normals):
+    """Normals of rows [begin_row, end_row) of float voxels."""
     row_start, column = lists
     for row in range(begin_row, end_row):
         own = slice(row_start[row], row_start[row + 1])
@@ -210,11 +233,11 @@ def _central_row(voxels, row, column, covector, floor, normals):
         normals[0, i], normals[1, i], normals[2, i] = _unit(gx, gy, gz, floor * largest, covector)
 
 
-# --- twins ----------------------------------------------------------------------------------------------------
+# --- reference implementations ----------------------------------------------------------------------------------
 
 
 def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
-    """Twin of both kernels, in chunks of voxels."""
+    """Reference implementation of both kernels, in chunks of voxels."""
     row_start, column = lists
     _, n_y, _ = voxels.shape
     for begin in range(0, len(column), CHUNK):
@@ -229,35 +252,49 @@ def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
             normals[:, wanted] = np.where(keep, world.T / length, 0.0)
 
 
-def _neighbours(place, shape, axis):
-    """Index arrays of the neighbours before and after along array ``axis``, and the (m,) distance between them."""
-    before, after = list(place), list(place)
-    before[axis] = np.maximum(place[axis] - 1, 0)
-    after[axis] = np.minimum(place[axis] + 1, shape[axis] - 1)
+def _neighbors(index, shape, axis):
+    """Index arrays of the neighbors before and after along array ``axis``, and the (m,) distance between them."""
+    before, after = list(index), list(index)
+    before[axis] = np.maximum(index[axis] - 1, 0)
+    after[axis] = np.minimum(index[axis] + 1, shape[axis] - 1)
     return tuple(before), tuple(after), np.maximum(after[axis] - before[axis], 1)
 
 
-def central_numpy(voxels, place):
-    """(m, 3) x, y, z gradient per voxel step at ``place`` (z, y, x index arrays), and (m,) the largest value met."""
-    here = voxels[place].astype(np.float64)
+def central_numpy(voxels, index):
+    """Gradient by central differences at selected voxels.
+
+    Parameters
+    ----------
+    voxels : (nz, ny, nx) ndarray
+    index : tuple of three (m,) ndarrays of int64
+        z, y, x of the selected voxels.
+
+    Returns
+    -------
+    gradient : (m, 3) ndarray of float64
+        x, y, z components, in stored values per voxel step.
+    largest : (m,) ndarray of float64
+        Largest absolute value among the neighbors.
+    """
+    here = voxels[index].astype(np.float64)
     gradient, largest = np.empty((len(here), 3)), np.zeros(len(here))
     for axis, component in ((2, 0), (1, 1), (0, 2)):
-        before, after, span = _neighbours(place, voxels.shape, axis)
-        a, b = (voxels[index].astype(np.float64) for index in (before, after))
+        before, after, span = _neighbors(index, voxels.shape, axis)
+        a, b = (voxels[neighbor].astype(np.float64) for neighbor in (before, after))
         a, b = np.where(np.isfinite(a), a, here), np.where(np.isfinite(b), b, here)
         gradient[:, component] = (b - a) / span
         largest = np.maximum(largest, np.maximum(np.abs(a), np.abs(b)))
     return gradient, largest
 
 
-def _sobel_numpy(voxels, place):
-    """As ``central_numpy``, by Sobel's estimator; the largest value is 1, since the floor is in stored steps."""
-    gradient = np.zeros((len(place[0]), 3))
-    steps = [_neighbours(place, voxels.shape, axis) for axis in range(3)]
+def _sobel_numpy(voxels, index):
+    """As ``central_numpy``, by Sobel's operator; the largest value is 1, since the floor is in stored steps."""
+    gradient = np.zeros((len(index[0]), 3))
+    steps = [_neighbors(index, voxels.shape, axis) for axis in range(3)]
     for c in (-1, 0, 1):
         for b in (-1, 0, 1):
             for a in (-1, 0, 1):
-                at = tuple(steps[axis][0 if d < 0 else 1][axis] if d else place[axis]
+                at = tuple(steps[axis][0 if d < 0 else 1][axis] if d else index[axis]
                            for axis, d in enumerate((c, b, a)))
                 value = voxels[at].astype(np.float64)
                 wa, wb, wc = 2 - abs(a), 2 - abs(b), 2 - abs(c)

@@ -1,7 +1,7 @@
-"""How steep the scalar is at chosen voxels: the size of its gradient, in physical values per unit of the volume.
+"""Magnitude of the gradient at selected voxels, in physical values per unit of the volume.
 
-Central differences, one-sided at the volume's faces; a neighbour that is not finite counts as equal to the voxel
-itself.  (The normals of integer data are smoothed besides: a direction bears more smoothing than a size.)
+Central differences, one-sided at the faces of the volume. A neighbor that is not finite counts as equal to the voxel
+itself. Unlike the normals of integer data, the differences are not smoothed, since smoothing would lower the magnitude.
 """
 
 from __future__ import annotations
@@ -16,8 +16,24 @@ from .gradient import CHUNK, central_numpy
 def gradient_sizes(
     volume, row_start: np.ndarray, column: np.ndarray, *, backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
-    """(m,) float32 of the voxels of ``row_start`` (nz * ny + 1,) and ``column`` (m,), as ``gradient.unit_normals`` has
-    them; whatever the volume's affine, in values per unit of its own space, mostly millimetres."""
+    """Gradient magnitude of selected voxels.
+
+    Parameters
+    ----------
+    volume : Volume
+    row_start : (nz * ny + 1,) ndarray of int64
+        First entry of ``column`` of each row of voxels along x.
+    column : (m,) ndarray of integers
+        x of the selected voxels.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (m,) ndarray of float32
+        Physical values per unit of the volume's own space (mostly mm).
+    """
     covector = np.linalg.inv(np.asarray(volume.affine, np.float64)[:3, :3]).T * volume.slope
     voxels, sizes = read_only(np.asarray(volume.voxels)), np.empty(len(column), np.float32)
     if compiled(backend):
@@ -36,12 +52,13 @@ def gradient_sizes(
 
 @kernel
 def _measure(voxels, row_start, column, covector, sizes):
+    """Fill ``sizes`` (m,) float32; ``covector``: nine floats, inverse transpose of the affine times the slope."""
     share_out(_measure_rows, voxels.shape[0] * voxels.shape[1], (voxels, row_start, column, covector, sizes))
 
 
 @kernel(inline="always")
 def _step(before, after, here, count):
-    """Rise per voxel between two neighbours ``count`` voxels apart."""
+    """Change per voxel between two neighbors ``count`` voxels apart; one that is not finite counts as ``here``."""
     a = before if np.abs(before) < np.inf else here
     b = after if np.abs(after) < np.inf else here
     return (b - a) / max(count, 1)
@@ -49,6 +66,7 @@ def _step(before, after, here, count):
 
 @kernel(inner=True)
 def _measure_rows(begin_row, end_row, voxels, row_start, column, covector, sizes):
+    """Fill ``sizes`` for rows [begin_row, end_row)."""
     n_z, n_y, n_x = voxels.shape
     for row in range(begin_row, end_row):
         z, y = row // n_y, row % n_y

@@ -1,6 +1,6 @@
-"""How often each value occurs: histogram and percentiles of a volume, slice by slice, in physical values.
+"""Histogram and percentiles of a volume in physical values, computed slice by slice.
 
-No second copy of the volume is made.  Values that are not finite are left out and counted.
+The volume is not copied. Values that are not finite are left out and counted separately.
 """
 
 from __future__ import annotations
@@ -13,16 +13,23 @@ from ..scene import RleSplatError
 from .counts import counts_values, stored_values
 from .volume import LARGEST_VALUE, Volume
 
-DIGIT_BITS = 16  # one pass of the radix selection fixes this many bits; 2^16 counters fit in the cache
+DIGIT_BITS = 16  # bits per pass of the radix selection; 2^16 counters fit in the cache
 
 
 @dataclass(frozen=True, eq=False)
 class Histogram:
     """Counts of physical values.
 
-    ``counts``: (n,) int64.  ``edges``: (n + 1,) float64 ascending, physical; bin b holds values v with
-    edges[b] <= v < edges[b + 1], the last bin its upper edge too.  ``below`` and ``above`` count finite values
-    outside the edges, ``not_finite`` NaN and infinities.
+    Attributes
+    ----------
+    counts : (n,) ndarray of int64
+    edges : (n + 1,) ndarray of float64
+        Ascending, physical values. Bin b holds values v with edges[b] <= v < edges[b + 1]; the last bin includes its
+        upper edge.
+    below, above : int
+        Number of finite values outside the edges.
+    not_finite : int
+        Number of NaN and infinite values.
     """
 
     counts: np.ndarray
@@ -33,29 +40,48 @@ class Histogram:
 
     @property
     def centers(self) -> np.ndarray:
-        """(n,) float64: the middle of each bin."""
+        """(n,) float64: the center of each bin."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
     @property
     def total(self) -> int:
-        """How many voxels were looked at."""
+        """Number of voxels, including those outside the edges."""
         return int(self.counts.sum()) + self.below + self.above + self.not_finite
 
 
 def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | None = None) -> Histogram:
-    """The histogram of a volume's physical values in at most ``bins`` bins, over ``limits`` or the whole range.
+    """Histogram of a volume's physical values.
 
-    Integer volumes get bins a whole number of stored steps wide, centred on the stored values, so that no bin is
-    empty merely because it falls between two of them; that may need fewer bins than were asked for.
+    Parameters
+    ----------
+    volume : Volume
+    bins : int
+        Largest number of bins.
+    limits : (low, high) or None
+        Physical range; None for the whole range of the volume.
+
+    Returns
+    -------
+    Histogram
+
+    Raises
+    ------
+    RleSplatError
+        If ``bins`` is below 1 or the limits are not two finite, ascending numbers.
+
+    Notes
+    -----
+    Bins of integer volumes are a whole number of stored steps wide and centered on stored values, so that no bin is
+    empty only because it lies between two values. There may be fewer than ``bins``.
     """
     if bins < 1:
-        raise RleSplatError("A histogram needs at least one bin.")
+        raise RleSplatError(f"A histogram needs at least one bin, not {bins}.")
     low, high = volume.value_range if limits is None else (float(limits[0]), float(limits[1]))
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-        raise RleSplatError("The limits of a histogram must be two finite numbers, the lower one first.")
+        raise RleSplatError(f"The limits of a histogram must be finite and ascending, not {low:g} and {high:g}.")
     edges = _integer_edges(volume, bins, low, high) if volume.voxels.dtype.kind in "iu" else None
     if edges is None:
-        # A constant volume: one value in the middle of a bin of width one.  No bin is narrower than float64 resolves.
+        # A constant volume gets one bin of width one around its value. No bin is narrower than float64 resolves.
         width = max(1.0 if low == high else 0.0, 2.0 * bins * np.spacing(max(abs(low), abs(high))))
         if high - low < width:
             low, high = 0.5 * (low + high) - 0.5 * width, 0.5 * (low + high) + 0.5 * width
@@ -77,7 +103,7 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
 
 
 def _from_counts(volume: Volume, edges: np.ndarray) -> Histogram:
-    """The same from how often each stored value occurs, without another look at the voxels."""
+    """Histogram from the counts of stored values, without reading the voxels again."""
     occurs = volume.value_counts
     values = volume.physical(stored_values(volume.voxels.dtype))
     counts = np.histogram(values, bins=edges.size - 1, range=(edges[0], edges[-1]), weights=occurs)[0]
@@ -86,7 +112,7 @@ def _from_counts(volume: Volume, edges: np.ndarray) -> Histogram:
 
 
 def _integer_edges(volume: Volume, bins: int, low: float, high: float) -> np.ndarray:
-    """Edges half a stored step off the stored values, each bin the same whole number of steps wide."""
+    """Edges half a stored step off the stored values; all bins have the same whole number of steps."""
     step = abs(volume.slope)
     steps = max(1, round((high - low) / step) + 1)
     width = -(-steps // bins)
@@ -95,22 +121,39 @@ def _integer_edges(volume: Volume, bins: int, low: float, high: float) -> np.nda
 
 
 def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
-    """Exact percentiles of the finite values, physical, float64 (len(percents),).
+    """Exact percentiles of the finite values of a volume.
 
+    Parameters
+    ----------
+    volume : Volume
+    percents : sequence of float
+        0 to 100.
+
+    Returns
+    -------
+    (len(percents),) ndarray of float64
+        Physical values; 0 if no voxel is finite.
+
+    Raises
+    ------
+    RleSplatError
+        If a percentage is outside 0 to 100.
+
+    Notes
+    -----
     The q-th percentile is the smallest value that at least q % of the finite voxels do not exceed (numpy's
-    "inverted_cdf"), found by a radix selection in one pass over the volume for each 16 bits of a voxel.
-    With no finite voxel every percentile is 0.
+    "inverted_cdf"). It is found by radix selection, with one pass over the volume for every 16 bits of a voxel.
     """
     percents = np.atleast_1d(np.asarray(percents, dtype=np.float64))
     if not ((percents >= 0.0) & (percents <= 100.0)).all():
-        raise RleSplatError("Percentiles are asked for by numbers from 0 to 100.")
+        raise RleSplatError("Percentiles must be numbers from 0 to 100.")
     if counts_values(volume.voxels.dtype):
         total, first_counts = volume.voxels.size, volume.value_counts[None]
     else:
         total, first_counts = _digit_counts(volume, {0: 0}, 0)
     if total == 0:
         return np.zeros(percents.size)
-    if volume.slope < 0.0:  # physical order is the stored order backwards
+    if volume.slope < 0.0:  # the physical order is the reverse of the stored order
         ranks = total - np.maximum(1, np.ceil(percents / 100.0 * total)).astype(np.int64)
     else:
         ranks = np.maximum(1, np.ceil(percents / 100.0 * total)).astype(np.int64) - 1
@@ -125,11 +168,12 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
 
 
 def _digits(dtype: np.dtype) -> int:
+    """Number of 16-bit digits of a voxel type."""
     return max(1, dtype.itemsize * 8 // DIGIT_BITS)
 
 
 def _descend(prefixes, ranks, counts, slots):
-    """One digit further: the digit in which each rank falls, and its rank among the values that share it."""
+    """Refine by one digit: append to each prefix the digit that holds its rank; return prefixes and remaining ranks."""
     longer, left = np.empty_like(prefixes), np.empty_like(ranks)
     for i, (prefix, rank) in enumerate(zip(prefixes, ranks)):
         reached = np.cumsum(counts[slots[int(prefix)]])
@@ -140,7 +184,7 @@ def _descend(prefixes, ranks, counts, slots):
 
 
 def _digit_counts(volume: Volume, slots: dict, digit: int):
-    """How often each 16-bit digit follows each prefix in ``slots``; also the number of finite voxels."""
+    """Number of finite voxels, and how often each 16-bit digit follows each prefix in ``slots`` (prefix -> row)."""
     bits = max(DIGIT_BITS, volume.voxels.dtype.itemsize * 8)
     shift = bits - DIGIT_BITS * (digit + 1)
     counts = np.zeros((len(slots), 1 << DIGIT_BITS), dtype=np.int64)
@@ -159,12 +203,15 @@ def _digit_counts(volume: Volume, slots: dict, digit: int):
 
 
 def _low_digit(keys: np.ndarray) -> np.ndarray:
+    """The lowest 16 bits of ``keys``, as indices."""
     return (keys & keys.dtype.type((1 << DIGIT_BITS) - 1)).astype(np.intp)
 
 
 def _keys(plane: np.ndarray) -> np.ndarray:
-    """Unsigned integers in the order of the finite values of ``plane``: sign bit flipped, and for floats below
-    zero all bits flipped, since their patterns run backwards."""
+    """Unsigned integers in the order of the finite values of ``plane``.
+
+    The sign bit is flipped; for negative floats all bits are flipped, since their patterns are in reverse order.
+    """
     if plane.dtype.kind == "f":
         finite = plane[np.isfinite(plane)]
         unsigned = np.dtype(f"u{plane.dtype.itemsize}").type
@@ -180,7 +227,7 @@ def _keys(plane: np.ndarray) -> np.ndarray:
 
 
 def _from_keys(keys: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """The stored values whose keys (see ``_keys``) are given as uint64."""
+    """Stored values of type ``dtype`` from their uint64 keys (see ``_keys``)."""
     unsigned = np.dtype(f"u{dtype.itemsize}").type
     patterns = keys.astype(unsigned)
     if dtype.kind == "u":

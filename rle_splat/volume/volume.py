@@ -1,4 +1,4 @@
-"""The volume: a grid of stored scalars, where it lies, and what its numbers mean."""
+"""The volume: a grid of stored scalars, its position in space and the meaning of its values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..scene import RleSplatError, as_matrix
 from .counts import count_values, counts_values, stored_values
 
-# Physical values beyond stand for infinity, and are taken as this; a quarter, so that differences are finite.
+# Larger physical values count as infinite and are clamped; a quarter of the largest float64 keeps differences finite.
 LARGEST_VALUE = float(np.finfo(np.float64).max) / 4.0
 STORED_TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
 
@@ -20,11 +20,30 @@ STORED_TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32"
 class Volume:
     """A scalar volume.
 
-    ``voxels``: (nz, ny, nx), x fastest, one of STORED_TYPES in native byte order; may be memory-mapped.
-    ``affine``: (4, 4) float64, voxel index (x, y, z, 1) to the volume's own space in ``unit``.
-    A physical value is ``slope * stored + intercept``, in ``value_unit`` ("HU" or None for arbitrary).
-    ``modality`` is "CT", "MR", "XA", "SMOKE" or None.  ``background`` is the stored value outside the grid.
-    ``remarks`` are sentences on what is odd about the data.
+    Parameters
+    ----------
+    voxels : (nz, ny, nx) ndarray
+        x is contiguous. One of STORED_TYPES in native byte order; may be memory-mapped.
+    affine : (4, 4) array_like
+        Voxel index (x, y, z, 1) to the volume's own space, in ``unit``.
+    unit : str
+        Unit of length of the volume's own space.
+    slope, intercept : float
+        A physical value is ``slope * stored + intercept``.
+    value_unit : str or None
+        Unit of physical values, "HU" for CT; None for arbitrary units.
+    modality : str or None
+        "CT", "MR", "XA", "SMOKE" or None.
+    background : float
+        Stored value outside the grid.
+    name : str
+    remarks : tuple of str
+        Sentences about anything unusual in the data.
+
+    Raises
+    ------
+    RleSplatError
+        If the array is not three-dimensional, its type is not supported, or the mapping is not finite.
     """
 
     voxels: np.ndarray
@@ -41,7 +60,7 @@ class Volume:
     def __post_init__(self):
         if self.voxels.ndim != 3 or 0 in self.voxels.shape:
             raise RleSplatError(
-                f"A volume needs three dimensions of at least one voxel each, not {tuple(self.voxels.shape)}."
+                f"A volume must have three dimensions of at least one voxel each, not {tuple(self.voxels.shape)}."
             )
         if self.voxels.dtype.name not in STORED_TYPES or not self.voxels.dtype.isnative:
             raise RleSplatError(
@@ -51,26 +70,30 @@ class Volume:
             object.__setattr__(self, "voxels", np.ascontiguousarray(self.voxels))
         object.__setattr__(self, "affine", as_matrix(self.affine, "The volume's affine"))
         if not (np.isfinite(self.slope) and np.isfinite(self.intercept) and self.slope != 0.0):
-            raise RleSplatError("The volume's slope must be finite and not zero, and its intercept finite.")
+            raise RleSplatError(
+                f"The volume's slope must be finite and not zero, and its intercept finite, not {self.slope!r} and "
+                f"{self.intercept!r}."
+            )
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of voxels along x, y, z."""
         nz, ny, nx = self.voxels.shape
         return nx, ny, nz
 
     @property
     def spacing(self) -> np.ndarray:
-        """(3,) float64: distance between neighbouring voxel centres along x, y, z, in ``unit``."""
+        """(3,) float64: distance between the centers of neighboring voxels along x, y, z, in ``unit``."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
 
     @cached_property
     def value_range(self) -> tuple[float, float]:
-        """Smallest and largest finite physical value; (0, 0) when no voxel is finite."""
+        """Smallest and largest finite physical value; (0, 0) if no voxel is finite."""
         if counts_values(self.voxels.dtype):
             seen = stored_values(self.voxels.dtype)[self.value_counts > 0]
             return self._range(seen[0], seen[-1])
         low, high = np.inf, -np.inf
-        for stored in self.voxels:  # slice by slice: no second copy of a large volume
+        for stored in self.voxels:  # slice by slice, so that a large volume is not copied
             if stored.dtype.kind == "f":
                 stored = stored[np.isfinite(stored)]
                 if stored.size == 0:
@@ -81,17 +104,18 @@ class Volume:
         return self._range(low, high)
 
     def _range(self, low, high) -> tuple[float, float]:
+        """Physical (smallest, largest) of a stored range; a negative slope swaps the ends."""
         ends = sorted((float(low) * self.slope + self.intercept, float(high) * self.slope + self.intercept))
         return max(ends[0], -LARGEST_VALUE), min(ends[1], LARGEST_VALUE)
 
     @cached_property
     def value_counts(self) -> np.ndarray:
-        """(256 or 65536,) int64: how often each stored value of an 8- or 16-bit volume occurs, ascending."""
+        """How often each stored value of an 8- or 16-bit volume occurs, ascending; (256,) or (65536,) int64."""
         return count_values(self.voxels)
 
     @cached_property
     def voxel_key(self) -> str:
-        """A hash of the stored voxels and their arrangement, whatever they mean.  Reads the whole volume, once."""
+        """Hash of the stored voxels, their type and shape. The first use reads the whole volume."""
         digest = hashlib.blake2b(f"{self.voxels.dtype.str}{self.voxels.shape}".encode(), digest_size=16)
         for plane in self.voxels:
             digest.update(plane)
@@ -99,10 +123,10 @@ class Volume:
 
     @cached_property
     def key(self) -> str:
-        """A hash of the voxels and of everything that gives them meaning, for content-keyed stages."""
+        """Hash of the voxels, slope, intercept and affine; cached stages use it as their key."""
         meaning = repr((self.voxel_key, self.slope, self.intercept)).encode() + self.affine.tobytes()
         return hashlib.blake2b(meaning, digest_size=16).hexdigest()
 
     def physical(self, stored) -> np.ndarray:
-        """Stored values to physical values, float64."""
+        """Convert stored values to physical values, float64."""
         return np.asarray(stored, dtype=np.float64) * self.slope + self.intercept

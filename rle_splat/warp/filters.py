@@ -1,8 +1,8 @@
-"""The warp's filters: what four taps weigh, as cubic polynomials of the fraction towards the third of them.
+"""Filters of the warp: weights of four taps, as cubic polynomials of the fraction toward the third tap.
 
-Rows are powers 0 to 3 of the fraction, columns the taps.  "bilinear": second order.  "keys": Keys (1981), a = -1/2,
-the Catmull-Rom spline; third order.  "cubic": the cubic B-spline, of coefficients that make it interpolate
-(``spline_prefilter``); fourth order.  (algorithm.md 1.5)
+Rows are powers 0 to 3 of the fraction, columns the taps (algorithm.md, section 1.5). "bilinear": second order. "keys":
+Keys (1981) with a = -1/2, the Catmull-Rom spline, third order. "cubic": the cubic B-spline with coefficients that make
+it interpolate (``spline_prefilter``), fourth order.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ POLYNOMIALS = {
 
 
 def is_prefiltered(name: str) -> bool:
-    """Whether the filter weighs spline coefficients, of colour and alpha, and not samples."""
+    """Whether the filter applies to spline coefficients of color and alpha instead of samples."""
     return name == "cubic"
 
 
 @cache
 def taps_of(name: str) -> int:
-    """Along each axis."""
+    """Number of taps along each axis."""
     return int(np.count_nonzero(POLYNOMIALS[name].any(axis=0)))
 
 
 @cache
 def table_of(name: str) -> np.ndarray:
-    """(96,) float32, read-only: the filter as ``tap4x4`` takes it."""
+    """(96,) float32, read-only: the table argument of ``taps.tap4x4``."""
     to_alpha = np.array([[1, 1, 1, 1], [0, 0, 0, 0]]) if is_prefiltered(name) else [[1, 1, 1, -1], [0, 0, 0, 1]]
     weights = np.repeat(POLYNOMIALS[name], 4, axis=1)
     table = np.concatenate((weights, np.tile(to_alpha, 4))).astype(np.float32).reshape(-1)

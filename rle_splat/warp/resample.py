@@ -1,4 +1,4 @@
-"""Resampling the intermediate image at the ray of each pixel."""
+"""Resampling of the intermediate image at the rays of the picture's pixels."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from ..runtime.parallel import share_out
 from ..scene import NO_DEPTH
 from .taps import tap2x2, tap4x4
 
-# Half depths that differ by more than this many voxels lie on different surfaces and are not interpolated.
+# Half depths that differ by more than this many voxels belong to different surfaces and are not interpolated.
 SAME_SURFACE = 2.0
-ROWS = 8  # of the picture, by one thread
-STRETCH = 64  # pixels of a row whose places are found together, as vectors
+ROWS = 8  # rows of the picture per band
+STRETCH = 64  # pixels of a row whose sheet positions are computed together, as vectors
 
 
 @kernel(inner=True)
 def _half_depth(half_depths, width, at, across, down):
-    """Half depth at fractions ``across`` and ``down`` beyond pixel ``at``: linear on one surface, the nearest pixel's
-    across an edge."""
+    """Half depth at fractions ``across`` and ``down`` beyond sheet pixel ``at``.
+
+    Bilinear on one surface, the nearest pixel's value across an edge.
+    """
     half = np.float32(0.5)
     nearest = half_depths[at + (across >= half) + width * (down >= half)]
     a, b = half_depths[at], half_depths[at + 1]
@@ -32,11 +34,11 @@ def _half_depth(half_depths, width, at, across, down):
 
 
 @kernel(inner=True)
-def _find_places(maps, first_column, row, sheet_size, sheet_origin, at, across, down):
-    """Where the pixels from ``first_column`` on look into the sheet; how many do.
+def _find_positions(maps, first_column, row, sheet_size, sheet_origin, at, across, down):
+    """Sheet positions of the pixels from ``first_column`` on; returns how many are inside the sheet.
 
-    Out: ``at``, the flat number of the sheet pixel at or before their position, -1 where a filter's taps would leave
-    the sheet, and the fractions ``across`` and ``down`` beyond it.
+    Writes ``at``, the flat index of the sheet pixel at or before the position (-1 where a filter's taps would leave the
+    sheet), and the fractions ``across`` and ``down`` beyond it.
     """
     width, height = sheet_size
     at_u = maps[0, 1] * row + maps[0, 2]
@@ -61,16 +63,16 @@ def _find_places(maps, first_column, row, sheet_size, sheet_origin, at, across, 
 
 @kernel(inner=True)
 def _sees_any(maps, first_column, row, filled, reach, sheet_origin):
-    """Whether a stretch of pixels looks anywhere within ``reach`` of what the sheet holds.
+    """Whether any pixel of a stretch may read within ``reach`` of a filled sheet pixel.
 
     ``filled`` (2, h): see ``IntermediateImage``.
     """
     begin, end = first_column + 0.5, first_column + STRETCH - 0.5
     w_here = maps[2, 1] * row + maps[2, 2]
     w_begin, w_end = maps[2, 0] * begin + w_here, maps[2, 0] * end + w_here
-    if not (w_begin > 0.0 and w_end > 0.0):  # a horizon across it
+    if not (w_begin > 0.0 and w_end > 0.0):  # the horizon crosses the stretch
         return True
-    # In between they lie between: where they look at is a line.
+    # Positions between two pixels lie on the line between their positions.
     u_here, v_here = maps[0, 1] * row + maps[0, 2], maps[1, 1] * row + maps[1, 2]
     u, further_u = (maps[0, 0] * begin + u_here) / w_begin, (maps[0, 0] * end + u_here) / w_end
     v, further_v = (maps[1, 0] * begin + v_here) / w_begin, (maps[1, 0] * end + v_here) / w_end
@@ -87,8 +89,10 @@ def _sees_any(maps, first_column, row, filled, reach, sheet_origin):
 
 @kernel(inner=True)
 def _keep_own(directions, first_column, row, axis, sign, at):
-    """Make ``at`` -1 for pixels whose rays do not advance fastest along ``axis`` in direction ``sign`` (ties: earlier
-    axis); how many are left."""
+    """Set ``at`` to -1 for pixels whose rays have another principal axis or direction; return how many are left.
+
+    Ties go to the first axis, as in ``principal_axis.dominant_axis``.
+    """
     one, two = (axis + 1) % 3, (axis + 2) % 3
     here = directions[axis, 1] * row + directions[axis, 2]
     here_one = directions[one, 1] * row + directions[one, 2]
@@ -111,9 +115,12 @@ def _resample_rows(
     samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
     most_color, picture_size, picture_origin, first, window, first_row, picture, depths,
 ):
-    """ROWS rows of ``resample`` from ``first_row`` on.  The arrays are flat, sizes are (width, height); ``maps``: rows
-    u, v, w, w times the depth at axis position 0, and per voxel, of a pixel of the picture.  ``window``: (left, top,
-    right, bottom), outside which no pixel looks into the sheet."""
+    """``resample`` for ROWS rows from ``first_row`` on.
+
+    Arrays are flat; sizes are (width, height). ``maps`` (5, 3): rows that map a pixel of the picture to u, v, w, and
+    to w times the depth at axis position 0 and per voxel. ``window``: (left, top, right, bottom) outside which no pixel
+    reads the sheet.
+    """
     width, picture_width = sheet_size[0], picture_size[0]
     parallel_rays = directions[axis, 0] == 0.0 and directions[axis, 1] == 0.0 and directions[axis, 2] == 0.0
     at, across, down = np.empty(STRETCH, np.int64), np.empty(STRETCH, np.float32), np.empty(STRETCH, np.float32)
@@ -131,7 +138,7 @@ def _resample_rows(
             column = c + picture_origin[0]
             if not _sees_any(maps, column, row, filled, reach, sheet_origin):
                 continue
-            wanted = _find_places(maps, column, row, sheet_size, sheet_origin, at, across, down)
+            wanted = _find_positions(maps, column, row, sheet_size, sheet_origin, at, across, down)
             if wanted and not parallel_rays:
                 wanted = _keep_own(directions, column, row, axis, sign, at)
             if not wanted:
@@ -153,9 +160,9 @@ def _resample_rows(
             at_zero_here, per_voxel_here = maps[3, 1] * row + maps[3, 2], maps[4, 1] * row + maps[4, 2]
             found = depths[first_pixel : first_pixel + count]
             for i in range(count):
-                place = column + i + 0.5
-                w = maps[2, 0] * place + w_here
-                at_zero, per_voxel = maps[3, 0] * place + at_zero_here, maps[4, 0] * place + per_voxel_here
+                center = column + i + 0.5
+                w = maps[2, 0] * center + w_here
+                at_zero, per_voxel = maps[3, 0] * center + at_zero_here, maps[4, 0] * center + per_voxel_here
                 depth = np.float32((halves[i] * per_voxel + at_zero) / w)
                 found[i] = depth if halves[i] < np.inf else found[i]
 
@@ -165,7 +172,7 @@ def _resample_bands(
     first_band, last_band, samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign,
     taps, table, most_color, picture_size, picture_origin, first, window, picture, depths,
 ):
-    """Some bands of ROWS rows; see ``_resample_rows``."""
+    """``resample`` for bands [first_band, last_band) of ROWS rows; arguments as of ``_resample_rows``."""
     for band in range(first_band, last_band):
         _resample_rows(
             samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
@@ -174,19 +181,29 @@ def _resample_bands(
 
 
 def shown_in(from_sheet, sheet_shape, sheet_origin, picture_shape, picture_origin) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom): a part of the picture outside which no pixel looks into the sheet.
+    """Part of the picture outside which no pixel reads a sheet.
 
-    ``from_sheet``: (3, 3) sheet pixel to picture pixel.  Shapes are (rows, columns); the others: see ``resample``.
+    Parameters
+    ----------
+    from_sheet : (3, 3) ndarray of float64
+        Homogeneous sheet pixel to homogeneous picture pixel.
+    sheet_shape, picture_shape : (rows, columns)
+    sheet_origin, picture_origin : (column, row)
+        Number of the first pixel of each array.
+
+    Returns
+    -------
+    (left, top, right, bottom)
     """
     (u, v), (rows, columns), (height, width) = sheet_origin, sheet_shape, picture_shape
     corners = (u, v), (u + columns, v), (u + columns, v + rows), (u, v + rows)
-    # Numbers one by one: four corners are too few for what a call of numpy takes.
-    places = [[a * x + b * y + c for a, b, c in from_sheet.tolist()] for x, y in corners]
-    if not all(w > 0.0 for *_, w in places):  # seen from behind in part: its corners are no bounds
+    # Plain Python arithmetic, because numpy's overhead per call is larger for four corners.
+    projected = [[a * x + b * y + c for a, b, c in from_sheet.tolist()] for x, y in corners]
+    if not all(w > 0.0 for *_, w in projected):  # partly behind the eye: the corners give no bounds
         return 0, 0, width, height
     sides = []
     for n, count in enumerate((width, height)):
-        seen = [place[n] / place[2] - picture_origin[n] for place in places]
+        seen = [corner[n] / corner[2] - picture_origin[n] for corner in projected]
         sides.append((int(min(max(min(seen) - 1.0, 0.0), count)), int(max(min(max(seen) + 2.0, count), 0.0))))
     (left, right), (top, bottom) = sides
     return left, top, right, bottom
@@ -194,6 +211,7 @@ def shown_in(from_sheet, sheet_shape, sheet_origin, picture_shape, picture_origi
 
 @kernel
 def _resample(bands, arguments):
+    """Kernel of ``resample``; ``arguments``: of ``_resample_bands``."""
     share_out(_resample_bands, bands, arguments)
 
 
@@ -201,19 +219,46 @@ def resample(
     window, filled, reach, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color,
     depth_map, picture_origin, first, rgba, depth, threads=0,
 ):
-    """Fill the pixels that belong to one base plane.
+    """Fill the pixels of the picture that belong to one base plane.
 
-    ``window``: of ``shown_in``.  ``filled``: see ``IntermediateImage``; a pixel that looks further than ``reach`` from
-    all of it sees nothing.
-    ``pixels``: (h, w, 4) float32 colour and transmittance, or what else ``table``, a filter of ``taps`` by ``taps``
-    (``filters.table_of``; not read for two), weighs.  ``half``: (h, w) float32 half depths along the viewing
-    direction, inf for none.  ``to_sheet``: (3, 3) picture pixel to sheet pixel.  ``directions``: (3, 3) picture pixel
-    to index-space ray, all zero for parallel rays.  ``depth_map``: (2, 3), sheet pixel to planar depth at position 0
-    and per voxel.  ``first``: whether this is the first plane of a picture, which is cleared then.  Out: ``rgba``
-    (H, W, 4), ``depth`` (H, W), NO_DEPTH where there is none.
+    Positions are computed with pixel numbers of the whole sheet and picture, so that windows of them get the same bits.
 
-    ``sheet_origin`` (u, v) and ``picture_origin`` (column, row): the numbers of the first pixel of the arrays.  All
-    positions are reckoned in these numbers, so that a window of a sheet, or of a picture, gets the same bits.
+    Parameters
+    ----------
+    window : (left, top, right, bottom)
+        As of ``shown_in``.
+    filled : (2, h) ndarray
+        See ``IntermediateImage``.
+    reach : int
+        Pixels farther than this from all filled sheet pixels are transparent.
+    pixels : (h, w, 4) ndarray of float32
+        Color and transmittance, or spline coefficients of color and alpha, as the filter needs.
+    half : (h, w) ndarray of float32
+        Half depths along the viewing direction, inf for none.
+    sheet_origin, picture_origin : (column, row)
+        Numbers of the first pixels of the arrays.
+    to_sheet : (3, 3) ndarray of float64
+        Homogeneous picture pixel to homogeneous sheet pixel.
+    directions : (3, 3) ndarray of float64
+        Picture pixel to index-space ray direction; all zero for parallel rays.
+    axis, sign : int
+        Principal axis and direction of the base plane.
+    taps : {2, 4}
+        Taps of the filter along each axis.
+    table : (96,) ndarray of float32
+        As of ``filters.table_of``; not used for two taps.
+    most_color : float32
+        Color is clamped to ``most_color`` times alpha.
+    depth_map : (2, 3) ndarray of float64
+        Sheet pixel to planar depth at axis position 0, and per voxel.
+    first : bool
+        Whether this is the first base plane of the picture, which is then cleared.
+    rgba : (H, W, 4) ndarray of float32
+        Output.
+    depth : (H, W) ndarray of float32
+        Output; NO_DEPTH where there is none.
+    threads : int
+        0 for one per core.
     """
     arguments = (
         pixels.reshape(-1), half.reshape(-1), filled, reach, half.shape[::-1], sheet_origin,

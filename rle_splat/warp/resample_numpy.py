@@ -1,4 +1,4 @@
-"""The numpy twin of ``resample``."""
+"""Reference implementation of ``resample``."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from .resample import SAME_SURFACE
 
 
 def _product(matrix, values):
-    """``matrix @ values`` along the first axis of ``values``, element by element: the bits of numpy's own product
-    depend on how many elements there are, so that a window of a picture would differ from the whole."""
+    """``matrix @ values`` along the first axis of ``values``, elementwise.
+
+    The bits of numpy's matrix product depend on the number of elements, so a window would differ from the whole.
+    """
     return np.stack([sum(weight * value for weight, value in zip(row, values, strict=True)) for row in matrix])
 
 
 def _weights(fraction, polynomials):
-    """(4, ...) float32 tap weights at fractions: ``polynomials``, (4, 4), has a row for each power."""
+    """(4, ...) float32 tap weights at fractions; ``polynomials`` (4, 4): one row per power."""
     fraction = fraction.astype(np.float32)
     square = fraction * fraction
     return _product(polynomials.T, (np.ones_like(fraction), fraction, square, square * fraction))
 
 
 def clear(rgba, depth):
-    """Nothing to be seen in a picture, (H, W, 4), and its depths, (H, W)."""
+    """Clear a picture (H, W, 4) and its depths (H, W)."""
     rgba[...] = 0.0
     depth[...] = NO_DEPTH
 
@@ -32,23 +34,23 @@ def resample_numpy(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     first, rgba, depth,
 ):
-    """Fill the pixels that belong to one base plane; arguments as for ``resample``."""
+    """Fill the pixels that belong to one base plane; arguments as of ``resample``."""
     if first:
         clear(rgba, depth)
     height, width = depth.shape
     sheet_height, sheet_width = half.shape
     column, row = np.meshgrid(picture_origin[0] + np.arange(width) + 0.5, picture_origin[1] + np.arange(height) + 0.5)
-    places = column, row, np.ones_like(column)
+    pixel_centers = column, row, np.ones_like(column)
     if directions.any():
-        own_axis, own_sign = dominant_axis(np.moveaxis(_product(directions, places), 0, -1))
+        own_axis, own_sign = dominant_axis(np.moveaxis(_product(directions, pixel_centers), 0, -1))
         mine = (own_axis == axis) & (own_sign == sign)
     else:
         mine = np.ones((height, width), bool)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v, w = _product(to_sheet, places)
+        u, v, w = _product(to_sheet, pixel_centers)
         u, v = u / w, v / w
-        for place, origin, count in ((u, sheet_origin[0], sheet_width), (v, sheet_origin[1], sheet_height)):
-            mine &= (place >= origin + 1) & (place < origin + count - 2)
+        for position, origin, count in ((u, sheet_origin[0], sheet_width), (v, sheet_origin[1], sheet_height)):
+            mine &= (position >= origin + 1) & (position < origin + count - 2)
     u, v = u[mine], v[mine]
     fu, fv = u - np.floor(u), v - np.floor(v)
     u0 = np.floor(u).astype(np.int64) - sheet_origin[0]

@@ -1,15 +1,15 @@
-"""B-spline coefficients of an image: what makes the cubic B-spline interpolate instead of blur.
+"""Prefilter of the cubic B-spline: coefficients with which it interpolates instead of blurring.
 
 Interpolation divides by the spline's values at the nodes, (z + 4 + 1/z) / 6 along each axis (Unser, Aldroubi and
-Eden 1993).  The quotient, a power of the pole sqrt(3) - 2 to either side, is usually run as a recursion over the
-whole line.  Here it is cut off beyond MARGIN samples, and its doubling product is used instead:
+Eden 1993). The quotient, a power of the pole sqrt(3) - 2 on either side, is usually computed by a recursion over the
+whole line. Here it is truncated after MARGIN samples and computed as a product:
 
     6 / (z + 4 + 1/z) = g (1 - (z + 1/z) / 4) (1 + (z^2 + z^-2) / 14) (1 + (z^4 + z^-4) / 194) ...
 
-whose denominators are each the square of the one before, less two.  Four factors reach 15 samples; what is left
-out is the pole's 16th power, 7e-10, a hundredth of float32's rounding.  So a coefficient is the same sum of the same
-samples in any window of an image that has MARGIN samples around it, to the bit, and where there is nothing within
-MARGIN samples it is exactly zero.
+in which each denominator is the square of the previous one, minus two. Four factors reach 15 samples; the truncation
+error is the pole's 16th power, 7e-10, a hundredth of float32's rounding error. So a coefficient is the same sum of the
+same samples, bit for bit, in any window of an image that has MARGIN samples around it, and exactly zero where all
+samples within MARGIN are zero.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ import numpy as np
 from ..runtime.jit import kernel, parallel_call
 from ..runtime.parallel import share_out
 
-# Samples to each side that a coefficient depends on, along each axis: 1 + 2 + 4 + 8.
+# Samples on each side on which a coefficient depends, along each axis: 1 + 2 + 4 + 8.
 MARGIN = 15
 FACTORS = tuple((1 << n, np.float32(c)) for n, c in enumerate((-1.0 / 4.0, 1.0 / 14.0, 1.0 / 194.0, 1.0 / 37634.0)))
-# Both axes' g: a constant image is its own coefficients.
+# The gain g of both axes: a constant image equals its coefficients.
 GAIN = np.float32(np.prod([1.0 + 2.0 * float(weight) for _, weight in FACTORS]) ** -2)
-ROWS, COLUMNS = 16, 8  # by one thread at a time: few enough to stay in its cache, and columns of whole cache lines
+ROWS, COLUMNS = 16, 8  # per worker at once: few enough for its cache, and columns of whole cache lines
 ONE = np.float32(1.0)
 
 
 @kernel(inner=True)
 def _copy(source, at, target, to, count, factor):
+    """target[to : to + count] = factor * source[at : at + count]."""
     taken, put = source[at : at + count], target[to : to + count]
     for i in range(count):
         put[i] = factor * taken[i]
@@ -37,7 +38,7 @@ def _copy(source, at, target, to, count, factor):
 
 @kernel(inner=True)
 def _factor(source, target, shift, weight, count):
-    """target[i] = sample i + shift of ``source`` times 1 + weight (z^shift + z^-shift), for ``count`` floats."""
+    """Apply 1 + weight (z^shift + z^-shift): target[i] is the result for sample i + shift, for ``count`` floats."""
     here, after = source[shift:], source[2 * shift :]
     for i in range(count):
         target[i] = here[i] + weight * (source[i] + after[i])
@@ -45,10 +46,10 @@ def _factor(source, target, shift, weight, count):
 
 @kernel(inner=True)
 def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line, spare):
-    """Filter ``lanes`` neighbouring floats, each a line of ``count`` samples ``step`` apart, from ``start`` on.
+    """Filter ``lanes`` neighboring floats, each a line of ``count`` samples ``step`` apart, from ``start`` on.
 
-    ``line`` and ``spare``: scratch of (count + 2 MARGIN) * lanes floats.  There are two, and shifts in place of
-    centred sums, so that the loops become wide vectors.
+    ``line``, ``spare``: scratch of (count + 2 MARGIN) * lanes floats. Two buffers, and shifts instead of centered sums,
+    make the loops wide vectors.
     """
     runs, length = (1, count * lanes) if step == lanes else (count, lanes)
     for run in range(runs):
@@ -71,7 +72,7 @@ def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line
 def _filter_some(
     first_part, last_part, source, target, together, pitch, end, step, count, lanes, to_alpha, gain
 ):
-    """Some of the lines of ``_filter_lines``: parts of ``together`` lines."""
+    """``_filter_lines`` for parts [first_part, last_part)."""
     line = np.empty((count + 2 * MARGIN) * lanes, np.float32)
     spare = np.empty((count + 2 * MARGIN) * lanes, np.float32)
     for n in range(first_part * together, last_part * together):
@@ -83,16 +84,25 @@ def _filter_some(
 
 @kernel
 def _filter_lines(parts, arguments):
-    """Filter lines of ``lanes`` floats, the first at 0, the next ``pitch`` floats on, all before ``end``, in ``parts``
-    of ``together`` lines; ``arguments``: see ``_filter_some``."""
+    """Filter lines of ``lanes`` floats, in ``parts`` of ``together`` lines; ``arguments``: of ``_filter_some``.
+
+    The first line begins at 0, each next one ``pitch`` floats later, all before ``end``.
+    """
     share_out(_filter_some, parts, arguments)
 
 
 def spline_coefficients(pixels, coefficients, threads=0):
-    """Fill ``coefficients`` with the cubic B-spline coefficients of colour and *alpha*.
+    """Compute cubic B-spline coefficients of color and alpha.
 
-    Both (H, W, 4) float32 contiguous; ``pixels``: colour and transmittance.  Beyond its border the image goes on as
-    its outermost pixels, which are transparent wherever the image ends because the volume does.
+    Parameters
+    ----------
+    pixels : (H, W, 4) ndarray of float32
+        Contiguous; color and transmittance. Beyond its border the image continues with its outermost pixels, which are
+        transparent wherever the image ends because the volume does.
+    coefficients : (H, W, 4) ndarray of float32
+        Contiguous; output.
+    threads : int
+        0 for one per core.
     """
     height, width = pixels.shape[:2]
     source, target = pixels.reshape(-1), coefficients.reshape(-1)
@@ -104,7 +114,7 @@ def spline_coefficients(pixels, coefficients, threads=0):
 
 
 def spline_coefficients_numpy(pixels, coefficients):
-    """The numpy twin of ``spline_coefficients``."""
+    """Reference implementation of ``spline_coefficients``."""
     lines = pixels.copy()
     lines[..., 3] = 1 - lines[..., 3]
     for axis in (1, 0):

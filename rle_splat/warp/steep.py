@@ -1,8 +1,8 @@
-"""Where a picture is steep: the pixels that differ most from those around them, at which sheets and warp err most.
+"""Steep pixels of a picture: those that differ most from their neighbors, where sheets and warp have the largest error.
 
-A silhouette of opaque matter is a step, which lies somewhere between two sheet pixels, and no filter knows where.
-Silhouettes are lines, but noise is steep all over; so of each tile of the frame only so many pixels count.  A tile
-depends on nothing but what is in it and beside it, so that a crop has the same steep pixels as the whole frame.
+The silhouette of an opaque object is a step between two sheet pixels, and no filter knows its exact position.
+Silhouettes are lines, but noise is steep everywhere, so only a limited number of pixels per tile of the frame counts. A
+tile depends only on its pixels and their neighbors, so a crop has the same steep pixels as the whole frame.
 """
 
 from __future__ import annotations
@@ -12,29 +12,42 @@ import numpy as np
 from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
 
-AROUND = 1  # pixels to every side that a pixel is compared with
+AROUND = 1  # distance to the neighbors with which a pixel is compared
 CHANNELS = 4
 TILE = 16  # pixels along each side
-# Steep pixels of a tile that always count, and how many there may be in a whole frame, where that is more.  (Measured,
-# 512 x 512: of scans at fine and strict no tile had more than 66.  A ray took 5 to 19 microseconds on two threads, so
-# ENOUGH of them are a second or so, and of larger frames a quarter of the pixels are traced at most.)
+# Steep pixels of a tile that always count, and how many a whole frame may have if that is more. Measured at 512 x 512:
+# scans at the qualities fine and strict had at most 66 in a tile. A ray took 5 to 19 microseconds on two threads, so
+# ENOUGH rays take about a second. Of larger frames at most a quarter of the pixels is traced.
 ALWAYS, ENOUGH = 64, 1 << 16
 
 
 def most_in_tile(width: int, height: int) -> int:
-    """How many pixels of a tile may be steep in a frame of so many pixels."""
+    """Largest number of steep pixels of a tile, in a frame of ``width`` x ``height`` pixels."""
     return max(ALWAYS, ENOUGH * TILE**2 // (width * height))
 
 
 def steep_pixels(
     rgba: np.ndarray, threshold: float, most: int = TILE**2, first_pixel=(0, 0), backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
-    """(H, W) bool: where a channel of ``rgba``, (H, W, 4) float32, takes values at least ``threshold`` apart in the
-    pixel and its eight neighbours, those that there are; of each tile the ``most`` with the largest differences, of
-    equal ones the first.
+    """Find the steep pixels of a picture.
 
-    ``first_pixel``: column and row in the frame of the first.  Where the picture ends in the midst of a tile of which
-    the frame has more, that tile's steep pixels are not those of the whole frame.
+    Parameters
+    ----------
+    rgba : (H, W, 4) ndarray of float32
+    threshold : float
+        A pixel is steep if any channel differs by at least this much among the pixel and its neighbors.
+    most : int
+        Largest number of steep pixels per tile; those with the largest differences count, ties go to the first.
+    first_pixel : (column, row)
+        Number of the first pixel in the frame. In a tile of which the picture has only a part, the result may differ
+        from that of the whole frame.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (H, W) ndarray of bool
     """
     spread = np.empty(rgba.shape[:2], np.float32)
     if compiled(backend):
@@ -48,11 +61,11 @@ def steep_pixels(
 
 
 def _leave_the_steepest(steep, spread, most: int, first_pixel) -> None:
-    """Take from ``steep`` (H, W) what is beyond the ``most`` of each tile."""
+    """Remove from ``steep`` (H, W) all but the ``most`` steepest pixels of each tile."""
     height, width = steep.shape
     left, top = (first % TILE for first in first_pixel)
     tiles = -(-(left + width) // TILE)
-    for first in range(-top, height, TILE):  # a row of tiles at a time
+    for first in range(-top, height, TILE):  # one row of tiles at a time
         rows = slice(max(first, 0), first + TILE)
         if np.count_nonzero(steep[rows]) <= most:
             continue
@@ -66,6 +79,7 @@ def _leave_the_steepest(steep, spread, most: int, first_pixel) -> None:
 
 
 def _extreme(rgba, choose):
+    """Extreme of each pixel and its neighbors, per channel; ``choose``: np.minimum or np.maximum."""
     for axis in (0, 1):
         widths = [(0, 0)] * 3
         widths[axis] = (AROUND, AROUND)
@@ -76,16 +90,16 @@ def _extreme(rgba, choose):
 
 @kernel
 def _spread(picture, spread):
-    """How far apart the values of a channel are around each pixel, of all channels the furthest.  ``picture``: (H, 4 W)
-    float32; ``spread``: (H, W) float32, written."""
+    """Largest difference of any channel around each pixel: ``picture`` (H, 4 W) float32 -> ``spread`` (H, W)."""
     share_out(_spread_rows, spread.shape[0], (picture, spread))
 
 
 @kernel(inner=True)
 def _spread_rows(begin, end, picture, spread):
+    """``_spread`` for rows [begin, end)."""
     height, width = spread.shape
     wide = width * CHANNELS
-    # One pixel more at either end, as those beside it: rows are looked at as wholes, by wide loops.
+    # Padded by one pixel at either end, which repeats the border, so that whole rows are processed by wide loops.
     least, most = np.empty(wide + 2 * CHANNELS, np.float32), np.empty(wide + 2 * CHANNELS, np.float32)
     apart = np.empty(wide, np.float32)
     for row in range(begin, end):

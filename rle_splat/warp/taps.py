@@ -1,7 +1,7 @@
-"""The taps of a filter as vectors: a row of neighbouring pixels, four channels each, is one load.
+"""Filter taps as vectors: a row of neighboring pixels with four channels each is one load.
 
-LLVM's straight-line vectoriser is off in numba (see ``rle_splat.runtime.lanes``).  The vectors are LLVM's own: eight or
-sixteen floats wide here, split where a processor has narrower ones.
+LLVM's straight-line vectorizer is off in numba (see ``rle_splat.runtime.lanes``). The vectors are LLVM's own, eight or
+sixteen floats wide; LLVM splits them for processors with narrower ones.
 """
 
 from __future__ import annotations
@@ -18,20 +18,23 @@ if numba is not None:
     CONTRACT = ["contract"]
 
     def _constant(values):
+        """Vector of float constants."""
         return ir.Constant(ir.VectorType(FLOAT, len(values)), [float(value) for value in values])
 
     def _load(context, builder, array_type, array, at, count):
+        """Load ``count`` floats of a flat array from index ``at`` on."""
         return load(builder, place(context, builder, array_type, array, at), count)
 
     def _multiply_add(builder, a, b, c):
+        """a * b + c; LLVM may fuse it."""
         return builder.fadd(builder.fmul(a, b, flags=CONTRACT), c, flags=CONTRACT)
 
     def _mix(builder, first, second, fraction):
-        """Exactly ``first`` where both are equal."""
+        """first + fraction * (second - first); exactly ``first`` if both are equal."""
         return _multiply_add(builder, fraction, builder.fsub(second, first), first)
 
     def _store_clamped(context, builder, sample, most, target_type, target, to):
-        """Store alpha clamped to [0, 1] and colour to [0, most * alpha]; neither is ever -0."""
+        """Store alpha clamped to [0, 1] and color clamped to [0, most * alpha]; neither is ever -0."""
         nothing = _constant([0.0] * 4)
         sample = builder.select(builder.fcmp_ordered(">", sample, nothing), sample, nothing)
         one, last = ir.Constant(FLOAT, 1.0), ir.Constant(INTEGER, 3)
@@ -43,10 +46,11 @@ if numba is not None:
 
     @intrinsic
     def tap2x2(typing, source, at, pitch, across, down, most, target, to):
-        """target[to:to+4] = colour and alpha between the pixels at ``at``, ``at + 4`` and, ``pitch`` floats on, below.
+        """target[to:to+4] = color and alpha, interpolated bilinearly from color and transmittance.
 
-        ``source``: flat float32 colour and transmittance.  ``across`` and ``down``: float32 fractions towards the
-        second of each.  ``most``: colour is clamped to ``most * alpha``.  No bounds checks.
+        The four pixels are at ``at``, ``at + 4``, and ``pitch`` floats after each. ``source``: flat float32.
+        ``across``, ``down``: float32 fractions toward the second pixel and row. ``most``: color is clamped to
+        ``most * alpha``. No bounds checks.
         """
 
         def generate(context, builder, signature, arguments):
@@ -69,11 +73,11 @@ if numba is not None:
 
     @intrinsic
     def tap4x4(typing, source, at, pitch, across, down, table, most, target, to):
-        """target[to:to+4] = colour and alpha from 4x4 taps, rows ``pitch`` floats apart, the first at ``at``.
+        """target[to:to+4] = color and alpha from 4 x 4 taps, rows ``pitch`` floats apart, the first tap at ``at``.
 
-        ``table``: flat float32, six rows of four taps by four channels: the weights' polynomials in the fraction,
-        lowest power first, and what makes the samples colour and alpha: a factor, and a part of the weights' sum.
-        The rest as for ``tap2x2``.
+        ``table``: flat float32, six rows of four taps by four channels: the weights as polynomials of the fraction,
+        lowest power first, then a factor of the samples, and a factor of the sum of the weights that is added; these
+        two convert samples to color and alpha. Other arguments as of ``tap2x2``.
         """
 
         def generate(context, builder, signature, arguments):
@@ -101,7 +105,7 @@ if numba is not None:
                 term = builder.fmul(spread(builder, weight, 16), value, flags=CONTRACT)
                 total = term if total is None else builder.fadd(total, term, flags=CONTRACT)
                 sum_of_weights = weight if sum_of_weights is None else builder.fadd(sum_of_weights, weight)
-            # Transmittances of one add up to the very sum of the weights: alpha is exactly zero there.
+            # Transmittances of one add up to exactly the sum of the weights, so alpha is exactly zero there.
             part = builder.fmul(spread(builder, sum_of_weights, 16), row_of_table(5), flags=CONTRACT)
             total = _multiply_add(builder, total, row_of_table(4), part)
             total = builder.fmul(total, weights(across, range(16)))
@@ -114,7 +118,7 @@ if numba is not None:
             source, types.intp, types.intp, types.float32, types.float32, table, types.float32, target, types.intp
         ), generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: without numba, callers use the reference implementation
 
     def tap2x2(source, at, pitch, across, down, most, target, to): ...
 

@@ -1,4 +1,4 @@
-"""The final warp: each pixel of the picture looks its ray up in the intermediate image of its base plane."""
+"""The warp: each pixel of the picture reads the intermediate image of its base plane at its ray."""
 
 from __future__ import annotations
 
@@ -17,28 +17,42 @@ TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
 
 
 def warp_reach(quality: Quality) -> int:
-    """Sheet pixels on either side of a ray that its pixel depends on."""
+    """Sheet pixels on either side of a ray on which its pixel depends."""
     return TAPS + (MARGIN if is_prefiltered(quality.warp_filter) else 0)
 
 
 def warp(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_color: float):
-    """Warp one intermediate image per principal axis and direction into one picture.
+    """Warp the intermediate images, one per principal axis and direction, to one picture.
 
-    ``region``: (left, top, right, bottom), the pixels of the view that are wanted; the images hold what they read.
+    Parameters
+    ----------
+    images : list of IntermediateImage
+        They contain all sheet pixels that ``region`` reads.
+    view : IndexView
+    region : (left, top, right, bottom)
+        Pixels of the view to fill.
+    quality : Quality
+    most_color : float
+        Largest unassociated color in the medium. Filters with negative lobes are clamped: transmittance to [0, 1] and
+        color to [0, most_color * alpha].
 
-    Every pixel belongs to one of them, by the 45-degree rule on its own ray; a pixel that belongs to none sees
-    nothing.  ``most_color``: the largest unassociated colour in the medium; after a filter with negative lobes
-    transmittance is clamped to [0, 1] and colour to [0, most_color * alpha].
+    Returns
+    -------
+    rgba : (H, W, 4) ndarray of float32
+        Premultiplied, scene-linear; the size is that of ``region``.
+    depth : (H, W) ndarray of float32
+        World units; NO_DEPTH where the transmittance stays above one half.
 
-    Returns rgba (H, W, 4) float32 premultiplied and depth (H, W) float32, world units, NO_DEPTH where the
-    transmittance stays above one half, of the region's size.
+    Notes
+    -----
+    A pixel belongs to the image of the principal axis of its ray. A pixel that belongs to no image is transparent.
     """
     left, top, right, bottom = region
     rgba = np.empty((bottom - top, right - left, 4), np.float32)
     depth = np.empty((bottom - top, right - left), np.float32)
     name = quality.warp_filter
     with_kernels, prefiltered = compiled(quality.backend), is_prefiltered(name)
-    # Further than this from all that an image holds the filter finds nothing, and no pixel needs to look.
+    # Pixels farther than this from everything that an image holds are transparent and are skipped.
     reach = TAPS + 1 + MARGIN * prefiltered
     parts = [(image, image.filled_part(reach)) for image in images]
     parts = [(image, part) for image, part in parts if part is not None]
@@ -46,9 +60,9 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
         clear(rgba, depth)
         return rgba, depth
     planes = [image.base_plane for image, _ in parts]
-    # Picture pixel from sheet pixel, both homogeneous, both by their numbers in the whole sheet and picture.
+    # Homogeneous sheet pixel to picture pixel, with pixel numbers of the whole sheet and picture.
     from_sheets = [plane.homography / np.abs(plane.homography).max() / (*plane.density, 1.0) for plane in planes]
-    # The other way round, and rays from pixels: inverted all at once, for the call takes as long as ten of them.
+    # Inverses, and rays of pixels. One call for all, because the call itself costs as much as ten matrices.
     *to_sheets, directions = np.linalg.inv([*from_sheets, np.eye(3) if view.is_parallel else view.projection[:, :3]])
     if view.is_parallel:
         directions = np.zeros((3, 3))
@@ -75,7 +89,7 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
 
 
 def _coefficients(pixels, quality: Quality):
-    """Spline coefficients of colour and alpha."""
+    """Spline coefficients of color and alpha."""
     coefficients = np.empty(pixels.shape, np.float32)
     if compiled(quality.backend):
         spline_coefficients(pixels, coefficients, quality.threads)
@@ -85,7 +99,9 @@ def _coefficients(pixels, quality: Quality):
 
 
 def _depth_map(plane) -> np.ndarray:
-    """(2, 3) float64: rows taking sheet pixel (u, v, 1), numbered in the whole sheet, to planar depth at axis
-    position 0 and per voxel along the viewing direction."""
+    """(2, 3) float64: sheet pixel (u, v, 1), numbered in the whole sheet, to planar depth.
+
+    The first row gives the depth at axis position 0, the second its change per voxel along the viewing direction.
+    """
     at_zero, per_voxel = plane.depth_map
     return np.array((at_zero, [plane.sign * each for each in per_voxel])) / (*plane.density, 1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import accuracy as page
 from benchmarks.scenes import smoke
-from rle_splat.accuracy.planner.cost_of_accuracy import sweep_steps
+from rle_splat.accuracy.planner.measure_plans import sweep_steps
 from rle_splat.classify.presets import fit_preset
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality

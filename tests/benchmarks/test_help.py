@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.__main__ import BENCHMARKS, main
-from devtools.commands import _parser
+from devtools.bootstrap import nox_words
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)
@@ -26,5 +26,5 @@ def test_a_name_that_there_is_not_is_refused(capsys):
 
 @pytest.mark.parametrize("arguments", (["bench", "editing", "--help"], ["bench", "-h"], ["accuracy", "--help"]))
 def test_dev_hands_the_question_on(arguments):
-    known, rest = _parser().parse_known_args(arguments)
-    assert known.command == arguments[0] and rest == arguments[1:]
+    words = nox_words(arguments)
+    assert words[-len(arguments) - 2 :] == ["-s", arguments[0], "--", *arguments[1:]]

@@ -91,7 +91,7 @@ def test_a_smaller_speedup_is_explained_and_a_larger_one_is_not(row):
     named = {**row, "called": "somebody"}
     low = " ".join(explain(DATA, {**named, "splat_speedup": 2.0}))
     high = " ".join(explain(DATA, {**named, "splat_speedup": 40.0}))
-    assert "Termination spares" in low and "Termination spares" not in high
+    assert "Early termination saves" in low and "Early termination saves" not in high
     assert "2.0x here, 18x in the paper" in low
 
 

@@ -4,16 +4,19 @@ window.
 ``STATES``: name -> function of a folder for files.  Pictures are small and made by numpy: no kernel is compiled.
 """
 
+from importlib import import_module
+
 import bpy
 import numpy as np
 
 from tests.blender import scenes
+from tests.blender.real_blender import MODULE
 
 SIDE = 8  # voxels
 LONG_NAME = "sub-01_ses-preop_acq-mprage_run-02_T1w"  # as scans have them, and too long for its row
 SENTENCE = (
     "The file of 'sub-01_ses-preop_acq-mprage_run-02_T1w' is not at //scans/sub-01.nii.gz; press Relocate in the "
-    "RLE Splat tab to say where it is now.")
+    "RLE Splat tab to choose its new place.")
 
 
 def add_volume(folder, name="scan"):
@@ -170,8 +173,16 @@ def composited(folder):
     assert bpy.context.scene.rle_splat.use_composite
 
 
+def preparing(folder):
+    """Kernels are compiled by another process; until ``kernel_preparation.end`` is called."""
+    add_volume(folder)
+    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
+    ahead._Now.text = ahead.describe(40.0)
+
+
 STATES = {
     state.__name__: state for state in (
         empty, one, many_with_none_selected, linked, overridden, deleted, other_objects_deleted, without_transfer,
-        shared_transfer, labels, channels, clip_objects, measured, effects_listed, message, paper, custom, composited)
+        shared_transfer, labels, channels, clip_objects, measured, effects_listed, message, paper, custom, composited,
+        preparing)
 }

@@ -36,11 +36,11 @@ def measured(volume):
 @pytest.fixture
 def listed(volume, bridge, core):
     """A list of a few plans, measured without the operator: quicker."""
-    cost, scene = core("accuracy.planner.cost_of_accuracy"), bpy.context.scene
+    plans, sweeps, scene = core("accuracy.planner.plans"), core("accuracy.planner.measure_plans"), bpy.context.scene
     plain, quality = bridge("render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    plans = [plan for plan in cost.sensible_plans(quality) if plan.name in ("paper", "pre draft", "draft", "strict")]
-    sweep = core("runtime.steps").drain(cost.sweep_steps(plain, plans, quality, probes=60, repeats=1))
+    few = [plan for plan in plans.sensible_plans(quality) if plan.name in ("paper", "pre draft", "draft", "strict")]
+    sweep = core("runtime.steps").drain(sweeps.sweep_steps(plain, few, quality, probes=60, repeats=1))
     bridge("accuracy").note_sweep(scene.rle_splat, sweep.report, "the ball")
     return scene.rle_splat
 
@@ -68,17 +68,17 @@ def test_choosing_a_row_sets_its_plan(listed, bridge):
         plan = bridge("settings").quality_of(scene)
         for name, value in json.loads(row.knobs).items():
             assert getattr(plan, name) == (pytest.approx(value) if isinstance(value, float) else value), name
-    with pytest.raises(RuntimeError, match="measured plans"):
+    with pytest.raises(RuntimeError, match="no measured plan"):
         bpy.ops.rle_splat.choose_plan(index=99)
 
 
 def test_every_sensible_plan_can_be_chosen(listed, bridge, core):
     """By name where a quality is the same, else knob by knob: none is lost on the way through Blender's properties."""
-    accuracy, cost, scene = bridge("accuracy"), core("accuracy.planner.cost_of_accuracy"), bpy.context.scene
+    accuracy, plans, scene = bridge("accuracy"), core("accuracy.planner.plans"), bpy.context.scene
     row, quality = listed.accuracy_rows[0], core("scene").Quality
     for base in (quality(), quality(classification="pre", record=8)):
-        for plan in cost.sensible_plans(base):
-            row.name, row.knobs = plan.name, json.dumps(cost.knobs_of(plan))
+        for plan in plans.sensible_plans(base):
+            row.name, row.knobs = plan.name, json.dumps(plans.knobs_of(plan))
             accuracy.choose(scene, row)
             assert accuracy.is_current(scene, row), plan
 

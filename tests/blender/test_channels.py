@@ -98,10 +98,10 @@ def test_channels_survive_the_file_and_a_deleted_volume(pair, tmp_path):
 def test_what_cannot_be_a_channel_is_refused_in_a_sentence(pair, refused, tmp_path):
     first = pair[0]
     assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
-    refused(bpy.ops.rle_splat.add_channels, "is a channel of")
+    refused(bpy.ops.rle_splat.add_channels, "is already a channel of")
     small = scenes.import_raw(tmp_path, np.full((N, N, N - 2), 100, np.uint8), name="small")
     select(first, small)
     refused(bpy.ops.rle_splat.add_channels, "7 x 9 x 9 voxels")
-    refused(lambda: bpy.ops.rle_splat.remove_channel(index=5), "none of number 5")
+    refused(lambda: bpy.ops.rle_splat.remove_channel(index=5), "no channel 5")
     select(first)
     assert not bpy.ops.rle_splat.add_channels.poll()

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from benchmarks.phantoms import blobs
 from tests.blender import scenes
 
 bpy.utils.expose_bundled_modules()
@@ -103,7 +104,7 @@ def needs_grids(folder):
 @pytest.mark.parametrize("matrix", [PLAIN, STRETCHED], ids=["plain", "stretched"])
 def test_cycles_sees_the_interpolated_classified_medium(core, tmp_path, matrix, kind):
     """Mean and noise agree in every channel; a truth moved by half a voxel along any axis does not."""
-    field = core("accuracy.phantoms").blobs((18, 16, 14), 4, width=(1.5, 2.6)).astype(np.float64)
+    field = blobs((18, 16, 14), 4, width=(1.5, 2.6)).astype(np.float64)
     extinction = -np.log1p(-field)
     z, y, x = np.indices(extinction.shape)
     color = np.stack((x / 17.0, y / 15.0, z / 13.0), axis=-1)

@@ -179,7 +179,7 @@ def test_vdb_without_numbers_and_broken_vdb_are_refused(tmp_path, refused):
 def test_the_command_line_refuses_a_vdb_without_numbers_too(tmp_path, core, capsys):
     write_vdb(tmp_path / "wind.vdb", ("wind", "Vec3SGrid", np.ones((3, 3, 3, 3), np.float32)))
     (tmp_path / "broken.vdb").write_bytes(b"not a grid")
-    for name, words in (("wind.vdb", "no grid of numbers"), ("broken.vdb", "not an OpenVDB file")):
+    for name, words in (("wind.vdb", "no numeric grid"), ("broken.vdb", "not an OpenVDB file")):
         assert core("cli.main").main(["info", str(tmp_path / name)]) == 2
         sentence = capsys.readouterr().err
         assert words in sentence and len(sentence.strip().splitlines()) == 1

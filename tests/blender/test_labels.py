@@ -80,7 +80,7 @@ def test_what_is_no_file_of_labels_is_refused_in_a_sentence(owner, refused, tmp_
     owner.rle_splat.label_file = str(tmp_path / "short.raw")
     refused(bpy.ops.rle_splat.read_labels, "one whole number for each")
     owner.rle_splat.label_file = str(tmp_path / "missing.raw")
-    refused(bpy.ops.rle_splat.read_labels, "choose their file")
+    refused(bpy.ops.rle_splat.read_labels, "choose the file")
     np.arange(N**3, dtype=np.uint16).tofile(tmp_path / "scan.raw")
     owner.rle_splat.label_file = str(tmp_path / "scan.raw")
     refused(bpy.ops.rle_splat.read_labels, "729 different values")

@@ -423,7 +423,7 @@ def test_keyframes_on_an_override(library, bridge, animated):
 
 def test_what_an_override_cannot_drop_is_said(library, bridge, refused, tmp_path):
     owner = bring(library, "override")
-    words = "comes from library.blend, and a library override cannot drop it"
+    words = "comes from library.blend, and a library override cannot remove it"
     refused(bpy.ops.rle_splat.remove_channel, words, index=0)
     mine = import_raw(tmp_path / "work" / "other.raw")
     theirs = import_raw(tmp_path / "work" / "second.raw")

@@ -273,14 +273,14 @@ EMPTY = (
     (mute_link, UNLINKED),
     (mute_over, f"The compositor's node 'RLE Splat over Render' is muted, {ABSENT}; unmute it, {REMOVE}"),
     (mute_picture, f"The compositor's node 'RLE Splat' is muted, {ABSENT}; unmute it, {REMOVE}"),
-    (empty_picture, f"The image of the compositor's node 'RLE Splat' was deleted or taken out; {AGAIN}"),
+    (empty_picture, f"The image of the compositor's node 'RLE Splat' was deleted or removed; {AGAIN}"),
     (replace_picture, "The compositor's node 'RLE Splat' holds the image 'mine', which is not the volume's picture; "
                       f"{AGAIN}"),
     (factor_zero, f"The factor of the compositor's node 'RLE Splat over Render' is 0, {ABSENT}; raise it, {REMOVE}"),
     (switch_compositing_off,
      f"Compositing is switched off in the output properties, {ABSENT}; switch it on, {REMOVE}"),
     (take_the_tree_away, f"The scene's compositor is switched off, {ABSENT}; {AGAIN}"),
-    (remove_nodes, f"The volume's nodes were taken out of the compositor; {AGAIN}"),
+    (remove_nodes, f"The volume's nodes were removed from the compositor; {AGAIN}"),
 )
 
 

@@ -23,7 +23,8 @@ from tests.blender.real_blender import MODULE
 
 SENTENCES = (
     SENTENCE,
-    "The voxels of 'THORAX_VENOUS' are not those that were imported: //CT/THORAX_VENOUS.nii has changed since.",
+    "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
+    "import it again, or press Relocate to choose the original file.",
     "Against T2, the exact integral of the classified interpolated scalar, which is what a ray caster shows: largest "
     "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
 )
@@ -101,6 +102,13 @@ def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
     STATES["without_transfer"](tmp_path)
     assert bpy.context.object.rle_splat.transfer_name
     assert ("text", bpy.context.object.rle_splat.transfer_name) not in draw_all(monkeypatch)
+
+
+def test_the_panel_says_that_kernels_are_prepared(monkeypatch, tmp_path, bridge):
+    STATES["preparing"](tmp_path)
+    assert "Preparing kernels, about 40 s left" in texts(draw_all(monkeypatch))
+    bridge("kernel_preparation").end()
+    assert "Preparing" not in texts(draw_all(monkeypatch))
 
 
 def test_effects_have_titles(volume_object, monkeypatch):

@@ -156,7 +156,7 @@ def test_escape_at_a_preview_brings_the_former_picture_back(volume, slow, start,
     np.testing.assert_array_equal(pixels(), former)
     assert settings.image == color_image() and settings.last_report_json == report
     assert window.timers == 0
-    assert operator.reports == [({"INFO"}, "Cancelled; nothing was changed.")]
+    assert operator.reports == [({"INFO"}, "Canceled; nothing was changed.")]
 
 
 def test_escape_at_the_first_preview_ever_leaves_no_image(volume, slow, start):
@@ -179,7 +179,7 @@ def test_a_failure_after_a_preview_brings_the_former_picture_back(volume, slow, 
         operator.modal(window, TIMER)
     bpy.data.objects.remove(volume)
     done, _ = run(operator, window, lambda: None)
-    assert done == {"CANCELLED"} and "no longer there" in operator.reports[-1][1]
+    assert done == {"CANCELLED"} and "was removed meanwhile" in operator.reports[-1][1]
     np.testing.assert_array_equal(pixels(), former)
 
 
@@ -331,7 +331,7 @@ def test_a_refinement_that_fails_blanks_and_says_why(timeline, monkeypatch):
     monkeypatch.setattr(timeline, "_unfinished", [
         timeline.Refinement(iter(()), None, None, work.fail, None) for work in timeline._unfinished])
     assert timeline._tick() is None
-    assert backdrop_pixels().max() == 0.0 and "was not splatted" in bpy.context.scene.rle_splat.message
+    assert backdrop_pixels().max() == 0.0 and "could not be rendered" in bpy.context.scene.rle_splat.message
 
 
 def test_switched_off_a_scrubbed_backdrop_is_made_at_once(timeline):

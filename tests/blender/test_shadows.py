@@ -103,7 +103,7 @@ def test_the_world_is_read_where_it_is_one_colour(ball, bridge):
     said = []
     sky = world.node_tree.nodes.new("ShaderNodeTexSky")
     world.node_tree.links.new(sky.outputs[0], node.inputs["Color"])
-    assert read(bridge, ball, warn=said.append).world is None and "more than one colour" in said[0]
+    assert read(bridge, ball, warn=said.append).world is None and "more than one color" in said[0]
     bpy.context.scene.rle_splat.use_world = False
     assert read(bridge, ball, warn=said.append).world is None and len(said) == 1
 
@@ -160,5 +160,5 @@ def test_the_shadow_pass_is_what_shadows_take_of_the_picture(ball):
     assert image.colorspace_settings.name == "Non-Color"
     assert share.max() > 0.3 and np.abs(share - np.clip(expected, 0.0, 1.0))[seen].max() < 1e-4
     settings.max_error = 2.0
-    with pytest.raises(RuntimeError, match="turn it off for a shadow pass"):
+    with pytest.raises(RuntimeError, match="set Maximum Error to 0"):
         bpy.ops.rle_splat.shadow_pass()

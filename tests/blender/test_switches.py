@@ -102,7 +102,7 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
 
     def drawn():
         log = draw_all(monkeypatch)
-        said = re.findall(r"Pictures to a Maximum Error have no [^.]*\.", " ".join(texts(log).split("\n")))
+        said = re.findall(r"Pictures with a Maximum Error have no [^.]*\.", " ".join(texts(log).split("\n")))
         return said[0] if said else "", {what[1] for before, what in pairwise(log) if before == ("active", False)}
 
     settings.quality, settings.classification = "custom", "post"
@@ -111,7 +111,7 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
     assert not said and not grey & {*planned, "use_shadows", "ambient_occlusion", "quality"}
     settings.max_error = 4.0
     said, grey = drawn()
-    assert said == "Pictures to a Maximum Error have no shadows."
+    assert said == "Pictures with a Maximum Error have no shadows."
     assert grey >= {*planned, "use_shadows", "ambient_occlusion"}
     assert not grey & {"threads", "backend", "classification"}
     settings.quality = "fine"
@@ -119,7 +119,7 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
     settings.use_shadows = False
     assert not drawn()[0]
     settings.ambient_occlusion, settings.use_shadows, scene.render.use_motion_blur = 0.5, True, True
-    assert drawn()[0] == "Pictures to a Maximum Error have no shadows and no ambient occlusion and no motion blur."
+    assert drawn()[0] == "Pictures with a Maximum Error have no shadows and no ambient occlusion and no motion blur."
     volume.keyframe_insert("location", index=0, frame=scene.frame_current - 1)
     volume.location.x = 9.0
     volume.keyframe_insert("location", index=0, frame=scene.frame_current + 1)
@@ -173,7 +173,7 @@ def test_a_clip_in_a_hidden_collection_cuts_and_says_that_it_is_hidden(clips, ca
         clips.hide_viewport = True
     before = contents()
     assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
-    assert "cuts the volume unseen: its collection is hidden in the viewport" in capfd.readouterr().out
+    assert "cuts the volume but is not visible, because its collection is hidden" in capfd.readouterr().out
     (added,) = clips.objects
     assert contents() == {**before, "objects": before["objects"] + 1, "active": added}
     half = pixels()

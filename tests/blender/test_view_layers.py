@@ -264,9 +264,9 @@ REASONS = {
     "excluded": "it is excluded from view layer 'ViewLayer'",
     "indirect": "it is hidden from the camera in view layer 'ViewLayer'",
     "camera": "it is hidden from the camera in view layer 'ViewLayer'",
-    "holdout": "it is a holdout in view layer 'ViewLayer', which a splatted volume cannot be",
-    "filter": "view layer 'ViewLayer' leaves out volumes (Filter)",
-    "instance": "it is not itself in the scene 'Scene', and instances of a volume are not splatted",
+    "holdout": "it is a holdout in view layer 'ViewLayer', which RLE Splat does not support",
+    "filter": "view layer 'ViewLayer' has volumes switched off (Filter > Volumes)",
+    "instance": "it is not itself in the scene 'Scene', and instances of a volume are not rendered",
 }
 
 

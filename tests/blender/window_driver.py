@@ -115,7 +115,13 @@ def drive(scenario) -> None:
 
 def _steps(scenario):
     install()
+    preparation(False)
     yield from scenario()
+
+
+def preparation(on: bool) -> None:
+    """Have kernels compiled ahead, or not: pictures of scenarios are the same whatever another process does."""
+    bpy.context.preferences.addons[MODULE].preferences.prepare_kernels = on
 
 
 def passed(name: str) -> None:

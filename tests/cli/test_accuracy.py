@@ -43,7 +43,7 @@ def test_errors_are_those_of_the_picture(measured, raw, shape_xyz, function_file
     camera, matrix = rle_splat.turntable(volume, 35.0, -20.0, width=40, height=30)
     function = rle_splat.TransferFunction.from_json(function_file)
     scene = rle_splat.Scene(volume, function, camera, 40, 30, volume_matrix=matrix)
-    rendering = rle_splat.pipeline.render(scene, rle_splat.Quality.preset("standard", backend="numpy"))
+    rendering = rle_splat.render(scene, rle_splat.Quality.preset("standard", backend="numpy"))
     assert np.array_equal(np.load(tmp_path / "p.npy"), rendering.rgba)
     name = rendering.report["error"]["truth"]
     true = truth(scene, name, **shading_of(scene, name))[0].reshape(30, 40, 4)

@@ -335,8 +335,11 @@ def test_too_little_memory_is_told_beforehand(render_refused, refused, raw, raw_
     assert "are free" in render_refused()
     assert "are free" in refused("encode", raw, *raw_options, "-o", tmp_path / "x.rle")
     short_of_memory(1000)
-    assert "crop or thin the volume" in refused("info", raw, *raw_options, "--header-bytes", "0", "--byte-order", "big",
-                                                "--dtype", "uint16", "--shape", "20", "16", "6")
+    sentence = refused(
+        "info", raw, *raw_options, "--header-bytes", "0", "--byte-order", "big", "--dtype", "uint16",
+        "--shape", "20", "16", "6",
+    )  # fmt: skip
+    assert "crop or downsample the volume" in sentence
 
 
 def test_debug_shows_the_traceback(call, tmp_path):

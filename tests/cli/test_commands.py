@@ -36,7 +36,7 @@ def test_render_is_the_python_interface(picture, raw, shape_xyz, function_file):
     camera, matrix = rle_splat.turntable(volume, 35.0, -20.0, 1.1, width=40, height=30)
     function = rle_splat.TransferFunction.from_json(function_file)
     scene = rle_splat.Scene(volume, function, camera, 40, 30, volume_matrix=matrix)
-    expected = rle_splat.pipeline.render(scene, rle_splat.Quality.preset("standard"))
+    expected = rle_splat.render(scene, rle_splat.Quality.preset("standard"))
     assert rgba.shape == (30, 40, 4) and rgba[..., 3].max() > 0.5
     assert np.array_equal(rgba, expected.rgba)
 

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import blobs
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.cli.main import main
 from rle_splat.comparison.compare import compare, table_lines
-from rle_splat.comparison.judge import probe_truth
 from rle_splat.comparison.medium import scene_medium
+from rle_splat.comparison.probe_truth import probe_truth
 from rle_splat.comparison.table import SYSTEMS, draw
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import Quality, RleSplatError

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import blobs, smooth_shell
-from rle_splat.comparison import laur_hanrahan
+from benchmarks.phantoms import blobs, smooth_shell
+from rle_splat.comparison import laur_hanrahan, pyramid
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import RleSplatError
-from rle_splat.volume import pyramid
 
 needs_numba = pytest.mark.skipif(numba is None, reason="node splatting is a compiled kernel: numba is not installed")
 

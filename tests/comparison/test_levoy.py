@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.closed_forms import impulse_tau
-from rle_splat.accuracy.phantoms import FIELDS
+from benchmarks.phantoms import FIELDS
 from rle_splat.comparison import levoy
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import NO_DEPTH, Quality
+from tests.truths.closed_forms import impulse_tau
 
 pytestmark = pytest.mark.skipif(numba is None, reason="ray casting is a compiled kernel: numba is not installed")
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import blobs, thin_shell
+from benchmarks.phantoms import blobs, thin_shell
 from rle_splat.comparison import lacroute, ours, unaccelerated
-from rle_splat.encode.decode import decode
+from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.validate import scanline_data_pointers
 from rle_splat.pipeline.render import render

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import smooth_shell
+from benchmarks.phantoms import smooth_shell
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.encode import nodes

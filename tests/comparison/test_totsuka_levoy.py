@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.comparison import spectrum, totsuka_levoy
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import RleSplatError
@@ -28,7 +28,7 @@ def test_spectrum_against_the_sum_that_defines_it():
     for b in range(5):
         for a in range(4):
             k = across[a] * rows[0] + down[b] * rows[1]
-            turns = k[0] * (x - found.centre[0]) + k[1] * (y - found.centre[1]) + k[2] * (z - found.centre[2])
+            turns = k[0] * (x - found.center[0]) + k[1] * (y - found.center[1]) + k[2] * (z - found.center[2])
             assert abs((voxels * np.exp(-2j * np.pi * turns)).sum() - out[b, a]) < 1e-4 * np.abs(voxels).sum()
 
 

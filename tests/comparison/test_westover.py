@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.comparison import westover
 from rle_splat.comparison.footprint import footprint, tent_line_integral
 from rle_splat.runtime.jit import numba

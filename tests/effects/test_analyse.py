@@ -178,7 +178,7 @@ def test_what_the_scene_was_made_without_has_the_reason_that_it_was_given():
 
 
 def test_effects_are_forced_by_true_or_false_alone():
-    with pytest.raises(RleSplatError, match="true for on or false for off"):
+    with pytest.raises(RleSplatError, match=r"true \(on\) or false \(off\)"):
         scene_of(effects={"shading": "on"})
 
 

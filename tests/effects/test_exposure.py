@@ -305,5 +305,5 @@ def test_what_all_pictures_of_a_blur_have_in_common_is_made_once(blurred, classi
 
 def test_a_single_pose_is_refused():
     scene = moving(0.1)
-    with pytest.raises(RleSplatError, match="two poses"):
+    with pytest.raises(RleSplatError, match="at least two"):
         replace(scene, motion=scene.motion[:1])

@@ -77,7 +77,7 @@ def test_finer_plans_are_expected_to_err_less_and_to_take_longer(classification)
     def along(**knobs):
         name, values = next(iter(knobs.items()))
         plans = [replace(quality, **{"depth_rule": "midpoint-2", "sheet_density": 1.0, name: v}) for v in values]
-        return [model.errors(seen, p).modelled for p in plans], [model.milliseconds(seen, p)[0] for p in plans]
+        return [model.errors(seen, p).modeled for p in plans], [model.milliseconds(seen, p)[0] for p in plans]
 
     for errors, times in (
         along(depth_rule=("midpoint-1", "midpoint-2", "midpoint-4", "midpoint-8", "midpoint-16", "midpoint-32")),

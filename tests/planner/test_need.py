@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_centre
 from rle_splat.accuracy.planner.need import need_of
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.volume.volume import Volume

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.measure import measure
-from rle_splat.accuracy.planner.error_estimate import RayCost
 from rle_splat.accuracy.planner.model import CALIBRATION, Model
+from rle_splat.accuracy.planner.ray_cost import RayCost
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render
@@ -18,6 +17,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, Scene, truth_of
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.truths.measure import measure
 
 CALIBRATED = tuple(json.loads(CALIBRATION.read_text())["classifications"])
 # Levels; narrow functions take long to satisfy by sheets of classified voxels, which no single rays help.

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.planner.tolerance import check_measurable, render_within
+from rle_splat.accuracy.planner.checks import check_tolerance_applies
+from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Channel, Labels, Light, Mist, Pose, Quality, RleSplatError, Scene
@@ -61,8 +62,8 @@ def test_an_effect_without_a_truth_is_refused_unless_it_is_forced_off(name):
     scene, words = WITHOUT_TRUTH[name]
     for quality in (Quality(classification="pre"), Quality(classification="post")):
         with pytest.raises(RleSplatError, match=words):
-            check_measurable(scene, quality)
-        check_measurable(replace(scene, effects={name: False}), quality)
+            check_tolerance_applies(scene, quality)
+        check_tolerance_applies(replace(scene, effects={name: False}), quality)
 
 
 @pytest.mark.parametrize("name", ("mist", "gradient opacity", "mode", "motion blur"))

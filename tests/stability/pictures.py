@@ -10,7 +10,7 @@ import argparse
 
 import numpy as np
 
-from rle_splat.accuracy.phantoms import FIELDS
+from benchmarks.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.scene import CLASSIFICATIONS, Camera, Quality, Scene

@@ -9,7 +9,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS, blobs
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.encode import encode

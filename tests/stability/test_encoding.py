@@ -14,11 +14,10 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import row_offsets
-from rle_splat.encode.decode import decode, to_volume_order
+from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from_counts
-from rle_splat.encode.validate import validate
 from rle_splat.pipeline import memory_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
@@ -30,6 +29,7 @@ from rle_splat.scene import Camera, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
+from tests.encoded import to_volume_order, validate
 from tests.stability.scenes import BACKENDS, unlike
 from tests.unit.test_encode import ALL_TABLES, CASES, classified_from, dense_from
 

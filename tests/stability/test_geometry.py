@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS, blobs
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache

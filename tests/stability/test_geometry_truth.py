@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS, blobs
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render, render_steps
@@ -155,7 +155,7 @@ def test_C10_singular_and_nearly_singular_matrices(record, width, plan, axis):
                     render(STAGE.before(volume, camera, (8, 8), volume_matrix=placed(matrix)), plan)
                     silent += 1
                 except RleSplatError as problem:
-                    assert "squeezes the volume flat" in str(problem) and str(problem).endswith(".")
+                    assert "flattens the volume" in str(problem) and str(problem).endswith(".")
     record(
         "C10",
         "singular matrices without a sentence",

@@ -19,16 +19,16 @@ from hypothesis import strategies as st
 
 from rle_splat.classify.default import default_transfer_function
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.encode.decode import decode
+from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume, load, save
-from rle_splat.encode.validate import validate
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
 from rle_splat.read.vdb_header import MAGIC, check_header
 from rle_splat.scene import Camera, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
+from tests.encoded import validate
 from tests.stability.fuzz import examples
 from tests.unit.test_encode import classified_from
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS
+from benchmarks.phantoms import FIELDS
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import WARP_FILTERS, Quality

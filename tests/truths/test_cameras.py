@@ -4,11 +4,12 @@ mirrored, 1:1:3), shift, pixel aspect, sensor fits, wide angles, an eye between 
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import blobs
-from rle_splat.accuracy.rays import camera_rays, turntable_rays
+from benchmarks.phantoms import blobs
+from rle_splat.accuracy.rays import camera_rays
 from rle_splat.pipeline.render import render_steps
 from rle_splat.scene import SENSOR_FITS, Camera, Quality, RleSplatError
 from rle_splat.view.turntable import turntable
+from tests.truths.other_rays import turntable_rays
 
 # No stray division: a warning here is a slice in the eye, or a ray that never meets its plane.
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.closed_forms import box_depths, composed, over
 from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Clip, Quality, RleSplatError
+from tests.truths.closed_forms import box_depths, composed, over
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 CLASSIFICATIONS = pytest.mark.parametrize("classification", ("pre", "refined", "post"))

@@ -7,9 +7,9 @@ reach: on rays through two opposite faces only.
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
-from rle_splat.accuracy.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_centre
 from rle_splat.accuracy.rays import camera_rays
+from tests.truths import closed_forms
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 LEVEL = 1.0 / 255.0

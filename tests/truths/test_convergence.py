@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.scene import WARP_FILTERS
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.metrics import LEVEL
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.scene import Camera, Scene
+from tests.truths.other_rays import depth_to_plane
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 
@@ -57,7 +58,7 @@ def test_tilted_plane_inside_the_volume(stage, perspective, azimuth, elevation):
     v = np.cross(normal, u)
     a, b, c, d = (point + 300.0 * (s * u + t * v) for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     stopped = changed(scene, triangles=np.array(((a, b, c), (a, c, d))))
-    far = camera_rays(scene.camera, 72, 72).depth_to_plane(point, normal)
+    far = depth_to_plane(camera_rays(scene.camera, 72, 72), point, normal)
     true = stage.truth(stopped, far=far)[0]
     whole = stage.truth(scene)[0]
     assert np.abs(whole - true).max() > 0.1  # the premise: the plane hides a good deal
@@ -88,7 +89,7 @@ def test_silhouette_of_a_mesh_before_the_volume(stage, perspective, part):
     uncovered share of the unstopped picture, also when the edge runs between two pixels."""
     scene = stage.on_turntable(FIELDS["thin"](24), 0.0, 0.0, perspective, size=(48, 48))
     edge = camera_rays(scene.camera, 48, 48, 24.0 + part, 24.0)
-    left = edge.at_depth(edge.depth_to_plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)))[0, 0]
+    left = edge.at_depth(depth_to_plane(edge, (0.0, -3.0, 0.0), (0.0, 1.0, 0.0)))[0, 0]
     a, b, c, d = ((left, -3.0, -500.0), (500.0, -3.0, -500.0), (500.0, -3.0, 500.0), (left, -3.0, 500.0))
     free = stage.render(scene).rgba
     half = stage.render(changed(scene, triangles=np.array(((a, b, c), (a, c, d))))).rgba

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.medium import ClassifiedMedium
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.transfer import extinction_and_color
 from rle_splat.accuracy.truths import world_opacity_distance

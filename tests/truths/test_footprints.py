@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import DEPTH_RULES, FOOTPRINTS
 

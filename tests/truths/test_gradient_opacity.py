@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.closed_forms import box_depths, composed
-from rle_splat.accuracy.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_centre
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
@@ -16,6 +15,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Quality, RleSplatError
 from rle_splat.volume.gradient_size import gradient_sizes
 from rle_splat.volume.volume import Volume
+from tests.truths.closed_forms import box_depths, composed
 
 COLOR = (0.9, 0.4, 0.2)
 EVEN = TransferFunction(  # the same everywhere, so that only the gradient tells

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import pytest
 
+from benchmarks.phantoms import FIELDS, blobs
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS, blobs
 from rle_splat.pipeline.render import render
 from rle_splat.scene import QUALITY_PRESETS, Quality
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.lighting import VoxelLight, shading_of
-from rle_splat.accuracy.measure import measure
-from rle_splat.accuracy.phantoms import blobs
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.steps import Clock
 from rle_splat.scene import Light, Quality
+from tests.truths.measure import measure
 
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=11.5)
 AFFINE = np.array(((-0.9, 0.2, 0, 1), (0, 1.0, 0.3, 2), (0, 0, 1.3, 3), (0, 0, 0, 1.0)))

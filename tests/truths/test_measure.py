@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.measure import measure
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.metrics import LEVEL
-from rle_splat.accuracy.phantoms import blobs
 from rle_splat.scene import RleSplatError
+from tests.truths.measure import measure
 
 
 @pytest.fixture(scope="module")

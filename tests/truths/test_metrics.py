@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.metrics import LEVEL, difference, display_encoded, ssim, ssim_map
-from rle_splat.accuracy.probes import choose_probes, judge, probe_errors, share_above, statement
+from rle_splat.accuracy.probes import choose_probes, error_summary, probe_errors, share_above, statement
 from rle_splat.cli import flip
 
 
@@ -90,7 +90,7 @@ def test_probes_are_everywhere_and_where_it_is_steep():
     # Drawn at random: every eighth of the picture has its share.
     drawn = np.histogram2d(probes.rows[: probes.random], probes.columns[: probes.random], (2, 4), ((0, 60), (0, 80)))[0]
     assert drawn.min() > 0.6 * probes.random / 8
-    np.testing.assert_array_equal(probes.centres[0], probes.columns + 0.5)
+    np.testing.assert_array_equal(probes.centers[0], probes.columns + 0.5)
     small = choose_probes(rgba[:3, :4], 1000)
     assert small.random <= 12 and len(small.columns) <= 24
 
@@ -109,7 +109,7 @@ def test_share_above_is_the_binomial_bound():
 
 def test_judgement_keeps_random_and_steep_probes_apart():
     errors = np.concatenate((np.full(500, 0.3), np.full(100, 0.9)))
-    found = judge(errors, 500, 0.5)
+    found = error_summary(errors, 500, 0.5)
     assert found["random"] == {"count": 500, "failed": 0, "largest": 0.3, "rmse": pytest.approx(0.3)}
     assert found["steep"]["failed"] == 100 and found["largest"] == 0.9 and not found["kept"]
     assert found["share"] == 0.006
@@ -117,6 +117,6 @@ def test_judgement_keeps_random_and_steep_probes_apart():
         "None of 500 random probes differs from the truth by more than 0.5 levels: at 95 % confidence at most 0.60% "
         "of the pixels do."
     )
-    assert judge(errors, 500, 1.0)["kept"]
+    assert error_summary(errors, 500, 1.0)["kept"]
     assert statement(2, 500, 1.0).startswith("2 of 500 random probes differ from the truth by more than 1 level: ")
-    assert judge(np.zeros(0), 0, 1.0)["share"] == 1.0
+    assert error_summary(np.zeros(0), 0, 1.0)["share"] == 1.0

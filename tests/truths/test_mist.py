@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.closed_forms import box_depths
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import MIST_FALLOFFS, Mist, Quality, RleSplatError
+from tests.truths.closed_forms import box_depths
 
 COLOR, FOG = np.array((0.9, 0.4, 0.2)), np.array((0.1, 0.6, 1.5))
 SIGMA = -np.log1p(-0.12)

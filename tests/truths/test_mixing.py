@@ -177,7 +177,7 @@ def test_nothing_is_redone_when_the_camera_moves(stage):
 def test_what_does_not_fit_is_refused_in_a_sentence(stage):
     scene = seen_along_y(stage, np.full((N, N, N), 100), flat(0.1, RED))
     labels = Volume(layers(5, 6), np.eye(4))
-    with pytest.raises(RleSplatError, match="label volume has 12 x 11 x 12 voxels and the volume 12 x 12 x 12"):
+    with pytest.raises(RleSplatError, match="label volume has 12 x 11 x 12 voxels and the volume has 12 x 12 x 12"):
         replace(scene, labels=Labels(labels))
     with pytest.raises(RleSplatError, match="The channel has"):
         replace(scene, channels=(Channel(labels, flat(0.1, RED)),))

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.closed_forms import box_depths, composed, sphere_length
-from rle_splat.accuracy.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_centre
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
@@ -16,6 +15,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
+from tests.truths.closed_forms import box_depths, composed, sphere_length
 
 VALUE_MODES = ("mip", "minip", "average")
 # A viewer's window: grey from black to white, and the opacity says how much of it.

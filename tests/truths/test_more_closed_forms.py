@@ -4,11 +4,12 @@ X-rays by way of the spectrum, and Marschner and Lobb's signal."""
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
+from benchmarks.phantoms import marschner_lobb
 from rle_splat.accuracy.rays import Rays, camera_rays
 from rle_splat.accuracy.transfer import extinction_and_color
 from rle_splat.accuracy.truths import world_opacity_distance
 from rle_splat.classify.transfer_function import TransferFunction
+from tests.truths import closed_forms
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 LEVEL = 1.0 / 255.0
@@ -135,7 +136,7 @@ def test_marschner_lobb_is_drawn_as_it_is_sampled(stage):
     """G11: at 40 samples a side the signal is just carried; the picture is its T1, waves and all."""
     at = np.linspace(-1.0, 1.0, 40)
     z, y, x = np.meshgrid(at, at, at, indexing="ij")
-    signal = closed_forms.marschner_lobb(np.stack((x, y, z), axis=-1))
+    signal = marschner_lobb(np.stack((x, y, z), axis=-1))
     shell = function(((0.4, 0.0), (0.5, 0.6), (0.6, 0.0)), ((0.0, 0.9, 0.3, 0.1), (1.0, 0.1, 0.5, 0.9)))
     scene = stage.on_turntable(signal, 20.0, 60.0, size=(72, 72), fit=1.0, transfer_function=shell)
     true = stage.truth(scene)[0]
@@ -153,7 +154,7 @@ def test_marschner_lobb_converges_to_its_formula(stage, perspective):
         h = 2.0 / (size - 1)
         at = np.linspace(-1.0, 1.0, size)
         z, y, x = np.meshgrid(at, at, at, indexing="ij")
-        signal = closed_forms.marschner_lobb(np.stack((x, y, z), axis=-1))
+        signal = marschner_lobb(np.stack((x, y, z), axis=-1))
         scene = stage.on_turntable(signal, 30.0, 20.0, perspective, (24, 24), 0.4, 12.0, (h, h, h),
                                    transfer_function=ramp)  # fmt: skip
         rays = camera_rays(scene.camera, 24, 24)
@@ -161,7 +162,7 @@ def test_marschner_lobb_converges_to_its_formula(stage, perspective):
         to_cube[:3, 3] -= 1.0
 
         def fields(world, to_cube=to_cube, scene=scene):
-            values = closed_forms.marschner_lobb(world @ to_cube[:3, :3].T + to_cube[:3, 3])
+            values = marschner_lobb(world @ to_cube[:3, :3].T + to_cube[:3, 3])
             sigma, color = extinction_and_color(ramp, values, world_opacity_distance(scene))
             return np.concatenate((color * sigma[..., None], sigma[..., None]), axis=-1)
 

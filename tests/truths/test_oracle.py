@@ -4,15 +4,16 @@ the words of the interface, its transfer function against values worked out by h
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
+from benchmarks.phantoms import FIELDS, radius_from_centre
 from rle_splat.accuracy.integrate import integrate
 from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS, radius_from_centre
 from rle_splat.accuracy.probes import steep_pixels, stratified_pixels
-from rle_splat.accuracy.rays import Rays, camera_rays, turntable_rays
+from rle_splat.accuracy.rays import Rays, camera_rays
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color, piecewise_linear
 from rle_splat.scene import Camera
+from tests.truths import closed_forms
+from tests.truths.other_rays import turntable_rays
 
 VIEWS = ((0.0, 0.0, False), (35.0, 25.0, False), (-110.0, -40.0, True), (35.0, 25.0, True))
 

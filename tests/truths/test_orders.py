@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.metrics import LEVEL, difference
-from rle_splat.accuracy.phantoms import blobs
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.classify.transfer_function import TransferFunction
+from tests.truths import closed_forms
 
 
 def columns_of(profile, across=6):

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import FIELDS
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.pooling import pooled_steps
 from rle_splat.encode.store import StoredVolume

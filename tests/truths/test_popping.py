@@ -8,7 +8,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS
+from benchmarks.phantoms import FIELDS
 from rle_splat.classify.classification import classify
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline.render import render

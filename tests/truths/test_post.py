@@ -8,15 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.closed_forms import box_length, composed
+from benchmarks.phantoms import radius_from_centre
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL, difference
-from rle_splat.accuracy.phantoms import radius_from_centre
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.scene import Light
 from rle_splat.volume.volume import Volume
+from tests.truths.closed_forms import box_length, composed
+from tests.truths.other_rays import depth_to_plane
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 SIZE, PIXELS = 20, (40, 40)
@@ -301,7 +302,7 @@ def test_meshes(stage, perspective):
     right = np.cross(normal, camera[:3, 1])
     up = np.cross(right, normal)
     corners = [middle[:3] + 300.0 * (a * right + b * up) for a, b in ((-1, -1), (3, -1), (-1, 3))]
-    far = camera_rays(scene.camera, *PIXELS).depth_to_plane(middle[:3], normal)
+    far = depth_to_plane(camera_rays(scene.camera, *PIXELS), middle[:3], normal)
     true = t2(scene, far=far)
     found = stage.error(replace(scene, triangles=np.array([corners])), true, **FINE)
     assert difference(true, whole).rmse > 4.0 and found.rmse < 0.6 and found.largest < 8.0

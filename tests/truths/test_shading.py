@@ -7,10 +7,10 @@ weights, whatever the spacing; shells away from the faces are visible.
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
 from rle_splat.accuracy.rays import rigid
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.scene import Light
+from tests.truths import closed_forms
 
 SHADE = Shade(ambient=0.2, diffuse=0.6, specular=0.3, shininess=12.0)
 COLOR = np.array((0.9, 0.4, 0.2))

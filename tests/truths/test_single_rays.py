@@ -10,7 +10,7 @@ import pytest
 
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL
-from rle_splat.accuracy.planner.retrace import retrace_steps
+from rle_splat.accuracy.planner.single_rays import single_ray_steps
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.single_rays import can_trace
@@ -39,7 +39,7 @@ def waves():
 
 def traced(scene, slabs, quality=POST):
     rows, columns = np.divmod(np.arange(scene.width * scene.height), scene.width)
-    return drain(retrace_steps(scene, quality, columns, rows, slabs, StageCache(0)))[0]
+    return drain(single_ray_steps(scene, quality, columns, rows, slabs, StageCache(0)))[0]
 
 
 def errors(scene, slabs):

@@ -4,13 +4,14 @@ against closed forms and against tiny steps of programs that know neither cells 
 import numpy as np
 import pytest
 
-from rle_splat.accuracy import closed_forms
+from benchmarks.phantoms import blobs, marschner_lobb
 from rle_splat.accuracy.integrate import integrate
 from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium, cubics, polynomial
-from rle_splat.accuracy.phantoms import blobs
-from rle_splat.accuracy.rays import Rays, camera_rays, turntable_rays
+from rle_splat.accuracy.rays import Rays, camera_rays
 from rle_splat.accuracy.transfer import Segments, extinction_and_color
 from rle_splat.accuracy.truths import truth, world_opacity_distance
+from tests.truths import closed_forms
+from tests.truths.other_rays import turntable_rays
 
 OBLIQUE = np.array(((0.9, 0.2, -0.1, 3.0), (-0.3, 1.1, 0.2, -2.0), (0.1, 0.0, 1.7, 1.0), (0.0, 0.0, 0.0, 1.0)))
 
@@ -185,7 +186,7 @@ class Samples:
 
     def __getitem__(self, places):
         z, y, x = (2.0 * place / (self.shape[0] - 1) - 1.0 for place in np.broadcast_arrays(*places))
-        return closed_forms.marschner_lobb(np.stack((x, y, z), axis=-1))
+        return marschner_lobb(np.stack((x, y, z), axis=-1))
 
 
 def test_marschner_lobb_converges_to_its_formula():
@@ -195,7 +196,7 @@ def test_marschner_lobb_converges_to_its_formula():
     rays = Rays(rays.origin - 0.5, rays.direction, rays.length_per_depth)  # the middle of the cube is the origin
 
     def fields(world):
-        sigma, color = extinction_and_color(colors, closed_forms.marschner_lobb(world), 0.7)
+        sigma, color = extinction_and_color(colors, marschner_lobb(world), 0.7)
         return np.concatenate((color * sigma[..., None], sigma[..., None]), axis=-1)
 
     expected = closed_forms.of_formula(fields, rays, -0.7, 0.8)
@@ -210,8 +211,8 @@ def test_marschner_lobb_converges_to_its_formula():
     assert expected[:, 3].min() > 0.5 and np.ptp(expected[:, 0]) > 0.005
     assert 3.4 < errors[1] / errors[2] < 4.6 and errors[2] < 1e-3, errors
     # By hand: on the axis the argument of the outer cosine is 12 pi.
-    assert closed_forms.marschner_lobb((0.0, 0.0, -1.0)) == pytest.approx((2.0 + 0.25 * 2.0) / 2.5)
-    assert closed_forms.marschner_lobb((1.0, 0.0, 1.0)) == pytest.approx(0.25 * 2.0 / 2.5)
+    assert marschner_lobb((0.0, 0.0, -1.0)) == pytest.approx((2.0 + 0.25 * 2.0) / 2.5)
+    assert marschner_lobb((1.0, 0.0, 1.0)) == pytest.approx(0.25 * 2.0 / 2.5)
 
 
 @pytest.mark.parametrize("azimuth, elevation", ((0.0, 0.0), (35.0, 25.0), (-130.0, 70.0)))

@@ -7,9 +7,9 @@ pixel apart about the middle of the picture, as if n of them went from edge to e
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import blobs
 from benchmarks.vtk_caster import VTK_PROBLEM, VtkCaster
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.phantoms import blobs
 from rle_splat.classify.transfer_function import TransferFunction
 
 pytestmark = [

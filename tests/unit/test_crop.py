@@ -6,7 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.phantoms import FIELDS
+from benchmarks.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.effects.mesh_depth import mesh_depth
 from rle_splat.pipeline.render import render

@@ -99,7 +99,7 @@ def test_sizes_that_nothing_fits_say_so(tmp_path, size):
     path.write_bytes(bytes(size))
     guess = guess_raw(path)
     assert (guess.shape, guess.certain, guess.candidates, guess.size) == (None, False, (), size)
-    assert any("Nothing" in reason for reason in guess.reasons)
+    assert any("No known layout" in reason for reason in guess.reasons)
 
 
 def test_a_name_that_contradicts_the_size_is_not_believed(tmp_path):

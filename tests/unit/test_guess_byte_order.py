@@ -46,7 +46,7 @@ def test_no_word_of_a_name_overrules_the_bytes(tmp_path, kind, low, high, order,
     guess = guess_raw(path, dtype=dtype)
     assert (guess.byte_order, guess.certain) == (ORDERS[order], True), guess.reasons
     layout, (remark,), _ = layout_for(path, SHAPE, dtype)
-    assert layout.byte_order == ORDERS[order] and f"taken as {ORDERS[order]}" in remark
+    assert layout.byte_order == ORDERS[order] and f"assumed to be {ORDERS[order]}" in remark
     assert "far more smoothly" in remark
     volume = read_volume(path, dtype=dtype)
     np.testing.assert_array_equal(volume.voxels, values)
@@ -84,7 +84,7 @@ def test_where_the_bytes_do_not_tell_only_an_unmistakable_suffix_does(tmp_path, 
     assert order is None or guess.byte_order == order
     layout, (remark,), _ = layout_for(path, SHAPE, "uint16")
     assert layout.byte_order == (order or "little")
-    assert ("neither its name nor its bytes tell it" if order is None else "its bytes do not tell") in remark
+    assert ("neither the file's name nor its bytes decide it" if order is None else "the bytes are ambiguous") in remark
 
 
 def test_numbers_of_one_byte_are_the_same_times_256_in_the_other_order(tmp_path):

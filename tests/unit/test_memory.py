@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.comparison.decode import decode
 from rle_splat.effects.mesh_depth import SAMPLES
-from rle_splat.encode.decode import decode, to_volume_order
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline.encode_scene import encode_scene
@@ -27,6 +27,7 @@ from rle_splat.scene import CLASSIFICATIONS, Quality, RleSplatError, Scene
 from rle_splat.splat import scratch
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.encoded import to_volume_order
 
 ROOT = Path(__file__).resolve().parents[2]
 QUALITY = Quality.preset("draft", classification="pre")
@@ -115,7 +116,8 @@ def held_by_stages(scene, quality):
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32))
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)
 def test_the_parts_of_an_estimate_are_what_the_stages_hold(classification, dtype):
-    held, counted, report = held_by_stages(scene_of(noise(dtype=dtype)), replace(QUALITY, classification=classification))
+    quality = replace(QUALITY, classification=classification)
+    held, counted, report = held_by_stages(scene_of(noise(dtype=dtype)), quality)
     assert counted["records"] == held["records"] > 0
     assert held["visible"] <= counted["visible"] <= 1.2 * held["visible"]
     # Runs along x stand for those along the other axes; finer voxels are shaded where the scan's are.
@@ -320,7 +322,7 @@ def test_it_is_said_before_the_lists_are_made_and_while_they_are():
     "share, axes, words",
     (
         (0.95, 1, "voxel records of 8 bytes would fit"), (0.66, 1, "voxel records of 4 bytes would fit"),
-        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or thin the volume"),
+        (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or downsample the volume"),
         (0.67, 3, "voxel records of 8 bytes would fit"),
         (0.45, 3, "two principal axes at a time with voxel records of 4 bytes would fit"),
         (0.38, 3, "one principal axis at a time with voxel records of 8 bytes would fit"),
@@ -381,7 +383,7 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
         one_by_one = "one principal axis at a time" in sentence
         if "at most" not in sentence:
             fits = one_by_one and wanted(n, 1, 4).needed <= free
-            assert fits or (n == 16 and "crop or thin" in sentence)
+            assert fits or (n == 16 and "crop or downsample" in sentence)
             continue
         share = float(sentence.split("at most ")[1].split(" %")[0]) / 100.0
         needed = wanted(share * n, 1 if one_by_one else axes, 4).needed

@@ -238,7 +238,7 @@ def test_too_little_memory_is_refused_before_it_is_taken(monkeypatch):
     assert sentence.endswith(".") and sentence.count(". ") == 0 and peak < 3 << 20
 
 
-@pytest.mark.parametrize("share, words", ((0.6, "their neighbours counted, would fit"), (0.001, "crop or thin")))
+@pytest.mark.parametrize("share, words", ((0.6, "their neighbours counted, would fit"), (0.001, "crop or downsample")))
 def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     """There are no voxel records to make smaller; what a narrower function leaves is reckoned in scalars."""
     volume = noise()

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.classify.placing import Places
+from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.encode.decode import decode, to_volume_order
+from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.records import decoding_of, empty_records, pack, record_bytes, unpack
 from rle_splat.encode.store import StoredVolume, load, save
-from rle_splat.encode.validate import validate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
@@ -22,6 +21,7 @@ from rle_splat.shade.lighting import lighting
 from rle_splat.shade.shading import color_bound, light_records
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.encoded import to_volume_order, validate
 
 SHORT = (8, 6, 4)
 MOST_DENSITY, MOST_COLOR = 16.6, 1.3
@@ -203,7 +203,7 @@ def test_the_bound_of_the_colours_holds_and_is_near():
     normals = np.random.default_rng(1).normal(size=(classified.visible_voxels, 3)).astype(np.float32)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     suns = (Light("SUN", (1, 0.5, 0.1), 5.0), Light("SUN", (0.1, 0.2, 1.0), 2.0))
-    everywhere = Places.in_order(classified.voxels, 0, classified.shape_xyz[2])
+    everywhere = RecordPositions.in_order(classified.voxels, 0, classified.shape_xyz[2])
     for lights in (suns, ()):
         falling = lighting(np.eye(4), Shade(0.3, 0.8, 0.5, 10.0), lights, headlight_direction=(0.0, 0.6, -0.8),
                            eye=(0.0, 0.0, 1.0, 0.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.classification import ClassifiedVolume
-from rle_splat.classify.placing import Places
+from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.refined import FineVoxels, RefinedVolume, fine_block_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
@@ -223,7 +223,7 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
     looks = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
     classified = ClassifiedVolume(voxels, looks, False, 1.0, 1.0)
     records = np.empty((len(voxels), 4), np.float32)
-    most = light.records(classified, "extinction", Places.in_order(voxels, 0, voxels.shape_xyz[2]), records)
+    most = light.records(classified, "extinction", RecordPositions.in_order(voxels, 0, voxels.shape_xyz[2]), records)
     expected = looks[0, 2:] * between[0] + between[1]
     np.testing.assert_allclose(records[:, :3] / 2.0, expected, atol=2e-6)
     assert (records[:, 3] == 2.0).all() and most == pytest.approx(expected.max(), abs=2e-6)
@@ -292,7 +292,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
     ("share", "record", "words"),
     ((0.9, 16, "records of 8 bytes would fit"), (0.6, 4, "a refinement of 3 would fit"),
      (0.3, 16, "a refinement of 2 would fit"), (0.09, 16, "on the grid of the scan would fit"),
-     (0.001, 16, "crop or thin the volume")),
+     (0.001, 16, "crop or downsample the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
     for name in ("classify.visible", "classify.sizes"):

@@ -8,7 +8,7 @@ import pytest
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.scene import Light
-from rle_splat.shade.lighting import follows_view, is_shaded
+from rle_splat.shade.lighting import is_shaded
 from rle_splat.shade.shading import normals, shade
 from rle_splat.volume.volume import Volume
 
@@ -193,5 +193,3 @@ def test_shading_only_when_called_for():
     assert shade(classified, None, np.eye(4), None, sun) is classified.color
     assert shade(classified, None, np.eye(4), Shade(), ()) is classified.color
     assert not is_shaded(None, sun) and not is_shaded(Shade(), ()) and is_shaded(Shade(), (), (0, 0, -1))
-    assert not follows_view(Shade(specular=0.0), sun) and follows_view(Shade(specular=0.1), sun)
-    assert follows_view(Shade(specular=0.0), (), (0, 0, -1)) and not follows_view(None, sun, (0, 0, -1))

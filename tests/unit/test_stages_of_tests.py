@@ -13,8 +13,8 @@ TESTS = Path(__file__).resolve().parents[1]
 
 
 def test_extras_are_skipped_in_one_line_where_their_environment_cannot_be_made(capsys):
-    stage = testing._extras(Failure("pip could not."), [])
-    assert (stage.verdict, stage.skipped, stage.remarks) == ("SKIPPED", 1, ["pip could not."])
+    stage = testing._extras(Failure("uv could not."), [], True)
+    assert (stage.verdict, stage.skipped, stage.remarks) == ("SKIPPED", 1, ["uv could not."])
     assert capsys.readouterr().out.count("\n") == 2  # an empty line before it
 
 
@@ -91,3 +91,39 @@ def test_quick_says_what_it_leaves_out(stages):
 
 def test_marks_are_left_out_in_pytests_own_words():
     assert testing._leave_out() == [] and testing._leave_out("slow", "extras") == ["-m", "not slow and not extras"]
+
+
+def test_each_part_runs_alone_and_makes_only_what_it_needs(monkeypatch, capsys):
+    """A part of the core needs nothing made; one of Blender needs the zip, and is not run without it."""
+    made, run = [], []
+
+    def zip_stage(path):
+        made.append("zip")
+        return testing.Ready(Stage("extension zip", passed=bool(path), failed=not path), path)
+
+    def bench():
+        made.append("bench")
+        return Path("bench")
+
+    def part(needs):
+        return testing.Part(lambda ready, aside: run.append((needs, aside)) or [Stage(needs, passed=1)], needs)
+
+    monkeypatch.setattr(testing, "_bench", bench)
+    monkeypatch.setattr(testing, "parts", lambda options: {name: part(name) for name in ("", "zip", "bench")})
+    for path, code in ((Path("the.zip"), 0), (None, 1)):
+        monkeypatch.setattr(testing, "_zip", lambda path=path: zip_stage(path))
+        assert testing.test_part("zip", []) == code
+    assert testing.test_part("", []) == testing.test_part("bench", []) == 0
+    assert made == ["zip", "zip", "bench"] and run == [("zip", False), ("", False), ("bench", False)]
+    assert capsys.readouterr().out.splitlines()[-1] == "1 passed, 0 failed, 0 skipped"
+
+
+def test_the_whole_catalogue_is_checked_for_gaps_and_a_part_of_it_is_not(monkeypatch, tmp_path):
+    monkeypatch.setattr(testing, "FIGURES", tmp_path / "figures.json")
+    monkeypatch.setattr(testing, "_core", lambda words, name, aside, **variables: Stage(name, passed=1))
+    monkeypatch.setattr(testing, "_catalogue", lambda: Stage("catalogue", passed=1))
+    names = {
+        arguments: [stage.name for stage in testing.parts(*arguments)["hard-cases"].run(testing.Ready(), True)]
+        for arguments in (((), False), ((), True), (("-x",), False))
+    }
+    assert list(names.values()) == [["hard cases", "catalogue"], ["hard cases"], ["hard cases"]]

@@ -227,7 +227,7 @@ def test_the_cell_around_the_eye_is_integrated_from_the_eye_on():
 @pytest.mark.parametrize("scale", [(1, 1, 0), (0, 0, 0), (1, 1e-14, 1)])
 def test_a_flat_matrix_is_refused_in_a_sentence(scale):
     matrix = np.diag((*scale, 1.0))
-    with pytest.raises(RleSplatError, match="squeezes the volume flat"):
+    with pytest.raises(RleSplatError, match="flattens the volume"):
         index_view(Camera(), matrix, 8, 8)
 
 

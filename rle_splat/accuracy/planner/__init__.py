@@ -1,2 +1,2 @@
-"""From a wish in levels to a plan: features of a volume and a view, a model of error and time, the cheapest plan that
-keeps the wish, and what to do when a measurement says that it does not (algorithm.md 2.4)."""
+"""From a tolerance to a plan (algorithm.md 2.4): features of a volume and a view, a model of error and time, the
+quickest plan that keeps the tolerance, and a better one where the measured error exceeds it."""

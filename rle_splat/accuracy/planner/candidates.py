@@ -1,7 +1,7 @@
-"""The plans to choose from, and what to call them.
+"""The plans to choose from, and their names.
 
-A plan is a ``Quality`` whose knobs of accuracy are set; what the user chose beside them, such as the classification,
-the record or the threads, stays as it is.
+A plan is a ``Quality`` with its accuracy knobs set: depth rule, sheet density, warp filter and termination.  The other
+knobs, such as the classification, the record or the threads, stay as the user chose them.
 """
 
 from __future__ import annotations
@@ -12,31 +12,34 @@ from itertools import product
 
 from ...scene import NO_RAYS, Quality, RleSplatError, midpoints_of, preintegrated_of
 
-# Not slice-2: whatever is coarse enough for its errors, of tens of levels at edges, is too coarse to be promised.
+# Without slice-2, which errs by tens of levels at edges: no tolerance is that large.
 DEPTH_RULES = (
     "slice", "simpson", "gauss2", *(f"midpoint-{m}" for m in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)),
 )  # fmt: skip
-PREINTEGRATED_RULES = ("preintegrated", *(f"preintegrated-{m}" for m in (2, 3, 4, 6, 8)))  # of sheets of the scalar
+PREINTEGRATED_RULES = ("preintegrated", *(f"preintegrated-{m}" for m in (2, 3, 4, 6, 8)))  # scalar sheets only
 SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
 PLANNED = "planned"  # the name of a quality that was chosen for a tolerance
-# Knobs under which the truth is another picture, whatever the plan, and why.
+# The only value of each knob with which pictures converge to the truth, and why.
 PROMISED = {
-    "model": ("extinction", "the truth adds up extinction"),
+    "model": ("extinction", "the truth integrates extinction"),
     "kernel": ("tent", "the truth interpolates linearly"),
-    "minification": ("off", "the truth shows what lies on a pixel's ray"),
-    "length_correction": (True, "the truth knows how long rays are"),
+    "minification": ("off", "the truth integrates along one ray for each pixel"),
+    "length_correction": (True, "the truth integrates over the length of the ray"),
 }
 
 
 def depth_rules(classification: str) -> tuple[str, ...]:
-    """The depth rules to choose from."""
+    """The depth rules to choose from, for a classification."""
     return (*DEPTH_RULES, *PREINTEGRATED_RULES) if classification == "post" else DEPTH_RULES
 
 
 def candidates(base: Quality) -> list[Quality]:
-    """Every plan of the grid, its other knobs as in ``base``; along either principal axis a tolerance is kept."""
+    """All combinations of depth rule, sheet density and warp filter, with the other knobs of ``base``.
+
+    The axis fade is off, because a picture along either principal axis keeps the tolerance.
+    """
     return [
         replace(
             base, name=PLANNED, axis_fade=0.0, rays=NO_RAYS, depth_rule=rule, sheet_density=density,
@@ -47,7 +50,7 @@ def candidates(base: Quality) -> list[Quality]:
 
 
 def name_of(plan: Quality) -> str:
-    """A plan's name for people, such as ``pre slice 1.0 cubic``: classification, depth rule, density, filter."""
+    """A plan's name for people, such as ``pre slice 1.0 cubic``: classification, depth rule, sheet density, filter."""
     density = f"{plan.sheet_density:.2f}".rstrip("0")
     density += "0" if density.endswith(".") else ""
     finer = f" x{plan.refinement}" if plan.classification == "refined" else ""
@@ -55,7 +58,7 @@ def name_of(plan: Quality) -> str:
 
 
 def family_of(depth_rule: str) -> tuple[str, int]:
-    """A rule's family, ``midpoint`` or ``preintegrated`` or its own name, and the sheets that a voxel's depth takes."""
+    """The rule's family (``midpoint``, ``preintegrated`` or its own name) and its number of sheets per voxel."""
     for family, count in (("midpoint", midpoints_of(depth_rule)), ("preintegrated", preintegrated_of(depth_rule))):
         if count is not None:
             return family, count
@@ -63,7 +66,7 @@ def family_of(depth_rule: str) -> tuple[str, int]:
 
 
 def check_plannable(quality: Quality) -> None:
-    """RleSplatError for knobs under which nothing can be promised."""
+    """Raise RleSplatError for knobs with which no plan converges to the truth."""
     for name, (only, why) in PROMISED.items():
         value = getattr(quality, name)
         if value != only:
@@ -74,14 +77,14 @@ def check_plannable(quality: Quality) -> None:
 
 
 def check_tolerance(tolerance) -> float:
-    """The tolerance as a number of levels; RleSplatError when it is none."""
+    """The tolerance as a number of levels; raises RleSplatError unless it is finite and above zero."""
     try:
         levels = float(tolerance)
     except (TypeError, ValueError):
         levels = math.nan
     if not (math.isfinite(levels) and levels > 0.0):
         raise RleSplatError(
-            f"A tolerance is a number of levels (1/255) above zero, such as 1, not {tolerance!r}: no picture is free "
-            "of error."
+            f"A tolerance is a number of levels (1/255) above zero, such as 1, not {tolerance!r}: every picture has "
+            "some error."
         )
     return levels

@@ -1,4 +1,4 @@
-"""The cheapest plan that keeps a tolerance, and the next one when a measurement says that it did not."""
+"""The quickest plan that keeps a tolerance, and the next one where the measured error exceeds it."""
 
 from __future__ import annotations
 
@@ -12,29 +12,44 @@ from ...scene import Quality
 from ...splat.sizes import SHEET_PIXEL
 from ...warp.sizes import COEFFICIENTS
 from .candidates import DEPTH_RULES, candidates
-from .error_estimate import Doubt, RayCost
+from .error_estimate import ErrorEstimate
 from .features import LEVELS, Features
 from .model import ErrorBudget, Model
+from .ray_cost import RayCost
 
-SAFETY = 0.9  # of the tolerance is what a plan may be expected to err
-TERMINATION_SHARE = 0.1  # of the tolerance goes to ending rays early
+SAFETY = 0.9  # of the tolerance: the largest expected error of a plan that keeps it
+TERMINATION_SHARE = 0.1  # of the tolerance: the error of ending rays early
 LARGEST_TERMINATION = 1 / 256
 LEAST_TERMINATION = 1e-7
-# A scene that errs more than its model says is taken to err somewhat more still: the largest error of a better plan
-# falls a little slower than the typical one.
+# A correction is increased by this: with better plans, the largest error falls a little slower than the typical one.
 CAUTION = 1.15
-# What no plan keeps is rendered by the quickest plan that errs hardly more than the most accurate one.
+# Where no plan keeps the tolerance: the quickest plan whose error is at most this times the least one is rendered.
 NEARLY_BEST = 1.25
-RAY_SHARE = 0.5  # of what a plan may err is what single rays may
+RAY_SHARE = 0.5  # of a plan's allowed error: the largest expected error of its single rays
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A plan, what it is expected to err and to take (splat and warp), and whether it is expected to keep the
-    tolerance: if not, there is hardly a more accurate one.
+    """A plan with its expected error and time.
 
-    ``rays``: pixels that are had by rays of their own, because the plan's sheets and warp would err more than
-    ``allowed`` levels there; ``slabs``: that a voxel's depth is cut into along them; ``rays_ms``: what they take."""
+    Attributes
+    ----------
+    plan : Quality
+    errors : ErrorBudget
+        Expected, in levels.
+    splat_ms, warp_ms : float
+        Expected milliseconds.
+    keeps : bool
+        Whether the plan is expected to keep the tolerance.
+    rays : int
+        Pixels that single rays trace, because the sheets and the warp would err more than ``allowed`` there.
+    slabs : int
+        Slabs that a voxel's depth is cut into along single rays.
+    rays_ms : float
+        Expected milliseconds of the single rays.
+    allowed : float
+        Levels.
+    """
 
     plan: Quality
     errors: ErrorBudget
@@ -48,21 +63,22 @@ class Choice:
 
     @property
     def milliseconds(self) -> float:
+        """The expected time of a frame."""
         return self.splat_ms + self.warp_ms + self.rays_ms
 
 
 @dataclass(frozen=True)
 class Speed:
-    """How many times longer splat and warp take here than where the model was calibrated."""
+    """The time of splat and of warp here, over the time where the model was calibrated."""
 
     splat: float = 1.0
     warp: float = 1.0
 
     @classmethod
     def of(cls, model: Model, features: Features, frames) -> Speed:
-        """From ``frames``: pairs of a plan and the ``stages_ms`` of its report.
+        """Make one from ``frames``: pairs of a plan and the ``stages_ms`` of its report.
 
-        Where frames disagree their middle counts: what else a machine does meets them unevenly.
+        The median of the frames counts, because other work of the machine slows some of them down.
         """
         ratios = []
         for plan, stages in frames:
@@ -72,18 +88,33 @@ class Speed:
 
 
 def termination_for(tolerance: float, largest_color: float) -> float:
-    """The transmittance to end rays at: its share of the tolerance is the most that this can change a channel."""
+    """The transmittance at which rays end: it changes a channel by at most TERMINATION_SHARE of the tolerance."""
     wanted = TERMINATION_SHARE * tolerance / (LEVELS * max(largest_color, 1.0))
     return float(np.clip(wanted, LEAST_TERMINATION, LARGEST_TERMINATION))
 
 
 def choose(features: Features, base: Quality, tolerance: float, model: Model, speed: Speed = Speed(),
            correction: float = 1.0, slack: float = NEARLY_BEST) -> Choice:  # fmt: skip
-    """The plan that is expected to be quickest of those expected to err at most SAFETY times the tolerance, in levels;
-    without any, the quickest of those that err at most ``slack`` times what the most accurate one does, and ``keeps``
-    is False.
+    """Choose the quickest plan that is expected to keep a tolerance.
 
-    ``base``: what the plan does not decide.  ``correction``: as ``Model.errors`` has it.
+    Parameters
+    ----------
+    features : Features
+    base : Quality
+        The knobs that a plan does not decide.
+    tolerance : float
+        Levels.  A plan keeps it when its expected error is at most SAFETY times the tolerance.
+    model : Model
+    speed : Speed
+    correction : float
+        As ``Model.errors`` takes it.
+    slack : float
+        Where no plan keeps the tolerance, the quickest one is chosen whose error is at most ``slack`` times that of
+        the most accurate plan; its ``keeps`` is False.
+
+    Returns
+    -------
+    Choice
     """
     base = replace(base, termination=termination_for(tolerance, features.largest_color))
     densest = _densest_that_fits(features)
@@ -102,30 +133,44 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, sp
 
 
 def choose_with_rays(
-    features: Features, base: Quality, tolerance: float, model: Model, doubt: Doubt, cost: RayCost,
+    features: Features, base: Quality, tolerance: float, model: Model, estimate: ErrorEstimate, cost: RayCost,
     speed: Speed = Speed(), correction: float = 1.0, only: Quality | None = None,
 ) -> Choice:  # fmt: skip
-    """As ``choose``, where pixels that a plan would get wrong are had by rays: the plan and the rays that are expected
-    to be quickest together; ``only``: with the sheets of this plan.  ``keeps`` is False where the rays themselves are
-    expected to err more than is allowed."""
-    # The rule is that of no plan yet; the base's own may be slice-2, a draft's, which can never be promised.
+    """Choose the plan and the single rays that are expected to keep a tolerance in the least time together.
+
+    Single rays trace the pixels where the plan's sheets and warp would err more than is allowed.  The parameters are
+    those of ``choose``, and
+
+    Parameters
+    ----------
+    estimate : ErrorEstimate
+    cost : RayCost
+    only : Quality, optional
+        Choose single rays for the sheets of this plan alone.
+
+    Returns
+    -------
+    Choice
+        ``keeps`` is False where the rays themselves are expected to err more than is allowed.
+    """
+    # Any rule serves for the bounds; the base's own may be the draft's slice-2, which is no candidate.
     base = replace(base, termination=termination_for(tolerance, features.largest_color), depth_rule=DEPTH_RULES[0])
     densest = _densest_that_fits(features)
     bounds = model.errors(features, base).bounds
     allowed = SAFETY * tolerance - bounds
     slabs = cost.slabs_for(RAY_SHARE * allowed)
     of_rays = cost.error(slabs)
-    depth_step, sheet_step, pixels = doubt.bins.T
+    depth_step, sheet_step, pixels = estimate.bins.T
     choices = []
     for plan in candidates(base) if only is None else [only]:
         if plan.sheet_density <= densest:
             depth, warp = model.constants(plan)
-            modelled = correction * np.hypot(depth * depth_step, warp * sheet_step)
-            wrong = modelled > allowed
+            modeled = correction * np.hypot(depth * depth_step, warp * sheet_step)
+            wrong = modeled > allowed
             rays = int(pixels[wrong].sum())
-            worst = int(np.argmax(np.where(wrong, -1.0, modelled)))
+            worst = int(np.argmax(np.where(wrong, -1.0, modeled)))
             parts = (0.0, 0.0) if wrong.all() else (depth * depth_step[worst], warp * sheet_step[worst])
-            of_sheets = 0.0 if wrong.all() else modelled[worst]
+            of_sheets = 0.0 if wrong.all() else modeled[worst]
             errors = model.errors(features, plan)
             if rays and of_rays > of_sheets:
                 errors = replace(errors, depth=of_rays, warp=0.0)
@@ -142,12 +187,12 @@ def choose_with_rays(
 
 
 def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> float:
-    """The correction after a plan that was expected to err ``errors`` was found to err ``measured`` levels."""
-    beyond = max(measured - errors.bounds, 0.0) / max(errors.modelled, 1e-9)
+    """The new correction, after a plan that was expected to err ``errors`` was found to err ``measured`` levels."""
+    beyond = max(measured - errors.bounds, 0.0) / max(errors.modeled, 1e-9)
     return correction * max(CAUTION * beyond, 1.0)
 
 
 def _densest_that_fits(features: Features) -> float:
-    """The largest sheet density that there is memory for; never below one."""
+    """The largest sheet density that fits in the available memory; at least one."""
     a_unit = max(features.sheet_pixels * (SHEET_PIXEL + COEFFICIENTS), 1.0)
     return max(float(np.sqrt(SPARE * available_bytes() / a_unit)), 1.0)

@@ -1,10 +1,9 @@
-"""What a plan's error and time depend on beside its knobs, measured on this volume and this view.
+"""Features of a volume and a view, on which a plan's error and time depend beside its knobs.
 
-Three coarse pictures, the pilots, are made of the tables that the picture itself will be made of.  Two of them differ
-in how many sheets a voxel's depth takes and in nothing else: how far they are apart shows, at every pixel, how steep
-the medium is along its rays, which is what depth rules disagree about.  Two differ in the density of the sheets alone,
-and show how steep it is from ray to ray, obliquity and magnification included.  What they took tells how fast this
-machine is with these tables.
+They are measured on three coarse pictures, the pilots, made from the same tables as the final picture.  Two pilots
+differ in the number of sheets per voxel alone: their difference shows, at each pixel, how steep the medium is along the
+ray, where depth rules disagree.  Two differ in the sheet density alone, and show how steep the medium is from ray to
+ray, obliquity and magnification included.  Their times give the speed of this machine with these tables.
 """
 
 from __future__ import annotations
@@ -21,23 +20,35 @@ from ...view.footprints import FOOTPRINTS
 from ...view.principal_axis import candidate_pyramids
 
 LEVELS = 255.0
-# Depth rule and sheet density of the pilots.  Their largest differences are as good a measure as those of denser ones,
-# which take longer.
+# Depth rule and sheet density of the pilots.  Denser ones take longer and measure no better.
 PILOTS = {"coarse": ("slice", 0.7), "deep": ("midpoint-2", 0.7), "dense": ("slice", 1.4)}
 PILOT_TERMINATION = 1 / 1024
-LEAST_ALPHA = 0.05  # unassociated colours are read off the pilots where there is so much to divide by
+LEAST_ALPHA = 0.05  # pixels of less alpha give no unassociated color
 
 
 @dataclass(frozen=True)
 class Features:
-    """JSON-ready.
+    """JSON-ready features of a scene.
 
-    ``depth_step``, ``sheet_step``: levels, the largest difference of the pilots in depth and in density.
-    ``pixels_per_voxel``: how large voxels are seen.  ``obliquity``: the longest path through a slice over the slice's
-    thickness.  ``sheets``: that a ray meets by the rule slice.  ``sheet_pixels``: of the base planes' pictures at a
-    density of one; ``row_sheets`` and ``pixel_sheets``: their rows and their pixels, times their sheets.  ``pixels``:
-    of the picture.  ``kept_voxels`` and ``runs``: of one axis' tables.  ``largest_color``: channel of an unassociated
-    colour.
+    Attributes
+    ----------
+    classification : str
+    depth_step, sheet_step : float
+        Levels: the largest difference of the pilots of two depth rules, and of two sheet densities.
+    pixels_per_voxel : float
+        The size of voxels in the picture.
+    obliquity : float
+        The longest path of a ray through a slice, over the slice's thickness.
+    sheets : int
+        Sheets that a ray meets with the depth rule ``slice``.
+    row_sheets, pixel_sheets, sheet_pixels : float
+        Of the base planes at a sheet density of one: rows times sheets, pixels times sheets, pixels.
+    pixels : int
+        Of the picture.
+    kept_voxels, runs : int
+        Of one axis' tables.
+    largest_color : float
+        The largest channel of an unassociated color.
     """
 
     classification: str
@@ -55,11 +66,12 @@ class Features:
     largest_color: float
 
     def report(self) -> dict:
+        """The features as a dict."""
         return asdict(self)
 
 
 def pilots(base: Quality) -> dict[str, Quality]:
-    """The plans of the pilots by their names in PILOTS."""
+    """The plans of the pilots, by their names in PILOTS."""
     return {
         name: replace(
             base, name="pilot", depth_rule=rule, sheet_density=density, warp_filter="cubic",
@@ -70,7 +82,7 @@ def pilots(base: Quality) -> dict[str, Quality]:
 
 
 def features_of(scene: Scene, base: Quality, drawn: dict[str, Rendering]) -> Features:
-    """The features of a scene from the renderings of its pilots, by name."""
+    """Measure the features of a scene on the renderings ``drawn`` of its pilots, by name."""
     planes = _planes(scene, base)
     left, top, right, bottom = scene.region
     pixels = (right - left) * (bottom - top)
@@ -96,17 +108,8 @@ def features_of(scene: Scene, base: Quality, drawn: dict[str, Rendering]) -> Fea
 
 
 def difference_of(one: Rendering, other: Rendering) -> np.ndarray:
-    """(H, W) levels: the largest difference of any channel of two pictures of a scene, at each pixel."""
+    """(H, W) levels: the largest difference of any channel at each pixel of two pictures of a scene."""
     return LEVELS * np.abs(one.rgba - other.rgba).max(axis=-1)
-
-
-def doubtful_pixels(one: Rendering, other: Rendering, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows of the ``count`` pixels at which two pictures of a scene differ most."""
-    apart = difference_of(one, other)
-    count = min(count, apart.size)
-    chosen = np.argpartition(apart, apart.size - count, axis=None)[apart.size - count :]
-    rows, columns = np.unravel_index(np.sort(chosen), apart.shape)
-    return columns, rows
 
 
 def _largest(difference: np.ndarray) -> float:
@@ -114,7 +117,7 @@ def _largest(difference: np.ndarray) -> float:
 
 
 def _planes(scene: Scene, base: Quality) -> list:
-    """The base planes of the whole frame by slice planes, one sheet pixel an image pixel."""
+    """The base planes of the whole frame: slice planes, one sheet pixel for each image pixel."""
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     knobs = "slice", 1.0, FOOTPRINTS[base.kernel], base.classification == "post"
     found = [base_plane(view, scene.volume.shape_xyz, *pyramid, *knobs) for pyramid in candidate_pyramids(view)]
@@ -122,7 +125,7 @@ def _planes(scene: Scene, base: Quality) -> list:
 
 
 def _pixels_per_voxel(planes) -> float:
-    """Sheet pixels a voxel at a density of one, which are nearly image pixels: the median over all sheets."""
+    """Sheet pixels per voxel at a density of one, nearly image pixels: the median over all sheets."""
     return float(np.median(np.concatenate([plane.scale.min(axis=1) for plane in planes] or [np.ones(1)])))
 
 

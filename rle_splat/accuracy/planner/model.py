@@ -1,13 +1,13 @@
 """The model of a plan's error and time (algorithm.md 2.4), with constants from ``calibration.json``.
 
-``python3 dev.py calibrate`` makes that file anew, from scenes of formulas.
+``python3 dev.py calibrate`` makes that file from synthetic scenes.
 
-Error, in levels: what depth rule and warp err adds in quadrature, as it was measured to, and is the pilots' difference
-times a constant of the rule, or of filter and density, an upper envelope over the calibration scenes.  On top come
-bounds that always hold: of termination, of short records, and of rounding.
+Error, in levels: the errors of depth rule and warp add in quadrature, as measured.  Each is the pilots' difference
+times a constant of the rule, or of filter and density, an upper envelope over the calibration scenes.  The bounds of
+termination, short records and rounding are added to it.
 
-Time: of the splat in proportion to rows, runs and pixels of all sheets, of the warp to pixels; and a factor for this
-machine and these tables, from what the pilots or other frames of the scene took.
+Time: that of the splat is a sum over rows, runs and pixels of all sheets, that of the warp over pixels.  Both are
+scaled by the speed of this machine with these tables, from the times of the pilots and other frames (``choose.Speed``).
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from .features import LEVELS, Features
 
 CALIBRATION = Path(__file__).with_name("calibration.json")
 CUBIC = "cubic"
-# Of a record of so many bytes: relative error of its density, and error of a colour's channel as a share of the largest
-# colour (encode/records.py).
+# Bytes of a record -> the relative error of its density, and the error of a color channel as a share of the largest
+# color (encode/records.py).
 RECORD_ERRORS = {16: (0.0, 0.0), 8: (2.0**-12, 2.0**-12), 6: (2.0**-12, 0.5 / 1023), 4: (0.0024, 0.5 / 127)}
-LIGHT_ERRORS = (0.0, 2.0**-12)  # the same of post, which keeps scalars as they are, and light as 16-bit floats
-FLOAT_ERROR = 2.0**-24  # of each sum and product in the splatter; more sheets than these add up in float64
-FLOAT_SHEETS = 1 << 14
-ROUNDINGS = 32  # of those, beside one for each sheet: footprints, the exponential, the warp's taps
-ORDER = 2.0  # of midpoints and of slabs: what errors fall with, beyond the rules that were calibrated
+LIGHT_ERRORS = (0.0, 2.0**-12)  # the same for post, which stores scalars exactly, and light as 16-bit floats
+FLOAT_ERROR = 2.0**-24  # of each sum and product in the splatter
+FLOAT_SHEETS = 1 << 14  # more sheets than this add up in float64
+ROUNDINGS = 32  # besides one for each sheet: footprints, the exponential, the warp's taps
+ORDER = 2.0  # errors fall with this power of the midpoints or slabs, beyond the calibrated rules
 
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """Levels, by cause; ``depth`` and ``warp`` are modelled, the others are bounds."""
+    """The largest expected error in levels, by cause.  ``depth`` and ``warp`` are modeled, the others are bounds."""
 
     depth: float
     warp: float
@@ -46,28 +46,40 @@ class ErrorBudget:
     rounding: float
 
     @property
-    def modelled(self) -> float:
+    def modeled(self) -> float:
+        """The errors of depth rule and warp together."""
         return float(np.hypot(self.depth, self.warp))
 
     @property
     def bounds(self) -> float:
+        """The sum of the bounds."""
         return self.termination + self.records + self.rounding
 
     @property
     def total(self) -> float:
-        return self.modelled + self.bounds
+        """The sum of all."""
+        return self.modeled + self.bounds
 
     def report(self) -> dict:
+        """JSON-ready."""
         return {**asdict(self), "total": self.total}
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """One classification's constants.
+    """The constants of one classification.
 
-    ``depth``: rule -> its error over the features' ``depth_step``.  ``warp``: filter -> [[sheet density, error over
-    ``sheet_step``], ...], densities rising.  ``splat_ms`` and ``warp_ms``: coefficients of ``splat_terms`` and
-    ``warp_terms``.  ``family_factor``: family of depth rules -> what its sheets take over what those of others take.
+    Attributes
+    ----------
+    classification : str
+    depth : dict
+        Depth rule -> its error over the features' ``depth_step``.
+    warp : dict
+        Warp filter -> [[sheet density, error over ``sheet_step``], ...] in the order of the density.
+    splat_ms, warp_ms : tuple of float
+        Coefficients of ``splat_terms`` and ``warp_terms``.
+    family_factor : dict
+        Family of depth rules -> the time of its sheets over that of others.
     """
 
     classification: str
@@ -79,18 +91,20 @@ class Model:
 
     @classmethod
     def of(cls, classification: str) -> Model:
-        """The shipped one."""
+        """The calibrated model of a classification; raises RleSplatError where there is none."""
         entries = _calibration()
         if classification not in entries:
             why = f"Nothing is known of the errors of classification {classification!r}"
-            if classification == "refined":  # whose grid is as fine as it is, whatever the sheets
-                why = "The grid on which refined classifies errs by itself, and no plan takes that away"
+            if classification == "refined":
+                why = "The grid on which refined classifies errs by itself, and no plan reduces that error"
             raise RleSplatError(f"{why}; a tolerance can be asked of {' or '.join(entries)}.")
         return cls(classification, **entries[classification])
 
     def errors(self, features: Features, plan: Quality, correction: float = 1.0) -> ErrorBudget:
-        """What the plan is expected to err at most.  ``correction``: how many times more than the model says the scene
-        has been found to err."""
+        """The largest error expected of a plan.
+
+        ``correction``: the factor by which pictures of this scene were found to err more than the model says.
+        """
         color = max(features.largest_color, 1.0)
         depth, warp = self.constants(plan)
         density_error, color_error = LIGHT_ERRORS if plan.classification == "post" else RECORD_ERRORS[plan.record]
@@ -104,11 +118,11 @@ class Model:
         )
 
     def constants(self, plan: Quality) -> tuple[float, float]:
-        """What the pilots' differences in depth and in density are multiplied by."""
+        """The factors of the pilots' differences in depth and in density."""
         return self._depth_constant(plan.depth_rule), self._warp_constant(plan.warp_filter, plan.sheet_density)
 
     def milliseconds(self, features: Features, plan: Quality) -> tuple[float, float]:
-        """Of splat and of warp, on the machine that the file was made on."""
+        """Of splat and of warp, on the machine of the calibration."""
         splat = float(np.dot(self.splat_ms, splat_terms(features, plan.depth_rule, plan.sheet_density)))
         splat *= self.family_factor.get(family_of(plan.depth_rule)[0], 1.0)
         return splat, float(np.dot(self.warp_ms, warp_terms(features, plan.warp_filter, plan.sheet_density)))
@@ -155,7 +169,7 @@ def warp_terms(features: Features, warp_filter: str, density: float) -> np.ndarr
 
 
 def default_classification() -> str:
-    """The classification that a tolerance is asked of by itself: the usual one, or the first that is calibrated."""
+    """The classification of a tolerance without a quality: the usual one, or the first that is calibrated."""
     calibrated = _calibration()
     return DEFAULT_CLASSIFICATION if DEFAULT_CLASSIFICATION in calibrated else next(iter(calibrated))
 

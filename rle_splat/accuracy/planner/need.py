@@ -1,7 +1,8 @@
 """Which classification a transfer function needs on a volume, in words (algorithm.md 1.10).
 
-Classifying voxels first and interpolating what they show, the paper's way, is right where the transfer function is a
-straight line between neighbouring values.  Where it is not, that blurs and dilates: here is by how much.
+Pre-classification, the paper's way, classifies voxels and interpolates the result.  That is exact where the transfer
+function is linear between the values of neighboring voxels.  Elsewhere it blurs and dilates; this module measures by
+how much.
 """
 
 from __future__ import annotations
@@ -13,43 +14,55 @@ import numpy as np
 from ...classify.classification import opacity_distance, optical_depth
 from .features import LEVELS
 
-PAIRS = 20_000  # of neighbouring voxels looked at, drawn at random
-BETWEEN = (np.arange(8) + 0.5) / 8.0  # places from one voxel to its neighbour
-QUANTILE = 0.99  # of the pairs between which anything is seen
-TOLERABLE = 2.0  # levels that pre may be off within one voxel, and still do
+PAIRS = 20_000  # of neighboring voxels, drawn at random
+BETWEEN = (np.arange(8) + 0.5) / 8.0  # sample positions from one voxel to its neighbor
+QUANTILE = 0.99  # of the pairs between which the medium is not transparent
+TOLERABLE = 2.0  # levels that pre may be off within one voxel
 
 
 @dataclass(frozen=True)
 class Need:
-    """``levels``: how far opacity that was interpolated is from the opacity of the interpolated value, within one voxel
-    of optical depth; nearly the largest.  ``classification``: the simplest that shows the transfer function as it is.
-    ``sentence``: for people."""
+    """The classification that a transfer function needs.
+
+    Attributes
+    ----------
+    levels : float
+        The difference of interpolated opacity from the opacity of the interpolated value, within one voxel's depth:
+        the quantile QUANTILE.
+    classification : str
+        The simplest one that shows the transfer function without that error.
+    sentence : str
+        For people.
+    """
 
     levels: float
     classification: str
     sentence: str
 
     def report(self) -> dict:
+        """JSON-ready."""
         return asdict(self)
 
 
 def need_of(volume, transfer_function, seed: int = 0) -> Need:
-    """The classification that the transfer function needs on this volume, from a sample of neighbouring voxels."""
+    """Find the classification that a transfer function needs on a volume, from a sample of neighboring voxels."""
     levels = _misstated(volume, transfer_function, np.random.default_rng(seed))
     if levels <= TOLERABLE:
         return Need(
             levels, "pre",
-            f"The transfer function is nearly straight between neighbouring voxels, within {levels:.2g} levels: any "
+            f"The transfer function is nearly linear between neighboring voxels, within {levels:.2g} levels: any "
             "classification shows it as it is.",
         )  # fmt: skip
     return Need(
         levels, "post",
-        f"The transfer function bends between neighbouring voxels by up to {levels:.0f} levels of opacity: pre, which "
-        "interpolates what was classified, blurs and dilates that much; post shows it as it is.",
+        "Between neighboring voxels the transfer function deviates from a straight line by up to "
+        f"{levels:.0f} levels of opacity: pre, which interpolates classified voxels, blurs and dilates that much; post "
+        "shows it as it is.",
     )  # fmt: skip
 
 
 def _misstated(volume, function, random) -> float:
+    """``Need.levels`` of a transfer function on a volume; ``random``: a Generator."""
     shape = np.array(volume.voxels.shape)
     axes = [axis for axis in range(3) if shape[axis] > 1]
     if not axes:

@@ -1,30 +1,51 @@
-"""Probe pixels of a scene and the truth there, looked up once for every picture of it that is judged."""
+"""Probe errors: the truth at pixels of a scene, and how far its pictures are from it there."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...effects.mesh_depth import mesh_depth
-from ...runtime.steps import Progress
+from ...runtime.steps import Progress, portion
 from ...scene import Quality, Scene, truth_of
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
 from ...view.ray_limits import box_depths
 from ..lighting import shading_of
-from ..measure import TOLERANCE
-from ..probes import choose_probes, judge, probe_errors
-from ..truths import truth
+from ..probes import TRUTH_TOLERANCE, choose_probes, error_summary, probe_errors
+from ..truths import truth, truth_steps
 
-DOUBTFUL_SHARE = 0.5  # as many probes more, of the ordinary ones, go to where the picture is doubtful
-FIRST_SHARE = 0.25  # of the probes are looked up first: a picture that fails at these needs no more
-PIXELS_FROM_MESHES = 6  # that the warp's filter and its prefilter may reach from a pixel whose ray ends at a mesh
-RAYS_AT_ONCE = 256  # of a truth: a tenth of a second or so between two looks at the user's Esc
+SUSPECT_SHARE = 0.5  # of the number of ordinary probes: probes more, where the error estimate is largest
+FIRST_SHARE = 0.25  # of the probes are integrated first: a picture that fails at these needs no others
+PIXELS_FROM_MESHES = 6  # the reach of the warp's filter and prefilter from a pixel whose ray ends at a mesh
+RAYS_AT_ONCE = 256  # of a truth: about a tenth of a second, after which the user may cancel
 
 
-class Judge:
-    """Probe pixels of a scene and their truth, each looked up once for all rounds.
+def true_pixel_steps(scene: Scene, name: str, columns, rows, begin: float, end: float):
+    """Integrate the truth ``name`` at pixels.  Generator of Progress from ``begin`` to ``end``.
 
-    ``columns``, ``rows``: (n,) ints, in the picture, of all that were looked up so far; ``errors_of`` goes with them.
+    ``columns``, ``rows``: (n,) float positions, pixel centers at + 0.5.  Returns (n, 4) float64.
+    """
+    steps = truth_steps(scene, name, columns, rows, TRUTH_TOLERANCE, **shading_of(scene, name))
+    return portion(steps, begin, end, f"Integrating the truth {name}")
+
+
+class ProbeErrors:
+    """Errors of one scene's pictures at probe pixels.  The truth of each probe is integrated once, for all pictures.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without the effects that are off.
+    quality : Quality
+        Its classification names the truth.
+    count : int
+        Ordinary probes, random and steep ones.
+    seed : int
+
+    Attributes
+    ----------
+    columns, rows : (n,) int64
+        All probes so far, in the picture.
     """
 
     def __init__(self, scene: Scene, quality: Quality, count: int, seed: int):
@@ -32,33 +53,45 @@ class Judge:
         self._count, self._seed = count, seed
         self._free = _free_of_meshes(scene, quality)
         self._shading = shading_of(scene, self._name)
-        self._waiting: list[tuple] | None = None  # ordinary probes that are still to be looked up
+        self._waiting: list[tuple] | None = None  # ordinary probes that are not integrated yet
         self._known = np.zeros(self._free.shape, bool)
         self._random = np.empty(0, bool)
         self.columns, self.rows, self._true = np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 4))
 
     @property
-    def doubtful(self) -> int:
-        """How many doubtful pixels to name."""
-        return int(DOUBTFUL_SHARE * self._count)
+    def suspect_count(self) -> int:
+        """The number of suspects that ``steps`` should be given."""
+        return int(SUSPECT_SHARE * self._count)
 
-    def steps(self, rgba, doubtful, tolerance: float, begin: float, end: float):
-        """Generator of Progress; returns what ``probes.judge`` says of a picture, None without a pixel to look at.
+    def steps(self, rgba, suspects, tolerance: float, begin: float, end: float):
+        """Measure a picture.  Generator of Progress from ``begin`` to ``end``.
 
-        ``doubtful``: columns and rows of pixels that it may get wrong.  A picture that errs more than the tolerance at
-        a part of the probes is judged by them.
+        A picture that errs more than the tolerance at the first part of the probes is not measured at the others.
+
+        Parameters
+        ----------
+        rgba : (H, W, 4) float32
+        suspects : tuple of (m,) int
+            Columns and rows of the pixels of the largest error estimates.
+        tolerance : float
+            Levels.
+
+        Returns
+        -------
+        dict or None
+            As ``probes.error_summary``; None where there is no pixel to measure.
         """
         if self._waiting is None:
             self._waiting = self._ordinary(rgba)
         parts = self._waiting
-        more = _spread(np.stack(doubtful)), np.zeros(len(doubtful[0]), bool)
+        more = _spread(np.stack(suspects)), np.zeros(len(suspects[0]), bool)
         while True:
             first = len(parts) > 1
             share = slice(0, len(more[1]) // 4) if first else slice(None)
-            places, random = parts[0] if parts else (np.empty((2, 0), np.int64), np.empty(0, bool))
-            places = np.concatenate((places, more[0][:, share]), axis=1)
+            pixels, random = parts[0] if parts else (np.empty((2, 0), np.int64), np.empty(0, bool))
+            pixels = np.concatenate((pixels, more[0][:, share]), axis=1)
             middle = begin + (end - begin) * (0.5 if first else 1.0)
-            yield from self._look_up(places, np.concatenate((random, more[1][share])), begin, middle)
+            yield from self._integrate(pixels, np.concatenate((random, more[1][share])), begin, middle)
             begin, parts = middle, parts[1:]
             self._waiting = parts
             if not len(self.columns):
@@ -67,25 +100,25 @@ class Judge:
             if not first or errors.max() > tolerance:
                 break
         order = np.argsort(~self._random, kind="stable")
-        return judge(errors[order], int(self._random.sum()), tolerance)
+        return error_summary(errors[order], int(self._random.sum()), tolerance)
 
     def errors_of(self, rgba) -> np.ndarray:
         """(n,) levels: the errors of a picture at all probes so far."""
         return probe_errors(rgba[self.rows, self.columns], self._true)
 
     def _ordinary(self, rgba) -> list[tuple]:
-        """Places (2, n) and which are random, of FIRST_SHARE of the probes and of the others."""
+        """Pixels (2, n) and which are random (n,) bool, of FIRST_SHARE of the probes and of the others."""
         probes = choose_probes(rgba, self._count, self._seed)
         random = np.arange(len(probes.columns)) < probes.random
-        # Both shares are like the whole: random ones from everywhere, and steep ones.
+        # Both parts hold random probes from everywhere, and steep ones.
         order = np.random.default_rng(self._seed).permutation(len(random))
-        places, random = np.stack((probes.columns, probes.rows))[:, order], random[order]
+        pixels, random = np.stack((probes.columns, probes.rows))[:, order], random[order]
         cut = int(np.ceil(FIRST_SHARE * len(random)))
-        return [(places[:, :cut], random[:cut]), (places[:, cut:], random[cut:])]
+        return [(pixels[:, :cut], random[:cut]), (pixels[:, cut:], random[cut:])]
 
-    def _look_up(self, places, random, begin: float, end: float):
-        """Generator of Progress: more probes, where no mesh has a part in them and none was before."""
-        columns, rows = places
+    def _integrate(self, pixels, random, begin: float, end: float):
+        """Generator of Progress: add probes (2, n), without those near meshes and those that are known."""
+        columns, rows = pixels
         new = self._free[rows, columns] & ~(self._known[rows, columns] & ~random)
         columns, rows, random = columns[new], rows[new], random[new]
         self._known[rows, columns] = True
@@ -94,19 +127,19 @@ class Judge:
         for first in range(0, len(columns), RAYS_AT_ONCE):
             yield Progress(begin + (end - begin) * first / len(columns), "Measuring the error at probe pixels")
             part = slice(first, first + RAYS_AT_ONCE)
-            centres = columns[part] + left + 0.5, rows[part] + top + 0.5
-            found.append(truth(self._scene, self._name, pixels=centres, tolerance=TOLERANCE, **self._shading)[0])
+            centers = columns[part] + left + 0.5, rows[part] + top + 0.5
+            found.append(truth(self._scene, self._name, pixels=centers, tolerance=TRUTH_TOLERANCE, **self._shading)[0])
         self.columns, self.rows = np.concatenate((self.columns, columns)), np.concatenate((self.rows, rows))
         self._random, self._true = np.concatenate((self._random, random)), np.concatenate(found)
 
 
-def _spread(places: np.ndarray) -> np.ndarray:
-    """Places (2, n) in an order of which every beginning is from everywhere."""
-    return places[:, np.random.default_rng(0).permutation(places.shape[1])]
+def _spread(pixels: np.ndarray) -> np.ndarray:
+    """Pixels (2, n) in random order, so that the first ones are from everywhere."""
+    return pixels[:, np.random.default_rng(0).permutation(pixels.shape[1])]
 
 
 def _free_of_meshes(scene: Scene, quality: Quality) -> np.ndarray:
-    """(H, W) bool: pixels whose picture no mesh has any part in."""
+    """(H, W) bool: pixels that no mesh changes."""
     left, top, right, bottom = scene.region
     if scene.triangles is None or len(scene.triangles) == 0:
         return np.ones((bottom - top, right - left), dtype=bool)

@@ -5,18 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.phantoms import blobs
 from rle_splat.accuracy.metrics import LEVEL
-from rle_splat.accuracy.phantoms import blobs
-from rle_splat.accuracy.planner import cost_of_accuracy
-from rle_splat.accuracy.planner.cost_of_accuracy import (
-    error_map_steps,
-    front,
-    same_plan,
-    sensible_plans,
-    steepest_window,
-    sweep_steps,
-    with_plan,
-)
+from rle_splat.accuracy.planner import measure_plans
+from rle_splat.accuracy.planner.error_map import error_map_steps
+from rle_splat.accuracy.planner.measure_plans import front, steepest_window, sweep_steps
+from rle_splat.accuracy.planner.plans import same_plan, sensible_plans, with_plan
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
@@ -65,7 +59,7 @@ def test_the_crop_is_where_the_picture_is_steepest():
     assert window.shape == (8, 8)
     assert window.rows.start <= 24 < 29 <= window.rows.stop and window.columns.start <= 32 < 37 <= window.columns.stop
     assert steepest_window(picture, 500).shape == (40, 60)
-    columns, rows = window.centres
+    columns, rows = window.centers
     assert (columns[0], rows[0]) == (window.columns.start + 0.5, window.rows.start + 0.5) and len(columns) == 64
 
 
@@ -125,7 +119,7 @@ def test_plans_for_tolerances_have_the_rays_that_keep_them(scene):
 
 def test_wishes_that_cost_too_much_are_said_and_not_measured(scene, monkeypatch):
     base = Quality(classification="pre", backend="numpy")
-    monkeypatch.setattr(cost_of_accuracy, "LONGEST", 0.0)
+    monkeypatch.setattr(measure_plans, "LONGEST", 0.0)
     report = drain(sweep_steps(scene, [base], base, probes=40, repeats=1, tolerances=(8.0, 1e-6))).report
     assert not any(entry["predicted"] for entry in report["plans"])
     assert any("for 8 levels (" in remark for remark in report["remarks"])

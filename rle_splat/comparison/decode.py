@@ -1,17 +1,29 @@
-"""The four tables back to a dense grid; decode(encode(v)) is v."""
+"""Decode run-length tables to a dense grid; decode(encode(v)) is v."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..encode.tables import RunLengthVolume
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from ..volume.axes import AXES
-from .tables import RunLengthVolume
 
 
 def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
-    """(n_slices, n_scanlines, width, 4) float32 voxel records, zero where transparent."""
+    """Decode to a dense grid.
+
+    Parameters
+    ----------
+    encoded : RunLengthVolume
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (n_slices, n_scanlines, width, 4) ndarray of float32
+        Voxel records; zero where transparent.
+    """
     dense = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width, 4), dtype=np.float32)
     records = encoded.decoded()
     if compiled(backend):
@@ -24,21 +36,15 @@ def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0)
     return dense
 
 
-def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:
-    """A (n_slices, n_scanlines, width, ...) grid of principal ``axis`` as a (nz, ny, nx, ...) view."""
-    along, across, principal = AXES[axis]
-    place = {principal: 0, across: 1, along: 2}  # volume axis (0 x, 1 y, 2 z) -> array axis that holds it
-    return dense.transpose(place[2], place[1], place[0], *range(3, dense.ndim))
-
-
 @kernel
 def _decode_scanlines(scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
-    """``dense`` (n_slices, n_scanlines, width, 4), zero on entry; the tables as in ``RunLengthVolume``, valid."""
+    """Write ``dense`` (n_slices, n_scanlines, width, 4) float32, zero on entry, from valid tables."""
     share_out(_decode_slices, dense.shape[0], (scanline_pointers, scanline_data_pointers, runs, voxel_data, dense))
 
 
 @kernel(inner=True)
 def _decode_slices(begin, end, scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
+    """``_decode_scanlines`` for slices [begin, end)."""
     width = dense.shape[2]
     for k in range(begin, end):
         for j in range(dense.shape[1]):
@@ -59,7 +65,7 @@ def _decode_slices(begin, end, scanline_pointers, scanline_data_pointers, runs, 
 
 
 def _visible_numpy(encoded: RunLengthVolume) -> np.ndarray:
-    """Twin: (n_slices, n_scanlines, width) bool, where a voxel is stored; the runs laid end to end tell."""
+    """(n_slices, n_scanlines, width) bool: where a voxel is stored; part of the reference implementation."""
     starts = encoded.scanline_pointers[encoded.scanline_pointers >= 0].astype(np.int64)
     bounds = np.append(starts, len(encoded.runs))
     in_line = np.arange(len(encoded.runs)) - np.repeat(starts, np.diff(bounds))

@@ -1,4 +1,4 @@
-"""The truth at some pixels: T1 of the medium, looked at only in the cells that the probes' rays cross."""
+"""The truth T1 of a medium at probe pixels, from the cells that their rays cross."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ _CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
 
 
 class SparseMedium(ClassifiedMedium):
-    """T1's medium, without a classified copy of the volume: extinction
-    and unshaded colour come from the transfer function's points at the corners asked for, shaded colours from
-    the medium that is being drawn."""
+    """T1's medium without a classified copy of the volume.
+
+    Extinction and unshaded color are computed from the transfer function's points at the corners of the cells that
+    rays cross.  Shaded colors are those of the medium that the systems draw.
+    """
 
     def __init__(self, medium: Medium):
         self._scene = medium.scene
@@ -32,7 +34,7 @@ class SparseMedium(ClassifiedMedium):
             self._colors, self._places = medium.colors, (z * self._shape[1] + y) * self._shape[0] + x
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
-        """(P, 3) low corners x, y, z -> (P, 8, 4): extinction * RGB, extinction at the eight corners."""
+        """(P, 8, 4) extinction * RGB and extinction at the corners of cells; ``cell`` (P, 3): low corners x, y, z."""
         at = cell[:, None, :] + _CORNERS
         inside = ((at >= 0) & (at < self._shape)).all(axis=-1)
         x, y, z = np.moveaxis(np.clip(at, 0, self._shape - 1), -1, 0)
@@ -47,7 +49,7 @@ class SparseMedium(ClassifiedMedium):
 
 
 def probe_truth(medium: Medium, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Columns and rows of about ``count`` random pixels, one in each cell of a grid, and their (N, 4) float64 truth."""
+    """Columns and rows of about ``count`` random pixels, one in each cell of a grid, and their truth (N, 4) float64."""
     scene = medium.scene
     columns, rows = stratified_pixels(scene.width, scene.height, count, seed)
     rays = camera_rays(scene.camera, scene.width, scene.height, columns + 0.5, rows + 0.5)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rays import Rays
+from rle_splat.accuracy.rays import Rays
 
 # The head phantom of Shepp and Logan in three dimensions, in a cube from -1 to 1: extinction, half axes along x, y,
 # z, centre, and degrees by which it is turned about z.  The insides add up: the brain is 1.0 - 0.8.
@@ -165,14 +165,6 @@ def radial_lambert(points, centre, to_light) -> tuple[np.ndarray, np.ndarray]:
     length = np.sqrt((outward**2).sum(axis=-1, keepdims=True))
     normal = np.divide(outward, length, out=np.zeros_like(outward), where=length > 0.0)
     return normal, np.abs(normal @ np.asarray(to_light, dtype=np.float64))
-
-
-def marschner_lobb(points, frequency: float = 6.0, contrast: float = 0.25) -> np.ndarray:
-    """G11: Marschner and Lobb's signal, 0 to 1, at (..., 3) points of the cube from -1 to 1; the customary grid is
-    40 samples a side, both ends included."""
-    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
-    wave = np.cos(2.0 * np.pi * frequency * np.cos(0.5 * np.pi * np.sqrt(x * x + y * y)))
-    return (1.0 - np.sin(0.5 * np.pi * z) + contrast * (1.0 + wave)) / (2.0 * (1.0 + contrast))
 
 
 def of_formula(fields, rays: Rays, near, far, tolerance: float = 1e-8) -> np.ndarray:

@@ -54,4 +54,12 @@ def blobs(shape_xyz, seed: int, count: int = 6, width=(2.0, 4.0)) -> np.ndarray:
     return _opacity(np.where(extinction > 1e-3, extinction, 0.0))
 
 
+def marschner_lobb(points, frequency: float = 6.0, contrast: float = 0.25) -> np.ndarray:
+    """G11: Marschner and Lobb's signal, 0 to 1, at (..., 3) points of the cube from -1 to 1; the customary grid is
+    40 samples a side, both ends included."""
+    x, y, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
+    wave = np.cos(2.0 * np.pi * frequency * np.cos(0.5 * np.pi * np.sqrt(x * x + y * y)))
+    return (1.0 - np.sin(0.5 * np.pi * z) + contrast * (1.0 + wave)) / (2.0 * (1.0 + contrast))
+
+
 FIELDS = {"smooth": smooth_shell, "thin": thin_shell, "binary": binary_shell}

@@ -1,0 +1,185 @@
+"""The jobs of this repository: "python3 dev.py JOB ARGUMENTS" runs "nox -s JOB -- ARGUMENTS" in .venvs/tools.
+
+No session has an environment of nox's own: devtools/environments.py makes those that a job needs, and says why.
+This file and what it imports run on any Python from 3.9 on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import nox
+
+from devtools import demo as demonstration
+from devtools import docs as documentation
+from devtools import fuzzing, mutations, real_blender, testing, uv
+from devtools import gallery as pictures
+from devtools.build import build as build_zips
+from devtools.environments import CORE, ensure, ensure_bench
+from devtools.places import ROOT, Failure, clean_environ, say
+from devtools.wheels import TAG_PATTERNS
+
+# nox reports each session after its end, but the last line of a test run is that of its totals.
+logging.getLogger("nox").setLevel(logging.WARNING)
+
+
+def job(function, name: str | None = None):
+    """Make a session of a function that takes a parser and the words after the job's name, and returns an exit code.
+
+    Its docstring is the line in the list of jobs.  A Failure ends it with its one sentence.
+    """
+    name = name or function.__name__
+
+    def session_function(session: nox.Session) -> None:
+        parser = argparse.ArgumentParser(prog=f"dev.py {name}", description=function.__doc__)
+        try:
+            code = function(parser, session.posargs)
+        except Failure as problem:
+            sys.exit(str(problem))
+        except KeyboardInterrupt:
+            say("Stopped; run the same command again to go on.")
+            code = 130
+        if code:
+            sys.exit(code)  # past nox, which knows no other code than 1
+
+    session_function.__doc__ = function.__doc__
+    return nox.session(session_function, python=False, name=name, default=False)
+
+
+def run(python: Path, *words: str) -> int:
+    """Run an environment's Python in the root of the clone; returns its exit code."""
+    return subprocess.run([str(python), *words], cwd=ROOT, env=clean_environ()).returncode
+
+
+@job
+def demo(parser, words) -> int:
+    """Splat a scan into a Blender scene, headless, and write the pictures to out/."""
+    parser.add_argument("volumes", nargs="*", metavar="VOLUME", help="files to show in place of the sample")
+    return demonstration.demo(parser.parse_args(words).volumes)
+
+
+@job
+def docs(parser, words) -> int:
+    """Build the documentation site in build/docs."""
+    parser.parse_args(words)
+    return documentation.docs()
+
+
+@job
+def gallery(parser, words) -> int:
+    """Make five scenes in Blender, headless, and write them with the times of their effects to out/gallery/."""
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these")
+    parser.add_argument("--size", default="960x720", metavar="WxH", help="pixels")
+    known = parser.parse_args(words)
+    return pictures.gallery(known.scenes, known.size)
+
+
+@job
+def test(parser, words) -> int:
+    """Run every test that this machine can run; other arguments go to pytest."""
+    parser.add_argument("--quick", action="store_true", help="leave out slow tests and all but one Blender")
+    parser.add_argument("--catalogue", action="store_true", help="run the hard cases alone; write their page")
+    parser.add_argument(
+        "--mutations", nargs="?", const="", metavar="NAME",
+        help="put naive forms in place of stable ones, all or those named so, and see that the tests notice",
+    )  # fmt: skip
+    parser.add_argument("--fuzz", type=float, metavar="SECONDS", help="run property-based tests with new seeds")
+    known, rest = parser.parse_known_args(words)
+    if known.mutations is not None:
+        return mutations.mutations(known.mutations)
+    if known.fuzz is not None:
+        return fuzzing.fuzz(known.fuzz, rest)
+    return testing.test_catalogue() if known.catalogue else testing.test(rest, quick=known.quick)
+
+
+def _part_of_test(name: str) -> None:
+    """Make a session of one part of the whole test run."""
+
+    def part(parser, words) -> int:
+        return testing.test_part(name, words)
+
+    part.__doc__ = f"Run one part of the tests: {name}; arguments go to pytest."
+    job(part, name=name)
+
+
+for _name in testing.parts():
+    _part_of_test(_name)
+
+
+def _benchmarks(*words: str) -> int:
+    """Run the benchmarks in their own environment; where that cannot be made, without VTK and matplotlib."""
+    try:
+        python = ensure_bench()
+    except Failure as problem:
+        say(f"{problem} Going on without VTK and without plots.")
+        python = ensure(CORE)
+    return run(python, "-m", "benchmarks", *words)
+
+
+@job
+def bench(parser, words) -> int:
+    """Measure; arguments go to the benchmarks."""
+    return _benchmarks(*words)
+
+
+@job
+def accuracy(parser, words) -> int:
+    """Measure what accuracy costs in time, for its page; arguments go to the benchmark."""
+    return _benchmarks("accuracy", *words)
+
+
+@job
+def calibrate(parser, words) -> int:
+    """Measure the planner's constants on scenes of formulas; arguments go to the benchmark."""
+    return _benchmarks("calibrate", *words)
+
+
+@job
+def reference(parser, words) -> int:
+    """Make reference pictures in a folder, or compare today's pictures with them."""
+    return run(ensure(CORE), "-m", "devtools.reference_pictures", *words)
+
+
+@job
+def build(parser, words) -> int:
+    """Make the extension zips in dist/."""
+    parser.add_argument("--platform", action="append", choices=list(TAG_PATTERNS), help="only this one")
+    build_zips(tuple(parser.parse_args(words).platform or TAG_PATTERNS))
+    return 0
+
+
+@job
+def lint(parser, words) -> int:
+    """Run ruff and the gates of the house (tests/unit/test_house.py); arguments go to ruff."""
+    python = ensure(CORE)
+    ruff = run(python, "-m", "ruff", "check", *words, ".")
+    say("The gates of the house:")
+    return max(ruff, run(python, "-m", "pytest", "-q", "tests/unit/test_house.py"))
+
+
+@job
+def blender(parser, words) -> int:
+    """Set up a real Blender executable for the tests (Debian, as root)."""
+    parser.add_argument("--test", action="store_true", help="run the whole of tests/blender inside it")
+    parser.add_argument(
+        "--photograph", type=Path, metavar="SCENARIO",
+        help="photograph its window as a scenario of tests/blender/window_driver.py says",
+    )  # fmt: skip
+    parser.add_argument("--size", default="1280x1600", metavar="WxH", help="of the photographed screen, in pixels")
+    known = parser.parse_args(words)
+    real_blender.set_up()
+    if known.photograph:
+        return testing.photograph(known.photograph, known.size)
+    return testing.test_real_blender() if known.test else 0
+
+
+@job
+def lock(parser, words) -> int:
+    """Resolve the pinned requirements anew (for maintainers)."""
+    parser.add_argument("sets", nargs="*", metavar="SET", help="only requirements/SET.in")
+    uv.lock(parser.parse_args(words).sets)
+    return 0

@@ -1,0 +1,72 @@
+"""Which scenes a tolerance can be kept for, and which an accuracy sweep can measure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...effects.analyse import analyse, called_for
+from ...effects.exposure import exposures
+from ...effects.mixing import is_mixed
+from ...effects.ray_mode import mode_quality
+from ...encode.store import StoredVolume
+from ...pipeline.shadows import shadow_count
+from ...scene import MODES, Quality, RleSplatError, Scene, truth_of
+from ..truths import check_shown
+from .candidates import check_plannable
+
+
+def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
+    """Raise RleSplatError where a picture of the scene, with the effects that are on, can keep no tolerance."""
+    check_plannable(quality)
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError(
+            "A tolerance needs the voxels, which a .rle file does not hold; give the volume it was encoded from, or "
+            "choose a quality."
+        )
+    scene = called_for(scene, analyse(scene, quality))
+    if scene.mode != MODES[0]:
+        raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
+    if is_mixed(scene):
+        raise RleSplatError(
+            "A tolerance is measured against a truth of one volume and one transfer function; choose a quality for "
+            "labels and channels."
+        )
+    if scene.mist is not None:
+        raise RleSplatError("A tolerance cannot be kept in mist, of which there is no truth; turn the mist off.")
+    if scene.transfer_function.gradient_opacity is not None:
+        raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, of which there is no truth.")
+    if shadow_count(scene):
+        raise RleSplatError(
+            "A tolerance can only be kept without shadows, because the truths have none; turn off shadows and ambient "
+            "occlusion, or choose a quality."
+        )
+    if len(exposures(scene)) > 1:
+        raise RleSplatError(
+            "A tolerance is of a sharp picture: turn off depth of field and motion blur, or choose a quality."
+        )
+
+
+def measurable_scene(scene: Scene, quality: Quality) -> Scene:
+    """Prepare a scene for an accuracy sweep or an error map.
+
+    Returns
+    -------
+    Scene
+        The whole frame, without the effects that are off.
+
+    Raises
+    ------
+    RleSplatError
+        Where the scene has no truth: without voxels, with meshes, shadows or mist.
+    """
+    if isinstance(scene.volume, StoredVolume):
+        raise RleSplatError(
+            "Accuracy needs the voxels, which a .rle file does not hold; give the volume it was encoded from."
+        )
+    scene = called_for(scene, analyse(scene, quality))
+    check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
+    if scene.triangles is not None and len(scene.triangles):
+        raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
+    if shadow_count(scene):
+        raise RleSplatError("Accuracy is measured without shadows; turn off shadows and ambient occlusion.")
+    return replace(scene, crop=None)

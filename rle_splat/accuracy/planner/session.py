@@ -1,0 +1,150 @@
+"""The set-up that all uses of the planner share: pilots, features, error estimates and speed of one scene.
+
+``tolerance`` chooses and renders one plan with it; ``measure_plans`` predicts the plans of several tolerances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...effects.analyse import analyse, called_for
+from ...pipeline.render import render_steps
+from ...pipeline.single_rays import can_trace
+from ...pipeline.stage_cache import StageCache
+from ...runtime.steps import Progress, mapped, portion
+from ...scene import Quality, Rendering, Scene
+from .choose import NEARLY_BEST, Choice, Speed, choose, choose_with_rays
+from .error_estimate import ErrorEstimate
+from .features import Features, features_of, pilots
+from .model import Model
+from .ray_cost import RayCost
+from .single_rays import ray_cost_steps, single_ray_steps
+
+TRACING = "Tracing single rays"
+
+
+@dataclass(eq=False)
+class PlannerSession:
+    """One scene, and what plans for it are chosen by.
+
+    Attributes
+    ----------
+    scene : Scene
+        As it was given.
+    shown : Scene
+        The scene without the effects that are off.
+    quality : Quality
+        What no plan decides, such as the classification, the record and the threads.
+    cache : StageCache
+    refuse_empty_view : bool
+        As ``render_steps`` takes it.
+    model : Model
+    features : Features
+    frames : list of (Quality, dict)
+        Plans that were rendered, each with the ``stages_ms`` of its report.  The very first picture also filled the
+        caches and is not among them.
+    estimate : ErrorEstimate or None
+        None where the scene or the classification has no single rays.
+    ray_cost : RayCost or None
+        Given with ``estimate``.
+    """
+
+    scene: Scene
+    shown: Scene
+    quality: Quality
+    cache: StageCache
+    refuse_empty_view: bool
+    model: Model
+    features: Features
+    frames: list
+    estimate: ErrorEstimate | None = None
+    ray_cost: RayCost | None = None
+
+    @property
+    def speed(self) -> Speed:
+        """The speed of this machine with this scene, from all frames so far."""
+        return Speed.of(self.model, self.features, self.frames)
+
+    def choose(
+        self, tolerance: float, correction: float = 1.0, slack: float = NEARLY_BEST, only: Quality | None = None
+    ) -> Choice:
+        """Choose the plan for a tolerance, with single rays where the scene has them.
+
+        Parameters
+        ----------
+        tolerance : float
+            Levels.
+        correction : float
+            As ``Model.errors`` takes it.
+        slack : float
+            As ``choose.choose`` takes it; it has no meaning with single rays.
+        only : Quality, optional
+            As ``choose.choose_with_rays`` takes it.
+        """
+        given = self.features, self.quality, tolerance, self.model
+        if self.estimate is None:
+            return choose(*given, self.speed, correction, slack)
+        return choose_with_rays(*given, self.estimate, self.ray_cost, self.speed, correction, only)
+
+    def picture_steps(self, plan: Quality, begin: float, end: float, message: str):
+        """Generator of Progress from ``begin`` to ``end``: render a plan's sheets; returns the Rendering."""
+        return picture_steps(self.scene, plan, self.cache, begin, end, message, self.refuse_empty_view)
+
+    def traced_steps(self, columns, rows, slabs: int, plan: Quality, begin: float, end: float):
+        """Generator of Progress from ``begin`` to ``end``: trace pixels of a plan's picture by single rays.
+
+        Returns premultiplied rgba (n, 4) float32 and the milliseconds that the rays took.
+        """
+        quality = replace(self.quality, termination=plan.termination)
+        steps = single_ray_steps(self.shown, quality, columns, rows, slabs, self.cache)
+        return portion(steps, begin, end, TRACING)
+
+    def ray_pixels(self, choice: Choice, correction: float = 1.0) -> np.ndarray:
+        """(H, W) bool: pixels that the choice has traced, because its sheets and warp would err too much there."""
+        return self.estimate.levels(self.model, choice.plan, correction) > choice.allowed
+
+
+def picture_steps(
+    scene: Scene, plan: Quality, cache: StageCache, begin: float, end: float, message: str,
+    refuse_empty_view: bool = True,
+):  # fmt: skip
+    """Generator of Progress from ``begin`` to ``end``: render a plan; returns the Rendering.
+
+    ``message`` stands in place of the pipeline's own messages, except where kernels are compiled.
+    """
+
+    def told(step: Progress) -> Progress:
+        fraction = begin + (end - begin) * step.fraction
+        return Progress(fraction, step.message if "kernels" in step.message else message)
+
+    return mapped(render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view), told)
+
+
+def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float, refuse_empty_view: bool = True):
+    """Render the pilots of a scene and set up a session.
+
+    Generator of Progress from 0 to ``end``; returns the PlannerSession.  Raises RleSplatError where the classification
+    has no calibrated model.
+    """
+    model = Model.of(quality.classification)
+    plans, drawn, frames = pilots(quality), {}, []
+    for number, (name, plan) in enumerate(plans.items()):
+        part = end * number / len(plans), end * (number + 1) / len(plans)
+        drawn[name] = yield from picture_steps(scene, plan, cache, *part, "Looking at the scene", refuse_empty_view)
+        frames.append((plan, drawn[name].report["stages_ms"]))
+    features, shown = features_of(scene, quality, drawn), called_for(scene, analyse(scene, quality))
+    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, frames[1:])
+    if can_trace(shown, quality):
+        session.estimate = ErrorEstimate.of(drawn)
+        steps = ray_cost_steps(shown, quality, session.estimate, cache)
+        session.ray_cost = yield from portion(steps, end, end, TRACING)
+    return session
+
+
+def with_pixels(rendering: Rendering, columns, rows, values) -> Rendering:
+    """The rendering with other ``values`` (n, 4) at some pixels."""
+    rgba = rendering.rgba.copy()
+    rgba[rows, columns] = values
+    return replace(rendering, rgba=rgba)

@@ -1,0 +1,73 @@
+"""Pixels of a finished picture by single rays, where its sheets and warp would break the tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...pipeline.scalar_source import ScalarSource
+from ...pipeline.single_rays import trace_steps
+from ...pipeline.source import Work
+from ...pipeline.stage_cache import StageCache
+from ...runtime.jit import compiled
+from ...runtime.steps import Clock, mapped, timed
+from ...scene import Quality, Scene
+from ...view.eye import index_view
+from .error_estimate import ErrorEstimate
+from .features import LEVELS
+from .ray_cost import RayCost
+
+# RayCost is measured with rays at the pixels of the largest estimate and at random ones, each traced with FEW_SLABS
+# slabs to a voxel's depth and with twice as many.
+LARGEST_RAYS, RANDOM_RAYS, FEW_SLABS = 256, 1024, 4
+COST_TERMINATION = 1 / 16384
+
+
+def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, cache: StageCache):
+    """Trace single rays through pixels of a picture.  Generator of the fraction done.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without the effects that are off.
+    quality : Quality
+    columns, rows : (n,) int
+        Pixels of the picture.
+    slabs : int
+        The least number of slabs that a voxel's depth is cut into.
+    cache : StageCache
+        The one that the picture was made with; its tables are used again.
+
+    Returns
+    -------
+    rgba : (n, 4) float32
+        Premultiplied, scene-linear.
+    spent : float
+        Milliseconds that the rays took, without their tables.
+    """
+    quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
+    view, job, clock = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job(), Clock()
+    medium = yield from mapped(ScalarSource(scene, quality).medium_steps(Work(job, Clock())), lambda step: 0.0)
+    rgba = yield from timed(trace_steps(scene, view, medium, columns, rows, slabs), clock, "rays")
+    job.keep()
+    return rgba, clock.stages["rays"]
+
+
+def with_rays(stages_ms: dict, spent: float) -> dict:
+    """Add the ``spent`` milliseconds of single rays to a report's ``stages_ms``."""
+    return {**stages_ms, "rays": stages_ms["rays"] + spent, "total": stages_ms["total"] + spent}
+
+
+def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cache: StageCache):
+    """Measure the RayCost of a scene at some of its pixels.  Generator of the fraction done; returns the RayCost."""
+    quality = replace(quality, termination=COST_TERMINATION)
+    largest, anywhere = estimate.largest(LARGEST_RAYS), estimate.anywhere(RANDOM_RAYS)
+    found, spent = [], []
+    for pixels in (largest, anywhere):  # the first of these may have to load the kernel, so its time does not count
+        for slabs in (FEW_SLABS, 2 * FEW_SLABS):
+            rgba, took = yield from single_ray_steps(scene, quality, *pixels, slabs, cache)
+            found.append(rgba)
+            spent.append(took)
+    differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (found[:2], found[2:]))
+    return RayCost.of(FEW_SLABS, LEVELS * differs, spent[2:], len(anywhere[0]))

@@ -1,0 +1,116 @@
+"""Appearance of labels: hidden, in one color, by a preset or by a transfer function."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..scene import Labels, RleSplatError, as_float, from_mapping, read_json
+from .presets import fit_preset, preset
+from .transfer_function import TransferFunction
+
+
+@dataclass(frozen=True)
+class LabelStyle:
+    """Appearance of one label.
+
+    Parameters
+    ----------
+    label : int
+    name : str
+        Name for display.
+    hidden : bool
+        Whether voxels of the label are transparent.
+    color : (3,) sequence of float or None
+        Scene-linear RGB that replaces the colors of the transfer function.
+    preset : str or None
+        Preset that is fitted to the volume and replaces its transfer function.
+    transfer_function : TransferFunction, dict or None
+        Transfer function that replaces the volume's.
+
+    Raises
+    ------
+    RleSplatError
+        If a value is of the wrong type or range, or both a preset and a transfer function are given.
+    """
+
+    label: int
+    name: str = ""
+    hidden: bool = False
+    color: tuple | None = None
+    preset: str | None = None
+    transfer_function: TransferFunction | None = None
+
+    def __post_init__(self):
+        what = f"Label {self.label!r}"
+        if isinstance(self.label, bool) or not isinstance(self.label, int):
+            raise RleSplatError(f"A label must be a whole number, not {self.label!r}.")
+        if not (isinstance(self.name, str) and isinstance(self.hidden, bool)):
+            raise RleSplatError(f"{what}: name must be text, and hidden must be true or false.")
+        if self.color is not None:
+            color = tuple(map(as_float, self.color)) if isinstance(self.color, (list, tuple)) else ()
+            if len(color) != 3 or not all(0.0 <= c < float("inf") for c in color):
+                raise RleSplatError(f"{what}: color must be three finite numbers, none below zero.")
+            object.__setattr__(self, "color", color)
+        if self.preset is not None and self.transfer_function is not None:
+            raise RleSplatError(f"{what} has a preset and a transfer function; give only one of them.")
+        if self.preset is not None:
+            preset(self.preset)
+        if isinstance(self.transfer_function, dict):
+            object.__setattr__(self, "transfer_function", TransferFunction.from_json(self.transfer_function))
+
+    def function(self, volume, own: TransferFunction) -> TransferFunction | None:
+        """Transfer function of the label on ``volume``, whose own is ``own``; None if the label is hidden."""
+        if self.hidden:
+            return None
+        found = self.transfer_function or own
+        if self.preset is not None:
+            found = fit_preset(self.preset, volume)[0]
+        return found if self.color is None else replace(found, color=((0.0, *self.color),))
+
+
+def read_label_styles(path) -> tuple[LabelStyle, ...]:
+    """Read the appearance of labels from a JSON file.
+
+    Parameters
+    ----------
+    path : str or Path
+        File with a list of objects; their keys are the parameters of LabelStyle.
+
+    Returns
+    -------
+    tuple of LabelStyle
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read or names a label twice.
+    """
+    entries = read_json(path, "the label file")
+    if not isinstance(entries, list):
+        raise RleSplatError(f"The label file {path} must hold a list of labels, one object for each.")
+    found = tuple(from_mapping(LabelStyle, entry, "A label of the label file") for entry in entries)
+    if len({style.label for style in found}) < len(found):
+        raise RleSplatError(f"The label file {path} lists a label twice; list each label once.")
+    return found
+
+
+def labels_of(label_volume, styles, volume, own: TransferFunction) -> Labels:
+    """Make the Labels of a scene.
+
+    Parameters
+    ----------
+    label_volume : Volume
+        Labels as integers, on the grid of ``volume``.
+    styles : sequence of LabelStyle
+        A label that has only a name uses the volume's transfer function.
+    volume : Volume
+    own : TransferFunction
+        The volume's transfer function.
+
+    Returns
+    -------
+    Labels
+    """
+    changed = {style.label: style.function(volume, own) for style in styles}
+    functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}
+    return Labels(label_volume, functions, {style.label: style.name for style in styles if style.name})

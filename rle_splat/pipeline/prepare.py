@@ -1,0 +1,200 @@
+"""Compile kernels ahead: render tiny synthetic scenes whose kernels are those of default pictures.
+
+A kernel is compiled once for each combination of argument types, when a picture first calls it, and kept on disk
+(``runtime/kernel_cache``).  Which types a picture has follows from the voxels' type, the classification, the quality,
+the lights, the projection and the principal axis, not from any size.  So a volume of 64 voxels a side calls for the
+same kernels as a scan does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from ..classify.default import default_transfer_function
+from ..classify.transfer_function import Shade
+from ..runtime import jit
+from ..runtime.steps import Progress, part
+from ..scene import Light, Quality, RleSplatError, Scene
+from ..view.turntable import turntable
+from ..volume.volume import Volume
+from .previews import progressive_steps
+from .render import render_steps
+from .stage_cache import StageCache
+
+SIDE = 64  # voxels: fewer have no previews (``previews.preview_levels``)
+WIDTH, HEIGHT = 32, 24  # pixels
+# The stored types of most scans: CT is int16 or uint16, converted scans and phantoms are uint8, VDB grids float32.
+STORED_TYPES = ("uint8", "int16", "uint16", "float32")
+NOT_KEPT = (
+    "Kernels cannot be prepared, since compiled ones cannot be kept: RLE_SPLAT_CACHE has to name a folder that can be "
+    "written to, and numba has to be of the version that RLE Splat is made for."
+)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One synthetic picture, made once for each stored type.
+
+    ``first``, ``more``: seconds that its kernels took to compile in an empty cache, for the first type and for each
+    other, of one core's time; the fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
+    """
+
+    name: str
+    first: float
+    more: float
+    quality: str = "standard"
+    classification: str = "post"
+    scene: str = "headlight"
+    azimuth: float = 0.0
+    perspective: bool = False
+    previews: bool = False
+    types: tuple[str, ...] = STORED_TYPES
+
+    def seconds(self, stored: str) -> float:
+        return self.first if stored == self.types[0] else self.more
+
+
+# In the order in which users need them.  Sideways: the voxels' x is the principal axis, whose runs lie across rows.
+PICTURES = (
+    Picture("orthographic", 7.0, 3.8),
+    Picture("perspective", 1.0, 0.0, perspective=True),
+    Picture("sideways", 1.3, 0.0, azimuth=90.0),
+    Picture("lights", 2.4, 0.0, scene="lights", perspective=True),
+    Picture("lights and meshes", 7.3, 2.1, scene="meshes", perspective=True),
+    Picture("previews", 5.8, 0.9, scene="meshes", perspective=True, previews=True),
+    Picture("matt", 2.6, 0.0, scene="matt lights", perspective=True, types=("float32",)),
+    Picture("matt among meshes", 2.6, 0.0, scene="matt meshes", perspective=True, types=("float32",)),
+    Picture("colored lights", 2.5, 2.4, scene="colored lights", perspective=True),
+    Picture("colored lights and meshes", 2.5, 2.3, scene="colored meshes", perspective=True),
+    Picture("draft", 0.5, 0.0, quality="draft"),
+    Picture("pre-classified, orthographic", 2.4, 0.6, classification="pre"),
+    Picture("pre-classified, perspective", 0.7, 0.5, classification="pre", perspective=True),
+    Picture("pre-classified, sideways", 0.1, 0.0, classification="pre", azimuth=90.0),
+    Picture("pre-classified, draft", 0.1, 0.0, quality="draft", classification="pre"),
+)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One picture's part of a preparation: how long it took, and the kernels that were new on disk after it, one that
+    was compiled for several combinations of argument types as often."""
+
+    picture: str
+    seconds: float
+    kernels: tuple[str, ...]
+
+
+def prepare_steps():
+    """Compile what default pictures need and is not on disk yet.
+
+    Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
+
+    - post-classified at the quality "standard": by the headlight; by lamps, white or colored, with shadows and the
+      world's light, without and with meshes that hide the volume; with progressive previews.  Of float32, which VDB
+      grids of smoke are, without a highlight too.
+    - post-classified at "draft", and pre-classified at "standard" and "draft": by the headlight.
+
+    Not covered, and compiled when a picture first needs them: other stored types; other types
+    without a highlight, and unshaded ones; the classification "refined"; the qualities "fine", "strict" and "paper"
+    and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient occlusion;
+    modes other than "composite"; ``.rle`` files.
+
+    Yields
+    ------
+    Progress
+        The fraction is a share of the time that an empty cache takes.
+
+    Returns
+    -------
+    list of Prepared
+        One entry for each picture and stored type.
+
+    Raises
+    ------
+    RleSplatError
+        Where numba cannot be loaded, or no kernel can be kept on disk.
+    """
+    if jit.compiled("numba") and not _can_be_kept():
+        raise RleSplatError(NOT_KEPT)
+    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in picture.types)
+    done, prepared = 0.0, []
+    for picture in PICTURES:
+        for stored in picture.types:
+            name = f"{picture.name}, {stored}"
+            began, before = perf_counter(), _on_disk()
+            start, done = done, done + picture.seconds(stored)
+            yield from part(_picture_steps(picture, stored), start / whole, done / whole, f"Preparing kernels: {name}")
+            new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
+            prepared.append(Prepared(name, perf_counter() - began, tuple(new)))
+    _mark().touch()
+    yield Progress(1.0, "Done")
+    return prepared
+
+
+def is_needed() -> bool:
+    """Whether kernels are kept on disk, and ``prepare_steps`` has not yet run to its end for those of these sources,
+    under the name that this package has."""
+    return jit.compiled() and _can_be_kept() and not _mark().is_file()
+
+
+def _can_be_kept() -> bool:
+    return jit.KERNELS.parent.is_dir()
+
+
+def _mark() -> Path:
+    """The empty file that says that it has.  Kernels are kept under the name of their module, see ``kernel_cache``."""
+    return jit.KERNELS / f"{__name__}.done"
+
+
+def _on_disk() -> set[Path]:
+    """Files of compiled kernels, one for each combination of argument types."""
+    return set(jit.KERNELS.rglob("*.nbc"))
+
+
+def _picture_steps(picture: Picture, stored: str):
+    """Generator of Progress: one synthetic picture, on one thread, its previews left out."""
+    quality = Quality.preset(picture.quality, classification=picture.classification, backend="numba", threads=1)
+    scene = _scene(picture, _ball(stored))
+    if picture.previews:
+        steps = progressive_steps(scene, quality, StageCache(), every=True)
+    else:
+        steps = render_steps(scene, quality)
+    return (step for step in steps if isinstance(step, Progress))
+
+
+def _ball(stored: str) -> Volume:
+    """A soft ball, read-only as ``read_volume`` maps a file."""
+    z, y, x = np.mgrid[:SIDE, :SIDE, :SIDE] - 0.5 * (SIDE - 1)
+    distance = np.sqrt(x * x + y * y + z * z) / (0.5 * SIDE)
+    voxels = (250.0 * np.clip(1.2 - distance, 0.0, 1.0)).astype(stored)
+    voxels.flags.writeable = False
+    return Volume(voxels, np.eye(4))
+
+
+def _scene(picture: Picture, volume: Volume) -> Scene:
+    """The ball before a turntable's camera.
+
+    By the headlight, or as the words of ``picture.scene`` say: "lights", a lamp that casts shadows and the world's
+    light; "colored" ones; "meshes", with these lights and a triangle that cuts the ball; "matt", without a highlight.
+    """
+    words = picture.scene.split()
+    camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
+    function, _ = default_transfer_function(volume)
+    if "matt" in words:
+        function = replace(function, shade=Shade(specular=0.0))
+    scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
+    if "headlight" in words:
+        return scene
+    beside = np.eye(4)
+    beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
+    color = (1.0, 0.5, 0.25) if "colored" in words else (1.0, 1.0, 1.0)
+    lamp = Light("POINT", color, float(SIDE**3), beside, radius=1.0)
+    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
+    if "meshes" not in words:
+        return scene
+    corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
+    return replace(scene, triangles=corners)

@@ -1,0 +1,127 @@
+"""``rle-splat prepare``: after it a default picture compiles nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rle_splat.pipeline import prepare
+from rle_splat.runtime import jit
+from rle_splat.runtime.steps import Progress, drain
+from rle_splat.scene import RleSplatError
+
+ROOT = Path(__file__).resolve().parents[2]
+needs_numba = pytest.mark.skipif(not jit.compiled(), reason="nothing is compiled without numba")
+RENDERS = """
+import json, sys
+from rle_splat.cli.main import main
+for words in json.load(sys.stdin):
+    assert main(words) == 0, words
+"""
+
+
+@pytest.fixture
+def environ(tmp_path):
+    """Of a process whose kernels are in a folder of their own, empty at first."""
+    own = {name: value for name, value in os.environ.items() if name != jit.NUMBA_VARIABLE}
+    return {**own, jit.CACHE_VARIABLE: str(tmp_path / "kernels")}
+
+
+def run(environ, *words, given=None):
+    done = subprocess.run(
+        [sys.executable, *words], cwd=ROOT, env=environ, input=given, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def scan(folder, stored: str, side: int) -> list[str]:
+    """A raw volume of so many voxels a side, as the words that render it."""
+    x = np.linspace(0.0, 250.0, side)
+    path = folder / f"{stored}.raw"
+    np.minimum(np.minimum(x[:, None, None], x[:, None]), x).astype(stored).tofile(path)
+    return ["render", str(path), "--shape", *3 * [str(side)], "--dtype", stored, "-o", str(folder / "p.npy")]
+
+
+@needs_numba
+@pytest.mark.slow
+def test_after_it_default_pictures_compile_nothing(environ, tmp_path):
+    """Neither the first one ever, of a scan of the usual size, nor those of other types, views, lights and qualities.
+
+    No file in the folder of kernels is new or written anew.
+    """
+    kept, report = tmp_path / "kernels", tmp_path / "report.json"
+    said = run(environ, "-m", "rle_splat", "prepare", "--json", str(report))
+    assert said.splitlines()[-1].startswith("Compiled ") and str(kept) in said
+    told = json.loads(report.read_text())
+    files = {path: path.stat().st_mtime_ns for path in kept.rglob("*") if path.is_file()}
+    names = [path.name.partition("-")[0] for path in files if path.suffix == ".nbc"]
+    assert sorted(name for picture in told["pictures"] for name in picture["kernels"]) == sorted(names)
+    assert told["new"] == len(names) and told["seconds"] > sum(picture["seconds"] for picture in told["pictures"]) > 0
+
+    lights = tmp_path / "lights.json"
+    lights.write_text(json.dumps([{"type": "POINT", "energy": 1e7, "matrix_world": np.eye(4).tolist()}]))
+    colored = tmp_path / "colored.json"
+    colored.write_text(json.dumps([{"type": "SUN", "color": [1, 0.5, 0]}, {"type": "POINT", "energy": 1e7}]))
+    run(environ, "-m", "rle_splat", *scan(tmp_path, "uint8", 256))
+    looks = (
+        [], ["--perspective"], ["--azimuth", "90"], ["--elevation", "80"], ["--azimuth", "30", "--elevation", "20"],
+        ["--lights", str(lights), "--perspective"], ["--lights", str(lights), "--shadows"],
+        ["--lights", str(colored), "--shadows"],
+    )  # fmt: skip
+    modes = ([], ["--quality", "draft"], ["--classification", "pre"], ["--classification", "pre", "--quality", "draft"])
+    scans = [[*scan(tmp_path, stored, 80), "--size", "64"] for stored in prepare.STORED_TYPES]
+    renders = [[*words, *look, *mode] for words in scans for look in looks for mode in modes]
+    run(environ, "-c", RENDERS, given=json.dumps(renders))
+    assert {path: path.stat().st_mtime_ns for path in kept.rglob("*") if path.is_file()} == files
+
+    said = run(environ, "-m", "rle_splat", "prepare")
+    assert said.count("\n") == 1 and said.startswith("Nothing to do") and str(kept) in said
+
+
+def test_without_numba_one_sentence_says_so(environ):
+    done = subprocess.run(
+        [sys.executable, "-m", "rle_splat", "prepare"], cwd=ROOT, env={**environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.count("\n") == 1 and "numba cannot be loaded" in done.stderr
+
+
+@pytest.fixture
+def one_picture(monkeypatch, tmp_path):
+    """Of one picture and type, with the mark in an empty folder; the kernels themselves are where they always are."""
+    monkeypatch.setattr(prepare, "PICTURES", (replace(prepare.PICTURES[0], types=("uint8",)),))
+    monkeypatch.setattr(jit, "KERNELS", tmp_path / "kernels")
+    (tmp_path / "kernels").mkdir()
+
+
+@needs_numba
+def test_a_preparation_is_marked_when_it_is_done(one_picture):
+    steps = prepare.prepare_steps()
+    said = []
+    with pytest.raises(StopIteration) as done:
+        while True:
+            assert prepare.is_needed()
+            said.append(next(steps))
+            if said[-1].fraction == 1.0 and said[-1].message == "Done":
+                assert not prepare.is_needed()
+                next(steps)
+    assert [step.fraction for step in said] == sorted(step.fraction for step in said)
+    assert all(isinstance(step, Progress) for step in said)
+    assert [one.picture for one in done.value.value] == ["orthographic, uint8"]
+
+
+@needs_numba
+def test_where_no_kernel_can_be_kept_none_is_prepared(monkeypatch):
+    monkeypatch.setattr(jit, "KERNELS", Path(os.devnull, "kernels"))
+    assert not prepare.is_needed()
+    with pytest.raises(RleSplatError, match="cannot be kept"):
+        drain(prepare.prepare_steps())
