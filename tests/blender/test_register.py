@@ -15,8 +15,9 @@ OPERATORS = {
     "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
-    "accuracy", "channels", "clip_objects", "effects", "labels", "picture", "quality", "render", "render_accuracy",
-    "render_effects", "render_quality", "render_report", "report", "shading", "transfer", "volume",
+    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "quality", "render",
+    "render_accuracy", "render_advanced", "render_effects", "render_quality", "render_report", "report", "shading",
+    "transfer", "volume",
 }  # fmt: skip
 MENUS = {"presets", "windows"}
 # Property groups, whose names no user and no script sees.
