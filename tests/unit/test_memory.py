@@ -33,12 +33,21 @@ ROOT = Path(__file__).resolve().parents[2]
 QUALITY = Quality.preset("draft", classification="pre")
 FUNCTION = TransferFunction(opacity=((80, 0.0), (120, 0.3)), color=((80, 1.0, 0.3, 0.1), (250, 0.9, 0.9, 0.8)))
 GIB = 1 << 30
+# Of scalars: what is shown is a range of values, and most of what is in runs of several voxels.
+POST = Quality(classification="post", depth_rule="slice", sheet_density=0.7, warp_filter="bilinear", rays=0.05)
+BANDED = replace(FUNCTION, opacity=((80, 0.0), (120, 0.3), (150, 0.3), (170, 0.0)))
 
 
 def noise(n=96, dtype=np.uint8, share=0.4):
     """Voxels of which about ``share`` are shown by FUNCTION, in runs of a few voxels."""
     values = np.random.default_rng(5).random((n, n, n // 4))
     return Volume(np.repeat(np.where(values < share, 200, 10), 4, axis=2).astype(dtype), np.eye(4))
+
+
+def blobs(n=96, dtype=np.uint8):
+    """Voxels of which BANDED shows blobs of 4 x 4 x 8, so that cells are kept in runs."""
+    values = np.random.default_rng(5).random((n // 4, n // 4, n // 8)) < 0.04
+    return Volume(np.kron(np.where(values, 130, 10), np.ones((4, 4, 8))).astype(dtype), np.eye(4))
 
 
 def scene_of(volume, size=64, function=FUNCTION, headlight=True):
@@ -172,6 +181,21 @@ def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
     assert 0.9 * peak <= needed <= 2.0 * peak  # writing a file, which is in it too, is not done here
 
 
+@pytest.mark.parametrize(
+    ("dtype", "size", "headlight"),
+    ((np.uint8, 160, True), (np.uint8, 160, False), (np.float32, 160, False), (np.float64, 160, False),
+     (np.uint8, 700, True)),
+)  # fmt: skip
+def test_the_estimate_of_a_picture_of_scalars_covers_what_it_takes(dtype, size, headlight):
+    scene = scene_of(blobs(160, dtype), size, BANDED, headlight)
+    render(scene, POST)  # whatever is made once
+    rendering, peak = traced(lambda: render(scene, POST))
+    needed = rendering.report["memory_estimate_bytes"]["needed"]
+    assert rendering.report["volume"]["visible_voxels"] > 400_000
+    # Writing a file, which is in it too, is not done here.
+    assert 0.9 * peak <= needed <= 2.4 * peak, (needed, peak)
+
+
 @pytest.mark.parametrize("n, size", ((16, 64), (32, 256)))
 def test_the_estimate_covers_what_single_rays_take(n, size):
     """Of a small picture they take most: so many are followed at a time."""
@@ -291,7 +315,8 @@ def test_the_voxels_are_hashed_once():
 
 def short_of_memory(monkeypatch, free):
     """As if there were ``free`` bytes; and work on few voxels at a time, as large volumes have it."""
-    monkeypatch.setattr("rle_splat.encode.sizes.VOXELS_AT_ONCE", 1000)
+    # By the table of modules: the name rle_splat.encode is the facade's function.
+    monkeypatch.setattr(sys.modules["rle_splat.encode.sizes"], "VOXELS_AT_ONCE", 1000)
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: free)
 
@@ -343,6 +368,46 @@ def test_too_little_memory_is_refused_with_what_would_fit(share, axes, words, mo
     sentence, peak = traced(refused)
     assert words in sentence and sentence.endswith(".") and sentence.count(". ") == 0, sentence
     assert peak < 0.2 * needed  # nothing was taken yet
+
+
+def test_too_little_memory_for_scalars_is_refused_before_it_is_taken(monkeypatch):
+    scene = scene_of(blobs(), function=BANDED)
+    render(scene, POST)  # whatever is made once
+    short_of_memory(monkeypatch, 2 << 20)
+
+    def refused():
+        with pytest.raises(RleSplatError, match="are free") as problem:
+            render(scene, POST)
+        return str(problem.value)
+
+    sentence, peak = traced(refused)
+    assert sentence.endswith(".") and sentence.count(". ") == 0 and peak < 3 << 20
+
+
+def counted_in_rows(volume, shown):
+    """As if each row of voxels showed so many, in pieces of five."""
+    counts = np.full(volume.shape_xyz[1] * volume.shape_xyz[2], shown)
+    return counts, counts // 5
+
+
+@pytest.mark.parametrize("share, words", ((0.6, "their neighbours counted, would fit"), (0.001, "crop or downsample")))
+def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
+    """There are no voxel records to make smaller; what a narrower function leaves is counted in scalars."""
+    volume = blobs()
+    wanted = estimate.scalar_estimate(volume, counted_in_rows(volume, 48), axes=3, picture=1000)
+    assert wanted.with_record(4) == wanted
+    monkeypatch.setattr("rle_splat.pipeline.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
+    with pytest.raises(RleSplatError, match=words) as problem:
+        estimate.refuse_too_much(wanted)
+    assert "record" not in str(problem.value) and "shown, and their neighbours, need" in str(problem.value)
+
+
+def test_the_estimate_of_scalars_counts_voxels_and_axes():
+    volume = blobs()
+    counted = counted_in_rows(volume, 10)
+    one, three = (estimate.scalar_estimate(volume, counted, axes=axes) for axes in (1, 3))
+    assert one.visible_voxels == 10 * 96 * 96 and one.records == 5 * one.visible_voxels  # a value and its light
+    assert three.records == 3 * one.records and one.needed < three.needed and one.volume == volume.voxels.nbytes
 
 
 def test_what_is_said_to_fit_fits(monkeypatch):
