@@ -10,6 +10,7 @@ from . import (
     editing,
     effects,
     engine,
+    kernels,
     paper,
     presets,
     records,
@@ -24,7 +25,7 @@ BENCHMARKS = {
     "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
-    "effects": effects.main, "presets": presets.main,
+    "effects": effects.main, "presets": presets.main, "kernels": kernels.main,
 }  # fmt: skip
 
 

@@ -114,7 +114,7 @@ def add_light(name: str, kind: str, energy: float, spot: Vector, target: Vector,
 
 def build_set(low: Vector, high: Vector, title: str) -> None:
     """A pedestal whose stem holds the scan from inside, a ring around it, an electrode into it, a title; floor,
-    lights and a camera.  Every length is a part of the scan's, so that millimetres and a cloud look alike."""
+    lights and a camera.  Every length is a part of the scan's, so that millimeters and a cloud look alike."""
     size = max(high - low)
     middle = (low + high) / 2
     stone = material("Stone", (0.035, 0.045, 0.06), roughness=0.28)
@@ -201,7 +201,7 @@ def render_settings(scene) -> None:
     scene.cycles.use_denoising = bool(getattr(bpy.app.build_options, "openimagedenoise", True))
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     scene.render.resolution_percentage = 100
-    scene.view_settings.view_transform = "Standard"  # the default, AgX, would change the colours of the scan
+    scene.view_settings.view_transform = "Standard"  # the default, AgX, would change the colors of the scan
     scene.render.image_settings.file_format = "PNG"
     scene.render.image_settings.color_mode = "RGBA"
     if hasattr(scene.render, "compositor_device"):

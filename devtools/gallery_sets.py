@@ -114,7 +114,7 @@ def _bend_plate(volume_object, middle, toward, coat, screw_coat) -> None:
     """A strip with screws, bent to the outermost bone that lies ``toward`` from the middle."""
     read_scene = import_module(f"{MODULE}.bridge.render_scene").read_scene
     plain, _ = read_scene(volume_object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    scale = float(np.linalg.norm(plain.index_to_world[:3, 0]) / plain.volume.spacing[0])  # world units in a millimetre
+    scale = float(np.linalg.norm(plain.index_to_world[:3, 0]) / plain.volume.spacing[0])  # world units in a millimeter
     ahead = Vector(toward).normalized()
     along = ahead.cross(Vector((0.0, 0.0, 1.0))).normalized()
     across = along.cross(ahead)
@@ -157,14 +157,14 @@ def _bend_plate(volume_object, middle, toward, coat, screw_coat) -> None:
         ).to_4x4()  # fmt: skip
 
 
-def _outermost(plain, centre, ways) -> np.ndarray:
-    """Distance from ``centre`` of the outermost bone along world directions (..., 3), NaN where there is none."""
+def _outermost(plain, center, ways) -> np.ndarray:
+    """Distance from ``center`` of the outermost bone along world directions (..., 3), NaN where there is none."""
     inverse = np.linalg.inv(plain.index_to_world)
     shape = np.array(plain.volume.shape_xyz)
     corner = (plain.index_to_world @ np.append(shape - 1.0, 1.0))[:3]
-    far = float(np.linalg.norm(corner - centre))
+    far = float(np.linalg.norm(corner - center))
     away = np.linspace(far, 0.0, 2 * int(shape.max()))
-    points = centre + away[:, None] * ways[..., None, :]
+    points = center + away[:, None] * ways[..., None, :]
     index = np.rint(points @ inverse[:3, :3].T + inverse[:3, 3]).astype(int)
     inside = ((index >= 0) & (index < shape)).all(axis=-1)
     x, y, z = np.moveaxis(np.clip(index, 0, shape - 1), -1, 0)
@@ -183,7 +183,7 @@ def _faces_out(places, middle) -> bool:
 
 
 def chest(volume_object, folder: Path) -> None:
-    """The right front of the chest is cut away; lungs, heart and bones have colours of their own by labels."""
+    """The right front of the chest is cut away; lungs, heart and bones have colors of their own by labels."""
     middle, size = _sized(volume_object)
     properties = volume_object.rle_splat
     properties.label_file = str(organs(folder, folder / "chest.raw", tuple(properties.shape)))
@@ -214,7 +214,7 @@ def chest(volume_object, folder: Path) -> None:
 
 
 def brain(volume_object, folder: Path) -> None:
-    """Three lights of three colours: an area light, a spot and a point."""
+    """Three lights of three colors: an area light, a spot and a point."""
     middle, size = _sized(volume_object)
     volume_object.rle_splat.ambient = 0.06
     _camera(middle, size, (1.7, 1.6, 1.1))

@@ -2,7 +2,8 @@
 
 A mutant is the package with one stable form put back to the naive one, in a copy with a cache of kernels of its own.
 The tests of the case that guards it must go red: a mutant that they let pass has survived, and that is a failure.
-Most mutate the numpy twins, which need no compiling; the kernels' own forms are mutated where they are not the same.
+Most mutate the reference implementations in numpy, which need no compiling; kernels are mutated where their forms
+differ.
 """
 
 from __future__ import annotations
@@ -42,14 +43,14 @@ class Mutant:
 
 
 def _left_out(what: str, file: str, key: str, without: str) -> Mutant:
-    """A key of the store of stages without one of the things that the stage's result depends on."""
+    """A key of the stage cache without one of the things that the stage's result depends on."""
     return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (KEPT,), compiles=False)
 
 
 MUTANTS = (
     Mutant(
-        "a subtraction for expm1, in sheets of the twin", "V5",
-        (("splat/sheet_buffer_numpy.py", "absorbed = -np.expm1(-tau)", "absorbed = ONE - np.exp(-tau)"),),
+        "a subtraction for expm1, in sheets of the reference implementation", "V5",
+        (("splat/reference/sheet_buffer.py", "absorbed = -np.expm1(-tau)", "absorbed = ONE - np.exp(-tau)"),),
         (VALUES, "-k", "V5 and numpy and float32"),
     ),
     Mutant(
@@ -60,7 +61,7 @@ MUTANTS = (
     Mutant(
         "1 - (1 - a)^x for the opacity correction", "V4",
         ((
-            "splat/sheet_buffer_numpy.py",
+            "splat/reference/sheet_buffer.py",
             "raised = -np.expm1(np.minimum(exponent, LONGEST) * np.log1p(-np.minimum(opacity, ALMOST_ONE)))",
             "raised = ONE - (ONE - np.minimum(opacity, ALMOST_ONE)) ** np.minimum(exponent, LONGEST)",
         ),),
@@ -85,15 +86,15 @@ MUTANTS = (
     Mutant(
         "opacity accumulated, A += (1 - A) a, for transmittance", "A2",
         ((
-            "splat/sheet_buffer_numpy.py", "state[..., 3] = np.where(alive, before * clear, before)",
+            "splat/reference/sheet_buffer.py", "state[..., 3] = np.where(alive, before * transmittance, before)",
             "hidden = ONE - before\n"
             "    state[..., 3] = np.where(alive, ONE - (hidden + (ONE - hidden) * opacity), before)",
         ),),
         (ACCUMULATION, "-k", "A2 and numpy and float32"),
     ),
     Mutant(
-        "a colour divided by no extinction", "V3",
-        (("splat/sheet_buffer_numpy.py", "np.exp(-tau)), np.maximum(sigma, TINY)", "np.exp(-tau)), sigma"),),
+        "a color divided by no extinction", "V3",
+        (("splat/reference/sheet_buffer.py", "np.exp(-tau)), np.maximum(sigma, TINY)", "np.exp(-tau)), sigma"),),
         (VALUES, "-k", "V3 and numpy and float32"),
     ),
     Mutant(
@@ -134,12 +135,12 @@ MUTANTS = (
         (STORED, "-k", "V8_a_constant_volume_has and numpy"),
     ),
     Mutant(
-        "colours of any brightness", "V14",
+        "colors of any brightness", "V14",
         (("classify/transfer_function.py", "if max(rgb) > BRIGHTEST:", "if False:"),),
         (VALUES, "-k", "V14_the_brightest and numpy and float32 and 16"),
     ),
     Mutant(
-        "colours and opacities not clamped behind a filter with negative lobes", "V14, A9",
+        "colors and opacities not clamped behind a filter with negative lobes", "V14, A9",
         ((
             "warp/resample_numpy.py",
             "rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])",
@@ -187,40 +188,39 @@ MUTANTS = (
     Mutant(
         "looks kept without the transfer function in their key", "A15",
         ((
-            "medium.py", "looks_key = (visible_key, tf.classification_key, length)",
-            "looks_key = (visible_key, length)",
+            "pipeline/scan_source.py", "key = (visible_key, scene.transfer_function.classification_key, length)",
+            "key = (visible_key, length)",
         ),),
         (ACCUMULATION, "-k", "A15 and float32"),
     ),
     _left_out(
-        "the gradient opacity of thinned light", "scalar_medium.py",
+        "the gradient opacity of thinned light", "pipeline/scalar_source.py",
         "light_key = (light_key, key, tf.gradient_opacity)", "light_key = (light_key, key)",
     ),
     _left_out(
-        "the light of thinned light", "scalar_medium.py",
+        "the light of thinned light", "pipeline/scalar_source.py",
         "light_key = (light_key, key, tf.gradient_opacity)", "light_key = (key, tf.gradient_opacity)",
     ),
     _left_out(
-        "the length that opacities refer to", "scalar_medium.py",
-        '"table", (voxels_key, tf.classification_key, length)', '"table", (voxels_key, tf.classification_key)',
+        "the length that opacities refer to", "pipeline/scalar_source.py",
+        "key = (voxels_key, tf.classification_key, length)", "key = (voxels_key, tf.classification_key)",
     ),
     _left_out(
-        "shadows, of post-classified light,", "scalar_medium.py",
-        "light_key = (key, *lighting_key(scene, matrix, falling), shadows_key)",
-        "light_key = (key, *lighting_key(scene, matrix, falling))",
+        "shadows, of post-classified light,", "pipeline/scalar_source.py",
+        "light_key = (key, *lighting_key(self.scene, matrix, falling), shadows_key)",
+        "light_key = (key, *lighting_key(self.scene, matrix, falling))",
     ),
     _left_out(
-        "the extinction that casts shadows", "medium.py",
-        "scene.triangles, scene.clips, looks_key, boxed=False,",
-        "scene.triangles, scene.clips, visible_key, boxed=False,",
+        "the extinction that casts shadows", "pipeline/scan_source.py",
+        "tables_of, *around, key, boxed=False,", "tables_of, *around, visible_key, boxed=False,",
     ),
     _left_out(
-        "the eye that sees highlights", "medium.py",
+        "the eye that sees highlights", "pipeline/lighting.py",
         "array_key(falling.rows, falling.material), seen_from)", "array_key(falling.rows, falling.material))",
     ),
     _left_out(
-        "the model of records", "medium.py",
-        "return (look.key, quality.model, quality.record, axis)", "return (look.key, quality.record, axis)",
+        "the model of records", "pipeline/scan_source.py",
+        "return (lit.key, quality.model, quality.record, axis)", "return (lit.key, quality.record, axis)",
     ),
     _left_out(
         "clips that cast no shadow", "effects/shadows.py",
@@ -228,8 +228,8 @@ MUTANTS = (
         "return self.look, self.matrix.tobytes(), triangles, self.boxed",
     ),
     _left_out(
-        "the strength of ambient occlusion", "kept_shadows.py",
-        "keys.append((scene.ambient_occlusion, matter.key))", "keys.append(matter.key)",
+        "the strength of ambient occlusion", "pipeline/shadows.py",
+        "keys.append((scene.ambient_occlusion, occluders.key))", "keys.append(occluders.key)",
     ),
     _left_out(
         "the functions of labels and channels", "classify/mixture.py",

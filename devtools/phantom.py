@@ -1,7 +1,7 @@
 """A CT head in Hounsfield units, out of numbers alone (runs in an environment with numpy).
 
 It stands in for the sample where that cannot be fetched, and gives tests something whose left and right are
-known.  Axes as in patient space: +x right, +y anterior, +z superior, millimetres, origin in the middle of the
+known.  Axes as in patient space: +x right, +y anterior, +z superior, millimeters, origin in the middle of the
 skull.  The head leans on nothing that is symmetric: the left ventricle is larger, a tooth is missing on the
 right, and a steel bead lies outside the LEFT temple.
 """
@@ -59,7 +59,7 @@ class _Canvas:
 
 
 def head_phantom(spacing_mm: float = SPACING_MM) -> np.ndarray:
-    """(nz, ny, nx) int16, Hounsfield units; voxel (0, 0, 0) is centred on the low corner of EXTENT_MM."""
+    """(nz, ny, nx) int16, Hounsfield units; voxel (0, 0, 0) is centered on the low corner of EXTENT_MM."""
     canvas = _Canvas(EXTENT_MM, spacing_mm)
     x, y, z = canvas.x, canvas.y, canvas.z
 

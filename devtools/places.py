@@ -15,8 +15,7 @@ OUT = ROOT / "out"
 BUILD = ROOT / "build"
 DIST = ROOT / "dist"
 WHEELS = BUILD / "wheels"
-# Kernels that tests compile, by what all their sources hold (rle_splat/runtime/jit.py): by numba's own rule a change
-# in a file that a kernel takes parts from would go unnoticed.
+# Kernels that tests compile.
 KERNELS = BUILD / "kernels"
 
 PYTHONS = ("3.11", "3.13")

@@ -5,6 +5,7 @@ import bpy
 from ..bridge import facts, freshness, kernel_preparation, transfer, volumes
 from ..bridge.camera import image_size
 from ..bridge.settings import quality_of
+from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
 from .quality import RENDER_CLASSES
@@ -24,12 +25,23 @@ def _memory(context) -> str:
     return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render), meshes)
 
 
+def _warn_without_numba(context, layout) -> None:
+    """Say that numba is missing or broken, what follows from it, and what to do."""
+    if NUMBA_PROBLEM:
+        box = layout.box()
+        box.alert = True
+        box.label(text="No compiled kernels: rendering is very slow", icon="ERROR")
+        paragraph(context, box, f"numba cannot be loaded ({NUMBA_PROBLEM}). Disable other extensions that bring a "
+                                "numba of their own, or reinstall this one, then restart Blender")
+
+
 class PicturePanel:
     """Draws the panel in the sidebar and in the render properties."""
 
     def draw(self, context):
         layout = self.layout
         settings = context.scene.rle_splat
+        _warn_without_numba(context, layout)
         preparing = kernel_preparation.text()
         if preparing:
             paragraph(context, layout, preparing, icon="TIME")

@@ -3,7 +3,6 @@
 import bpy
 
 from ..bridge.settings import OF_PRE
-from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
@@ -36,11 +35,6 @@ class QualityPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.scene.rle_splat
-        if NUMBA_PROBLEM:
-            box = layout.box()
-            box.alert = True
-            box.label(text="SLOW FALLBACK, no numba", icon="ERROR")
-            paragraph(context, box, f"Pictures take many times as long. {NUMBA_PROBLEM}")
         layout.prop(settings, "mode")
         layout.prop(settings, "max_error")
         if settings.max_error and (lost := taken_away(context.scene)):

@@ -1,4 +1,4 @@
-"""Labels and channels: voxels of one grid classified by several transfer functions (algorithm.md, section 4.2).
+"""Labels and channels: voxels of one grid classified by several transfer functions (algorithm.md 4.2).
 
 A voxel's label selects its transfer function, or hides the voxel. Channels are added: extinctions add up, and colors
 are averaged by extinction, which is the sum of associated colors. Labels are never interpolated: each voxel is

@@ -1,4 +1,4 @@
-"""Voxels that post-classified sheets need: the corners of visible cells (algorithm.md, section 1.14).
+"""Voxels that post-classified sheets need: the corners of visible cells (algorithm.md 1.14).
 
 Post-classified sheets interpolate the scalar first and classify then. Inside a cell of eight voxels the interpolated
 value takes all values from the smallest to the largest. A cell is visible if the transfer function is above zero
@@ -268,10 +268,9 @@ def _mark_rows(begin, end, voxels, first, near, ends, bits):
             some = True
             for z in range(max(z0 - 1, 0), min(z1, n_z - 1)):
                 for y in range(max(y0 - 1, 0), min(y1, n_y - 1)):
-                    if _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
-                        for z_of in range(max(z, z0), min(z + 2, z1)):
-                            for y_of in range(max(y, y0), min(y + 2, y1)):
-                                _keep_corners(seen[from_x:to_x], kept[z_of - z0, y_of - y0, from_x : to_x + 1])
+                    if not _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
+                        continue
+                    _keep_in_rows(seen[from_x:to_x], kept[:, :, from_x : to_x + 1], z, y, z0, y0, z1, y1)
         if some:
             for z in range(z0, z1):
                 for y in range(y0, y1):
@@ -305,6 +304,15 @@ def _see_cells(voxels, z, y, from_x, to_x, ends, lowest, highest, seen):
     for x in range(found.size):
         some |= found[x]
     return some != np.uint8(0)
+
+
+@kernel(inner=True, exact=True)
+def _keep_in_rows(seen, kept, z, y, z0, y0, z1, y1):
+    """As ``_keep_corners``, in those of the four rows around cells (z, y) that lie in the block of rows from (z0, y0)
+    up to (z1, y1)."""
+    for z_of in range(max(z, z0), min(z + 2, z1)):
+        for y_of in range(max(y, y0), min(y + 2, y1)):
+            _keep_corners(seen, kept[z_of - z0, y_of - y0])
 
 
 @kernel(inline="always")

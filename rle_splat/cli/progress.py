@@ -82,23 +82,12 @@ class ProgressLine:
     @contextmanager
     def compiling(self):
         """Context manager: show a message while kernels are compiled, which happens only once but is slow."""
-        from ..runtime.jit import numba
+        from ..runtime.jit import compiled, while_compiling
 
-        if numba is None or not self._on:
+        if not compiled() or not self._on:
             yield
             return
-        from numba.core import event
-
-        show = self.show
-
-        class Compiling(event.Listener):
-            def on_start(self, _):
-                show(None, "compiling kernels (first run only)")
-
-            def on_end(self, _):
-                """Show nothing: the next step has its own message."""
-
-        with event.install_listener("numba:compile", Compiling()):
+        with while_compiling(lambda: self.show(None, "compiling kernels (first run only)")):
             yield
 
     def _draw(self, text: str) -> None:

@@ -8,7 +8,6 @@ from time import perf_counter
 
 import numpy as np
 
-from ..runtime.interpreter import collector_paused
 from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -133,8 +132,7 @@ def _steps(args, prepared: Prepared):
 
         return (yield from shadow_pass_steps(prepared.scene, prepared.quality))
     if args.tolerance is None:
-        with collector_paused():
-            from ..pipeline.render import render_steps
+        from ..pipeline.render import render_steps
 
         return (yield from render_steps(prepared.scene, prepared.quality)), None
     from ..accuracy.planner.tolerance import tolerance_steps

@@ -98,6 +98,16 @@ def draw(medium: Medium, quality: Quality, splats, tables):
     return picture(image)
 
 
+@kernel(inline="always")
+def _composite_row(image, row, first, last, weights, entry, records, n):
+    """Columns [first, last) of one row of a footprint over the image; ``weights[entry + column]``: float32."""
+    for c in range(first, last):
+        if weights[entry + c] > 0.0:
+            composite_sample(
+                image, row, c, weights[entry + c], records[n, 0], records[n, 1], records[n, 2], records[n, 3]
+            )
+
+
 @kernel(parallel=True)
 def splat_nodes(workers, pixels, level_of, records, starts, weights, shapes, reaches, image):
     """Splat m nodes front to back, each with the footprint table of its level.
@@ -122,9 +132,6 @@ def splat_nodes(workers, pixels, level_of, records, starts, weights, shapes, rea
                 place = starts[level] + (sub_row * subpixels + sub_column) * height * width
                 for r in range(max(row, top), min(row + height, bottom)):
                     entry = place + (r - row) * width - column
-                    for c in range(max(column, 0), min(column + width, columns)):
-                        if weights[entry + c] > 0.0:
-                            composite_sample(
-                                image, r, c, weights[entry + c], records[n, 0], records[n, 1], records[n, 2],
-                                records[n, 3],
-                            )
+                    _composite_row(
+                        image, r, max(column, 0), min(column + width, columns), weights, entry, records, n
+                    )

@@ -161,8 +161,7 @@ def cast_rows(
                     along[axis] = direction[axis, 0] * c + direction[axis, 1] * r + direction[axis, 2]
                     top = field.shape[2 - axis] - 1.0
                     if along[axis] == 0.0:
-                        if not 0.0 <= at_zero[axis] <= top:
-                            last = -np.inf
+                        last = last if 0.0 <= at_zero[axis] <= top else -np.inf
                         continue
                     a, b = -at_zero[axis] / along[axis], (top - at_zero[axis]) / along[axis]
                     first, last = max(first, min(a, b)), min(last, max(a, b))

@@ -66,8 +66,8 @@ def depth_layers(
 
 
 def _surfaces_numpy(samples, step: float, layers, spread) -> None:
-    """Twin of ``_surfaces``: near, far and coverage of each pixel by itself, and how far apart the samples of its one
-    surface are, infinitely where it has two."""
+    """Reference implementation of ``_surfaces``: near, far and coverage of each pixel by itself, and the spread of the
+    samples of its surface, infinite where it has two."""
     near, far, coverage = layers
     count = samples.shape[-1]
     samples = samples.astype(np.float32)
@@ -89,7 +89,7 @@ def _surfaces_numpy(samples, step: float, layers, spread) -> None:
 
 
 def _neighbours(shape):
-    """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbour on the left, right, top and bottom."""
+    """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbor on the left, right, top and bottom."""
     height, width = shape
     for down, right in SIDES:
         yield (
@@ -101,7 +101,7 @@ def _neighbours(shape):
 def _silhouettes_between_pixels(near, far, coverage, spread, step: float) -> np.ndarray:
     """Give both depths to two pixels between which a silhouette runs exactly; returns which pixels got them.
 
-    A steep surface is no silhouette: its neighbours are no further apart than it falls within a pixel.
+    A steep surface is no silhouette: its neighbors are no further apart than it falls within a pixel.
     """
     own, found = near.copy(), np.zeros(near.shape, dtype=bool)
     step, two = np.float32(step), np.float32(2.0)

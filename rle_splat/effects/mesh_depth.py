@@ -21,7 +21,7 @@ from .sizes import SAMPLES
 _ORDER = np.array((5, 12, 2, 9, 15, 6, 0, 11, 3, 8, 13, 1, 10, 4, 14, 7))
 SAMPLE_COLUMNS = (np.arange(SAMPLES) + 0.5) / SAMPLES
 SAMPLE_ROWS = (_ORDER + 0.5) / SAMPLES
-# Samples this close outside an edge, in parts of the triangle, still count: neighbours must leave no crack.
+# Samples this close outside an edge, in parts of the triangle, still count: neighbors must leave no crack.
 CRACK = 1e-9
 BAND = 16  # picture rows that one worker rasterises at a time
 
@@ -58,6 +58,24 @@ def edges_of(pixels: np.ndarray, depths: np.ndarray):
     return np.ascontiguousarray(edges), np.ascontiguousarray(depths), bounds
 
 
+@kernel(inline="always")
+def _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sample_rows, pixel):
+    """Put the planar depth of triangle ``t`` into those samples (SAMPLES,) of a pixel that it covers and is nearer to
+    than what is there."""
+    for s in range(sample_columns.size):
+        x, y = column + sample_columns[s], row + sample_rows[s]
+        a = edges[t, 0, 0] * x + edges[t, 0, 1] * y + edges[t, 0, 2]
+        b = edges[t, 1, 0] * x + edges[t, 1, 1] * y + edges[t, 1, 2]
+        c = edges[t, 2, 0] * x + edges[t, 2, 1] * y + edges[t, 2, 2]
+        total = a + b + c
+        slack = -CRACK * total
+        if total <= 0.0 or a < slack or b < slack or c < slack:
+            continue
+        depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
+        if nearest <= depth <= furthest and depth < pixel[s]:
+            pixel[s] = depth
+
+
 @kernel(parallel=True)
 def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
     """``out`` (H, W, SAMPLES) float32: planar depth of the first triangle between ``nearest`` and ``furthest``.
@@ -78,22 +96,12 @@ def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
             last_column = int(min(float(right), math.floor(bounds[t, 2]) + 1.0))
             for row in range(first_row, last_row):
                 for column in range(first_column, last_column):
-                    for s in range(sample_columns.size):
-                        x, y = column + sample_columns[s], row + sample_rows[s]
-                        a = edges[t, 0, 0] * x + edges[t, 0, 1] * y + edges[t, 0, 2]
-                        b = edges[t, 1, 0] * x + edges[t, 1, 1] * y + edges[t, 1, 2]
-                        c = edges[t, 2, 0] * x + edges[t, 2, 1] * y + edges[t, 2, 2]
-                        total = a + b + c
-                        slack = -CRACK * total
-                        if total <= 0.0 or a < slack or b < slack or c < slack:
-                            continue
-                        depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
-                        if nearest <= depth <= furthest and depth < out[row - above, column - left, s]:
-                            out[row - above, column - left, s] = depth
+                    pixel = out[row - above, column - left]
+                    _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sample_rows, pixel)
 
 
 def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
-    """The numpy twin of ``rasterise``: one triangle at a time."""
+    """Reference implementation of ``rasterise``: one triangle at a time."""
     height, width = out.shape[:2]
     for t in range(len(edges)):
         first = np.maximum(np.floor(bounds[t, :2]), (left, above))

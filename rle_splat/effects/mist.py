@@ -1,4 +1,4 @@
-"""Mist: colours fade with their distance from the camera, sheet by sheet (algorithm.md 4.2)."""
+"""Mist: colors fade with their distance from the camera, sheet by sheet (algorithm.md 4.2)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ def _mist(scene: Scene, _: Quality) -> tuple[bool, str]:
     if mist is None:
         return False, "the scene has none"
     if scene.mode != MODES[0]:
-        return False, f"there are no colours to fade in the mode {MODE_NAMES[scene.mode]}"
+        return False, f"there are no colors to fade in the mode {MODE_NAMES[scene.mode]}"
     falloff = mist.falloff.lower().replace("_", " ")
     return True, f"{falloff} from {mist.start:g} to {mist.start + mist.depth:g}"
 
 
-MIST = Kind("fades colours towards one with their distance", _mist, lambda scene: replace(scene, mist=None))
+MIST = Kind("fades colors towards one with their distance", _mist, lambda scene: replace(scene, mist=None))

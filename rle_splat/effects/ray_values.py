@@ -5,7 +5,7 @@
               transfer function afterwards, once a pixel
 
 Values are interpolated inside each sheet, and the transfer function of a pixel is that of the one value found: its
-colour, and its opacity in parts of the function's largest, so that the curve of opacity is the window of a viewer:
+color, and its opacity in parts of the function's largest, so that the curve of opacity is the window of a viewer:
 from transparent, black on a dark background, to opaque.  (Opacity per length would mean nothing here.)
 
 Only what can decide a pixel is kept of a volume.  The largest value of a ray is exact as soon as it is above the
@@ -67,7 +67,7 @@ class ValueLook:
 
     def picture(self, rgba, depth):
         """What warping counts and coverage gave, (H, W, 4) float32 with counts in the first channel, in the transfer
-        function's colours; and the depth, none where nothing is seen."""
+        function's colors; and the depth, none where nothing is seen."""
         covered = rgba[..., 3]
         seen = covered > LEAST_COVERED
         share = covered[seen].astype(np.float64)

@@ -55,7 +55,7 @@ SHADOWS = Kind(
     with_default=lambda scene: replace(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
-    "the world's colour as light from everywhere", _world, lambda scene: replace(scene, world=None), within="shading"
+    "the world's color as light from everywhere", _world, lambda scene: replace(scene, world=None), within="shading"
 )
 AMBIENT_OCCLUSION = Kind(
     "what the volume and the meshes hide of the sky, taken from the light from everywhere", _ambient_occlusion,

@@ -38,7 +38,7 @@ class Occluders:
     ``tables_of(axis)``: their RunTables.  ``matrix``: (4, 4) index to world.  ``triangles``: (n, 3, 3) world, or None.
     ``clips``: what they cut away casts no shadow.
     ``look``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
-    outermost voxels' centres.
+    outermost voxels' centers.
     """
 
     voxels: VisibleVoxels
@@ -61,7 +61,7 @@ class Occluders:
 
     @property
     def corners(self) -> np.ndarray:
-        """(8, 3) world corners of the box of voxel centres."""
+        """(8, 3) world corners of the box of voxel centers."""
         index = np.indices((2, 2, 2)).reshape(3, 8).T * (np.array(self.voxels.shape_xyz) - 1.0)
         return index @ self.matrix[:3, :3].T + self.matrix[:3, 3]
 

@@ -1,4 +1,4 @@
-"""Kernels of the encoder, parallel over scanlines or planes (algorithm.md, section 1.1).
+"""Kernels of the encoder, parallel over scanlines or planes (algorithm.md 1.1).
 
 Their reference implementations are in encode.py. Common arguments: ``row_start`` (nz * ny + 1,) int64 and ``column``
 (m,) of the visible voxels; ``bits``, see ``line_bits``; ``runs`` as in ``tables.RunLengthVolume``.

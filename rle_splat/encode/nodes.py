@@ -171,6 +171,38 @@ def node_errors(nodes: Nodes, backend: str = "auto") -> np.ndarray:
     return _of_neighbors(np.pad(cells, 1), np.maximum)
 
 
+@kernel(inline="always")
+def _largest(most, k, j, first, last):
+    """The largest density of nodes [first, last) of a row."""
+    found = np.float32(0.0)
+    for i in range(first, last):
+        found = max(found, most[k, j, i, 3])
+    return found
+
+
+@kernel(inline="always")
+def _cell_error(means, least, most, brightest, z, y, x):
+    """The error of one cell; see ``cell_errors``."""
+    nz, ny, nx = means.shape[0], means.shape[1], means.shape[2]
+    worst = np.float32(0.0)
+    for c in range(EXTREMES):
+        low = mean_low = np.float32(np.inf)
+        high = mean_high = np.float32(0.0)
+        for corner in range(8):
+            k, j, i = z - (corner >> 2), y - ((corner >> 1) & 1), x - (corner & 1)
+            smallest = largest = mean = np.float32(0.0)
+            if 0 <= k < nz and 0 <= j < ny and 0 <= i < nx:
+                smallest, largest = least[k, j, i, c], most[k, j, i, c]
+                if c < MEANS:
+                    mean = means[k, j, i, c]
+                else:
+                    mean = brightest * means[k, j, i, 3] - means[k, j, i, c - MEANS]
+            low, high = min(low, smallest), max(high, largest)
+            mean_low, mean_high = min(mean_low, mean), max(mean_high, mean)
+        worst = max(worst, max(high - mean_low, mean_high - low))
+    return worst
+
+
 @kernel
 def cell_errors(means, least, most, brightest, cells):
     """Largest difference of a voxel's record from a mean, over the channels, for each cell between eight nodes.
@@ -182,27 +214,11 @@ def cell_errors(means, least, most, brightest, cells):
     for z in range(nz + 1):
         for y in range(ny + 1):
             for x in range(nx + 1):
-                worst = visible = np.float32(0.0)
+                visible = np.float32(0.0)
                 for k in range(max(z - 1, 0), min(z + 1, nz)):
                     for j in range(max(y - 1, 0), min(y + 1, ny)):
-                        for i in range(max(x - 1, 0), min(x + 1, nx)):
-                            visible = max(visible, most[k, j, i, 3])
-                for c in range(EXTREMES if visible > 0.0 else 0):
-                    low = mean_low = np.float32(np.inf)
-                    high = mean_high = np.float32(0.0)
-                    for corner in range(8):
-                        k, j, i = z - (corner >> 2), y - ((corner >> 1) & 1), x - (corner & 1)
-                        smallest = largest = mean = np.float32(0.0)
-                        if 0 <= k < nz and 0 <= j < ny and 0 <= i < nx:
-                            smallest, largest = least[k, j, i, c], most[k, j, i, c]
-                            if c < MEANS:
-                                mean = means[k, j, i, c]
-                            else:
-                                mean = brightest * means[k, j, i, 3] - means[k, j, i, c - MEANS]
-                        low, high = min(low, smallest), max(high, largest)
-                        mean_low, mean_high = min(mean_low, mean), max(mean_high, mean)
-                    worst = max(worst, max(high - mean_low, mean_high - low))
-                cells[z, y, x] = worst
+                        visible = max(visible, _largest(most, k, j, max(x - 1, 0), min(x + 1, nx)))
+                cells[z, y, x] = _cell_error(means, least, most, brightest, z, y, x) if visible > 0.0 else 0.0
 
 
 def cell_errors_numpy(means, least, most, brightest, cells):

@@ -1,6 +1,6 @@
 """Average pooling: nodes that replace cubes of voxels, for pictures in which many voxels share a pixel.
 
-Averages of extinction preserve the optical depth (algorithm.md, section 1.5, minification). One plane of nodes is made
+Averages of extinction preserve the optical depth (algorithm.md 1.5, minification). One plane of nodes is made
 at a time, so that no grid of the volume's size is allocated.
 """
 

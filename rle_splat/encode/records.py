@@ -1,4 +1,4 @@
-"""Voxel records of 16, 8, 6 and 4 bytes (algorithm.md, section 1.11).
+"""Voxel records of 16, 8, 6 and 4 bytes (algorithm.md 1.11).
 
     bytes  color                                         density: extinction or opacity
     16     3 float32, times the density                  float32

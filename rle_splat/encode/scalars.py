@@ -29,8 +29,8 @@ class ScalarVolume:
     ----------
     tables : RunTables
     scalars : (m,) ndarray
-        Stored values minus ``centre``, in the order of ``tables``.
-    centre : float
+        Stored values minus ``center``, in the order of ``tables``.
+    center : float
     lights : (m, channels) ndarray of uint16 or None
         Codes as of ``shade.voxel_light``; None without light.
     light_unit : float
@@ -41,7 +41,7 @@ class ScalarVolume:
 
     tables: RunTables
     scalars: np.ndarray
-    centre: float
+    center: float
     lights: np.ndarray | None = None
     light_unit: float = 1.0
     thinned: bool = False
@@ -97,7 +97,7 @@ class ScalarVolume:
         return sum(self.table_bytes.values())
 
 
-def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarray:
+def scalars_of(voxels: VisibleVoxels, kind, infinite, center: float) -> np.ndarray:
     """Scalars of voxels.
 
     Parameters
@@ -107,7 +107,7 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarr
         Type of the stored values.
     infinite : (low, high) or ()
         Values that replace minus and plus infinity, if any.
-    centre : float
+    center : float
         Subtracted from the values, unless the type is a small integer.
 
     Returns
@@ -118,14 +118,14 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, centre: float) -> np.ndarr
     stored = voxels.stored.view(kind) if np.dtype(kind).itemsize == voxels.stored.itemsize else voxels.stored
     if np.dtype(kind).name in OWN_TYPES[:-1]:
         return stored
-    if stored.dtype == np.float32 and centre == 0.0 and np.isfinite(stored).all():
+    if stored.dtype == np.float32 and center == 0.0 and np.isfinite(stored).all():
         return stored
     found = np.empty(len(stored), np.float32)
     for first in range(0, len(stored), AT_ONCE):
         values = stored[first : first + AT_ONCE].astype(np.float64)
         if infinite:
             values = np.where(np.isinf(values), np.clip(values, *infinite), values)
-        values = np.where(np.isnan(values), NOT_A_NUMBER, np.clip(values - centre, -1e37, 1e37))
+        values = np.where(np.isnan(values), NOT_A_NUMBER, np.clip(values - center, -1e37, 1e37))
         found[first : first + AT_ONCE] = values
     return found
 

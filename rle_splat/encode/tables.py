@@ -1,4 +1,4 @@
-"""The paper's four run-length tables for one principal axis, and one derived table (algorithm.md, section 1.1)."""
+"""The paper's four run-length tables for one principal axis, and one derived table (algorithm.md 1.1)."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class MemoryEstimate:
     record, 0 where scalars are kept, of which no voxel has less.
 
     However few voxels are shown, ``rows`` of the visible ones and their normals stays, and ``scanlines`` of each axis'
-    runs.  ``alone``: the runs of a voxel without neighbours along its scanline, which is the most there are.
+    runs.  ``alone``: the runs of a voxel without neighbors along its scanline, which is the most there are.
     """
 
     visible_voxels: int
@@ -306,7 +306,7 @@ def refuse_too_much(wanted: MemoryEstimate) -> None:
     free = SPARE * available_bytes()
     if wanted.needed <= free:
         return
-    which = "that the transfer function shows" if wanted.record else "that are shown, and their neighbours,"
+    which = "that the transfer function shows" if wanted.record else "that are shown, and their neighbors,"
     raise RleSplatError(
         f"The {wanted.visible_voxels} voxels {which} need about {bytes_text(wanted.needed)} of memory and "
         f"{bytes_text(free)} are free; {_what_fits(wanted, free)}."
@@ -337,7 +337,7 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
         share = min(100.0 * least.most_voxels(free) / least.voxels, 99.0)
         if share < 0.05:
             return "crop or downsample the volume, or free some memory"
-        counted = "" if wanted.record else ", their neighbours counted"
+        counted = "" if wanted.record else ", their neighbors counted"
         narrower = f"one that shows at most {_two_figures_down(share)} % of the voxels{counted},"
         parts.append(f"a narrower transfer function, {narrower}")
     *first, last = parts

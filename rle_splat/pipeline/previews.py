@@ -243,7 +243,7 @@ def _drawn(scene: Scene, quality: Quality):
 def _error_of(rgba: np.ndarray, misstated: np.ndarray, brightest: float) -> np.ndarray:
     """(H, W) float32: a bound of any channel's error.
 
-    Of two media along one ray, C_f - C_g = integral of T_g ((Q_f - Q_g) - (s_f - s_g) B_f) dt, where B_f is the colour
+    Of two media along one ray, C_f - C_g = integral of T_g ((Q_f - Q_g) - (s_f - s_g) B_f) dt, where B_f is the color
     that f has behind, between nothing and the brightest.  So no channel differs by more than the integral of T_g
     times the largest difference of Q, or of what Q lacks to the brightest, or of s: ``misstated``.  Nor by more
     than there is room for beside the channel's own value.

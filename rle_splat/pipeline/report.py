@@ -9,7 +9,7 @@ import numpy as np
 from ..effects.analyse import EffectSet
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
-from ..runtime.jit import NUMBA_PROBLEM, thread_count
+from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count
 from ..runtime.steps import Clock
 from ..scene import NO_DEPTH, Scene, truth_of
 from ..view.ray_limits import box_depths
@@ -111,4 +111,8 @@ def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
     if source.quality.backend == "numpy":
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
+    elif PLAIN_NUMBA:
+        remarks.append(
+            f"{PLAIN_NUMBA}: kernels run on one thread and are not kept on disk, so each session compiles them again."
+        )
     return remarks

@@ -87,7 +87,7 @@ class LitScalars:
         Smallest and largest stored value that is splatted.
     infinite : tuple of float
         Stored values that stand for minus and plus infinity; empty where nothing is infinite.
-    centre : float
+    center : float
         What is taken from stored values before they are splatted.
     look : ValueTable or ValueLook
         The lookup table of the transfer function; in a mode that shows values, how these are counted.
@@ -104,7 +104,7 @@ class LitScalars:
     key: tuple
     ends: tuple
     infinite: tuple
-    centre: float
+    center: float
     look: ValueTable | ValueLook
     light: VoxelLight | None
     light_key: tuple
@@ -207,8 +207,8 @@ class ScalarSource(Source):
         if factor is not None:
             light_key = (light_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
-        centre = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
-        return LitScalars(voxels, key, ends, infinite, centre, look, light, light_key, factor is not None, needed)
+        center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
+        return LitScalars(voxels, key, ends, infinite, center, look, light, light_key, factor is not None, needed)
 
     def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
@@ -304,20 +304,20 @@ class ScalarSource(Source):
 
         def scalars():
             work.claim(lit.estimate.one_axis())
-            return placed_steps(scalars_of(voxels, kind, lit.infinite, lit.centre))
+            return placed_steps(scalars_of(voxels, kind, lit.infinite, lit.center))
 
-        steps = job.steps("scalars", (lit.key, lit.infinite, lit.centre, order), scalars)
+        steps = job.steps("scalars", (lit.key, lit.infinite, lit.center, order), scalars)
         placed = yield from timed(steps, clock, "encode")
         if lit.light is None:
-            return ScalarVolume(tables, placed, lit.centre)
+            return ScalarVolume(tables, placed, lit.center)
         steps = job.steps("lights", (lit.light_key, order), lambda: placed_steps(lit.light.codes))
         codes = yield from timed(steps, clock, "shade")  # as with classified sheets, whose records are lit already
-        return ScalarVolume(tables, placed, lit.centre, codes, lit.light.unit, lit.thinned)
+        return ScalarVolume(tables, placed, lit.center, codes, lit.light.unit, lit.thinned)
 
     def _traced(self, lit: LitScalars, work: Work, rays, slabs: int):
         """Color and half depths of single rays through the voxels; see ``raycast.trace``."""
         volume, voxels, light = self.scene.volume, lit.voxels, lit.light
-        shape, ends = volume.shape_xyz, (lit.infinite, lit.centre)
+        shape, ends = volume.shape_xyz, (lit.infinite, lit.center)
         bricks = work.job.get("bricks", lit.key, lambda: bricks_of(voxels.bits, shape))
         key = (lit.key, *ends, IN_ROWS)
         scalars = work.job.get("scalars", key, lambda: scalars_of(voxels, volume.voxels.dtype, *ends))
@@ -325,10 +325,10 @@ class ScalarSource(Source):
         # Of the function as it is: what is kept may be more.
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
         with np.errstate(over="ignore"):
-            shown = np.clip(reach.ends.astype(np.float64) - lit.centre, -LARGEST, LARGEST)
+            shown = np.clip(reach.ends.astype(np.float64) - lit.center, -LARGEST, LARGEST)
         records = read_only(scalars), *lights
         rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
-        return trace_rays(rows, lit.centre, lit.look, rays, slabs, self.quality)
+        return trace_rays(rows, lit.center, lit.look, rays, slabs, self.quality)
 
 
 def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:

@@ -79,7 +79,7 @@ def bricks_of(bits: np.ndarray, shape_xyz) -> np.ndarray:
 
 
 def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, clip) -> RayList:
-    """The rays through pixel positions (n,), from the left and the top, within the box of the voxel centres.
+    """The rays through pixel positions (n,), from the left and the top, within the box of the voxel centers.
 
     All of them must belong to the plane's principal axis and direction.  ``clip``: the least and the largest planar
     depth that is seen.  Element by element: the bits of a matrix product depend on its size.
@@ -188,17 +188,119 @@ def _absorbed(thick):
     return 1.0 - math.exp(-thick)
 
 
+@inner_loop(forceinline=True)
+def _composite_stretch(
+    lights, scalars, light_unit, lookup, matt, gloss, corners, place, step, a, deep, length, slabs, least, shine, ray,
+):
+    """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
+
+    ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``lookup`` to ``gloss``, ``slabs``, ``least``: see
+    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``place``: where the stretch
+    begins in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins,
+    and its length, in voxels of depth; ``length``: world length per voxel of depth.  ``shine``: scratch, (POWERS *
+    channels of light,) float64.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
+    """
+    table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
+    i, j, k, m = corners
+    px, py, pz = place
+    dx, dy, dz = step
+    red, green, blue, transmittance, at_half = ray
+    shining = len(matt) + len(gloss)
+    c0, c1, c2, c3 = _cubic(
+        np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
+        np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
+        np.float64(scalars[m]), np.float64(scalars[m + 1]), px, py, pz, dx * deep, dy * deep, dz * deep,
+    )  # fmt: skip
+    count = max(math.ceil(deep * slabs - SLIVER), 1)
+    part = 1.0 / count
+    length = length * deep * part
+    here = min(max(c0, nearest), furthest)
+    lit = False
+    for slab in range(1, count + 1):
+        t = slab * part
+        before = here
+        here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
+        smallest, largest = min(before, here), max(before, here)
+        if largest < low or smallest > high:
+            continue
+        spread = (largest - smallest) * rate
+        if spread >= SPAN:
+            first = min(max((smallest - origin) * rate, 0.0), float(last))
+            second = min(max((largest - origin) * rate, 0.0), float(last))
+            sigma = _mean(table, sums, 3, first, second, last, spread)
+            if sigma <= 0.0:
+                continue
+            r = _mean(table, sums, 0, first, second, last, spread)
+            g = _mean(table, sums, 1, first, second, last, spread)
+            bl = _mean(table, sums, 2, first, second, last, spread)
+        else:
+            value = 0.5 * (smallest + largest)
+            if value < low or value > high:
+                continue
+            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
+            entry = int(place)
+            share, after = place - entry, 4 * min(entry + 1, last - 1)
+            entry *= 4
+            sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
+            if sigma <= 0.0:
+                continue
+            r = table[entry] * (1.0 - share) + table[after] * share
+            g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
+            bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
+        if lights is not None and shining:
+            if not lit:
+                lit = True
+                for channel in range(shining):
+                    l0, l1, l2, l3 = _cubic(
+                        _light_at(lights, light_unit, i, channel),
+                        _light_at(lights, light_unit, i + 1, channel),
+                        _light_at(lights, light_unit, j, channel),
+                        _light_at(lights, light_unit, j + 1, channel),
+                        _light_at(lights, light_unit, k, channel),
+                        _light_at(lights, light_unit, k + 1, channel),
+                        _light_at(lights, light_unit, m, channel),
+                        _light_at(lights, light_unit, m + 1, channel),
+                        px, py, pz, dx * deep, dy * deep, dz * deep,
+                    )  # fmt: skip
+                    to = POWERS * channel
+                    shine[to], shine[to + 1], shine[to + 2], shine[to + 3] = l0, l1, l2, l3
+            t -= 0.5 * part
+            if len(matt) == 1:
+                light = _power_sum(shine, 0, t)
+                r, g, bl = r * light, g * light, bl * light
+            elif len(matt) == 3:
+                r *= _power_sum(shine, 0, t)
+                g *= _power_sum(shine, 1, t)
+                bl *= _power_sum(shine, 2, t)
+            if len(gloss) == 1:
+                light = sigma * _power_sum(shine, 1, t)
+                r, g, bl = r + light, g + light, bl + light
+            elif len(gloss) == 3:
+                r += sigma * _power_sum(shine, 3, t)
+                g += sigma * _power_sum(shine, 4, t)
+                bl += sigma * _power_sum(shine, 5, t)
+        thick = sigma * length
+        absorbed = _absorbed(thick)
+        gain = transmittance * absorbed / sigma
+        red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
+        left = transmittance * (1.0 - absorbed)
+        if left <= HALF < transmittance:
+            at_half = a + deep * part * (slab - 1.0 + math.log(transmittance / HALF) / thick)
+        transmittance = left
+        if transmittance < least:
+            break
+    return red, green, blue, transmittance, at_half
+
+
 @inner_loop
-def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
+def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half):
     """Rays [begin, end); see ``trace_rays``."""
-    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
     bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
     if begin >= end:
         return
     shine = cubics[begin]
-    shining = len(matt) + len(gloss)
     for ray in range(begin, end):
-        clear, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
+        transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
         ox, oy, oz = rays.first[ray, 0], rays.first[ray, 1], rays.first[ray, 2]
         dx, dy, dz = rays.step[ray, 0], rays.step[ray, 1], rays.step[ray, 2]
         ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
@@ -214,7 +316,7 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
             tx = _crossing(x, 1, ox, dx, ix)
             ty = _crossing(y, 1, oy, dy, iy)
             tz = _crossing(z, 1, oz, dz, iz)
-        while a < stop and clear >= least:
+        while a < stop and transmittance >= least:
             if x < 0 or y < 0 or z < 0 or x > n_x - 2 or y > n_y - 2 or z > n_z - 2:
                 break
             if bricks[z >> BRICK_BITS, y >> BRICK_BITS, x >> BRICK_BITS] == 0:
@@ -249,91 +351,11 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
                 k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
                 m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
                 if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
-                    deep = b - a
-                    px, py, pz = ox + dx * a - x, oy + dy * a - y, oz + dz * a - z
-                    c0, c1, c2, c3 = _cubic(
-                        np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
-                        np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
-                        np.float64(scalars[m]), np.float64(scalars[m + 1]), px, py, pz, dx * deep, dy * deep, dz * deep,
-                    )  # fmt: skip
-                    count = max(math.ceil(deep * slabs - SLIVER), 1)
-                    part = 1.0 / count
-                    length = rays.length[ray] * deep * part
-                    here = min(max(c0, nearest), furthest)
-                    lit = False
-                    for slab in range(1, count + 1):
-                        t = slab * part
-                        before = here
-                        here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
-                        smallest, largest = min(before, here), max(before, here)
-                        if largest < low or smallest > high:
-                            continue
-                        spread = (largest - smallest) * rate
-                        if spread >= SPAN:
-                            first = min(max((smallest - origin) * rate, 0.0), float(last))
-                            second = min(max((largest - origin) * rate, 0.0), float(last))
-                            sigma = _mean(table, sums, 3, first, second, last, spread)
-                            if sigma <= 0.0:
-                                continue
-                            r = _mean(table, sums, 0, first, second, last, spread)
-                            g = _mean(table, sums, 1, first, second, last, spread)
-                            bl = _mean(table, sums, 2, first, second, last, spread)
-                        else:
-                            value = 0.5 * (smallest + largest)
-                            if value < low or value > high:
-                                continue
-                            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
-                            entry = int(place)
-                            share, after = place - entry, 4 * min(entry + 1, last - 1)
-                            entry *= 4
-                            sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
-                            if sigma <= 0.0:
-                                continue
-                            r = table[entry] * (1.0 - share) + table[after] * share
-                            g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
-                            bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
-                        if lights is not None and shining:
-                            if not lit:
-                                lit = True
-                                for channel in range(shining):
-                                    l0, l1, l2, l3 = _cubic(
-                                        _light_at(lights, light_unit, i, channel),
-                                        _light_at(lights, light_unit, i + 1, channel),
-                                        _light_at(lights, light_unit, j, channel),
-                                        _light_at(lights, light_unit, j + 1, channel),
-                                        _light_at(lights, light_unit, k, channel),
-                                        _light_at(lights, light_unit, k + 1, channel),
-                                        _light_at(lights, light_unit, m, channel),
-                                        _light_at(lights, light_unit, m + 1, channel),
-                                        px, py, pz, dx * deep, dy * deep, dz * deep,
-                                    )  # fmt: skip
-                                    to = POWERS * channel
-                                    shine[to], shine[to + 1], shine[to + 2], shine[to + 3] = l0, l1, l2, l3
-                            t -= 0.5 * part
-                            if len(matt) == 1:
-                                light = _power_sum(shine, 0, t)
-                                r, g, bl = r * light, g * light, bl * light
-                            elif len(matt) == 3:
-                                r *= _power_sum(shine, 0, t)
-                                g *= _power_sum(shine, 1, t)
-                                bl *= _power_sum(shine, 2, t)
-                            if len(gloss) == 1:
-                                light = sigma * _power_sum(shine, 1, t)
-                                r, g, bl = r + light, g + light, bl + light
-                            elif len(gloss) == 3:
-                                r += sigma * _power_sum(shine, 3, t)
-                                g += sigma * _power_sum(shine, 4, t)
-                                bl += sigma * _power_sum(shine, 5, t)
-                        thick = sigma * length
-                        absorbed = _absorbed(thick)
-                        gain = clear * absorbed / sigma
-                        red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
-                        left = clear * (1.0 - absorbed)
-                        if left <= HALF < clear:
-                            at_half = a + deep * part * (slab - 1.0 + math.log(clear / HALF) / thick)
-                        clear = left
-                        if clear < least:
-                            break
+                    red, green, blue, transmittance, at_half = _composite_stretch(
+                        lights, scalars, light_unit, lookup, matt, gloss, (i, j, k, m),
+                        (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
+                        slabs, least, shine, (red, green, blue, transmittance, at_half),
+                    )
                 a = b
             if tx <= reached:
                 x, tx = x + sx, tx + ax
@@ -341,17 +363,17 @@ def _trace(begin, end, voxels, rays, look, matt, gloss, slabs, least, cubics, ou
                 y, ty = y + sy, ty + ay
             else:
                 z, tz = z + sz, tz + az
-        out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - clear
+        out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - transmittance
         half[ray] = at_half
 
 
 @kernel
-def trace_rays(voxels, rays, look, matt, gloss, slabs, least, cubics, out, half):
+def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half):
     """Premultiplied rgba (n, 4) float32 of single rays, and where along them half is absorbed, (n,) float64, inf where
     less is.
 
-    ``voxels``: RowVoxels; ``rays``: RayList.  ``look``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
+    ``voxels``: RowVoxels; ``rays``: RayList.  ``lookup``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
     them.  ``slabs``: that a voxel's depth is cut into, at least.  ``cubics``: scratch, (n, POWERS * channels of light)
     float64.
     """
-    share_out(_trace, out.shape[0], (voxels, rays, look, matt, gloss, slabs, least, cubics, out, half))
+    share_out(_trace, out.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half))

@@ -1,4 +1,4 @@
-"""Single rays without numba: all of them a stretch between two cuts at a time, the same sums as ``scalar_rays``."""
+"""Reference implementation of ``scalar_rays``, in numpy: all rays at a time, from one cut to the next."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .scalar_rays import HALF, SLIVER, SPAN
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays_numpy(voxels, rays, look, matt, gloss, slabs, least, out, half):
+def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, out, half):
     """Fills ``out`` and ``half`` as ``scalar_rays.trace_rays`` does."""
     if min(voxels.shape) < 2:
         return
@@ -34,7 +34,7 @@ def trace_rays_numpy(voxels, rays, look, matt, gloss, slabs, least, out, half):
         mine = live[kept]
         stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
         state[mine], half[mine] = _composited(
-            state[mine], half[mine], corners[kept], *stretch, look, matt, gloss, slabs, least
+            state[mine], half[mine], corners[kept], *stretch, lookup, matt, gloss, slabs, least
         )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
     out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
@@ -73,10 +73,10 @@ def _trilinear(corners, place):
     return (weights[..., None] * corners).sum(axis=1)
 
 
-def _composited(state, half, corners, first, step, a, b, length, look, matt, gloss, slabs, least):
-    """The rays' colour and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
+def _composited(state, half, corners, first, step, a, b, length, lookup, matt, gloss, slabs, least):
+    """The rays' color and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
     is absorbed."""
-    table, sums, origin, rate, _, low, high, nearest, furthest, last = look
+    table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     table, sums = table.reshape(-1, 4).astype(np.float64), sums.reshape(-1, 4).astype(np.float64)
     count = np.maximum(np.ceil((b - a) * slabs - SLIVER), 1).astype(np.int64)
     thick = (b - a) / count
@@ -98,10 +98,10 @@ def _composited(state, half, corners, first, step, a, b, length, look, matt, glo
         part = (place - entry)[:, None]
         own = table[entry] * (1.0 - part) + table[np.minimum(entry + 1, last - 1)] * part
         own[(middle < low) | (middle > high)] = 0.0
-        looks = np.where((spread >= SPAN)[:, None], mean, own)
-        seen = (slab <= count) & (largest >= low) & (smallest <= high) & (looks[:, 3] > 0.0) & (state[:, 3] >= least)
+        sampled = np.where((spread >= SPAN)[:, None], mean, own)
+        seen = (slab <= count) & (largest >= low) & (smallest <= high) & (sampled[:, 3] > 0.0) & (state[:, 3] >= least)
         light = _trilinear(corners, first + step * (s - 0.5 * thick)[:, None])
-        color, sigma = looks[:, :3], looks[:, 3]
+        color, sigma = sampled[:, :3], sampled[:, 3]
         if matt:
             color = color * light[:, list(matt)]
         if gloss:

@@ -7,24 +7,24 @@ import numpy as np
 from ..classify.value_table import ValueTable
 from ..runtime.jit import compiled, parallel_call
 from ..scene import Quality
-from ..splat.scalar_splat import kernel_light_planes, kernel_look
+from ..splat.scalar_splat import kernel_light_planes, kernel_lookup
 from ..splat.splat import OPAQUE
 from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
 from .scalar_rays_numpy import trace_rays_numpy
 
 
 def trace(
-    voxels: RowVoxels, centre: float, table: ValueTable, rays: RayList, slabs: int, quality: Quality
+    voxels: RowVoxels, center: float, table: ValueTable, rays: RayList, slabs: int, quality: Quality
 ) -> tuple[np.ndarray, np.ndarray]:
     """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
     them half is absorbed (n,) float64, inf where less is.
 
-    ``centre``: what was taken from the stored values.  No extinction is thinned.
+    ``center``: what was taken from the stored values.  No extinction is thinned.
     """
-    look, (matt, gloss) = kernel_look(table, centre), kernel_light_planes(voxels.lights, False)
+    lookup, (matt, gloss) = kernel_lookup(table, center), kernel_light_planes(voxels.lights, False)
     least = max(quality.termination, OPAQUE)
     out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
-    arguments = (voxels, rays, look, matt, gloss, slabs, least)
+    arguments = (voxels, rays, lookup, matt, gloss, slabs, least)
     if not compiled(quality.backend):
         trace_rays_numpy(*arguments, out, half)
         return out, half

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import intrinsic, ir, numba, types
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     @intrinsic
     def lowest_bit(typing, word):
         """The number of a word's lowest bit that is set; the word is not zero."""
@@ -60,7 +56,7 @@ if numba is not None:
 
     copy_16, copy_4, copy_1 = (_copier_of(size) for size in (16, 4, 1))
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def lowest_bit(word): ...
 

@@ -1,207 +1,82 @@
-"""numba, met politely: one decorator for every kernel, a cache in a writable place, one parallel call at a time.
+"""The decorator of all kernels, and the right to run parallel ones.
 
-Without numba (or with one that cannot load) everything still works through the numpy twins that stand beside
-the kernels; ``compiled(backend)`` is the one place where that choice is made.
+There are three cases, decided once when this module is imported:
+
+- numba is of a version that ``numba_internals`` knows.  Kernels are kept on disk and share loops among threads.
+- numba is of another version: *plain numba*.  Kernels run on one thread and are compiled again by each process.
+  ``PLAIN_NUMBA`` says why.
+- numba cannot be loaded: ``numba`` is None, and callers use the reference implementations in numpy.
+  ``NUMBA_PROBLEM`` says why.
+
+No setting of numba or of the process is changed: other programs in the same process use the same numba.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import queue
-import shutil
-import stat
-import sys
-import tempfile
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 
 from ..scene import RleSplatError
-from .interpreter import collector_paused
+from .cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE, cache_folder, kernel_folder
+from .called_kernels import noting_kernels
 
-CACHE_VARIABLE = "RLE_SPLAT_CACHE"
-NUMBA_VARIABLE = "NUMBA_CACHE_DIR"  # where somebody wants all that numba compiles: it comes first
-KERNEL_PREFIX = "kernels-"
-KEPT_VERSIONS = 4
-CONSTANTS = "scene"  # the room without kernels of which kernels take constants, NO_DEPTH and the like
+__all__ = [
+    "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "available_threads", "cache_folder",
+    "compiled", "inner_loop", "is_loaded", "kernel", "note_loaded", "nothing_compiled_yet", "noting_kernels", "numba",
+    "parallel_call", "prange", "read_only", "thread_count", "while_compiling",
+]  # fmt: skip
 
-
-def cache_folder() -> Path:
-    """A folder for compiled kernels that the user can write to and nobody else: within $NUMBA_CACHE_DIR, else
-    $RLE_SPLAT_CACHE, else the platform's cache folder, else a temporary one.  Blender's bridge sets the second to the
-    extension's own user folder before kernels load."""
-    numbas = os.environ.get(NUMBA_VARIABLE)
-    if numbas and _are_usable(Path(numbas), Path(numbas, "rle_splat")):
-        return _resolved(Path(numbas, "rle_splat"))
-    with suppress(RuntimeError):  # a user without a home
-        preferred = _preferred_folders()
-        if _are_usable(*preferred):
-            return _resolved(preferred[-1])
-    return _temporary_folder()
-
-
-def _preferred_folders() -> tuple[Path, ...]:
-    """The folder for kernels, after the one that a variable gives it in, if any."""
-    if os.environ.get(CACHE_VARIABLE):
-        return (Path(os.environ[CACHE_VARIABLE]),)
-    if sys.platform == "win32":
-        return (Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "rle_splat" / "cache",)
-    if sys.platform == "darwin":
-        return (Path.home() / "Library" / "Caches" / "rle_splat",)
-    if os.environ.get("XDG_CACHE_HOME"):
-        return Path(os.environ["XDG_CACHE_HOME"]), Path(os.environ["XDG_CACHE_HOME"], "rle_splat")
-    return (Path.home() / ".cache" / "rle_splat",)
-
-
-def _resolved(folder: Path) -> Path:
-    """Without symbolic links, which somebody might turn to another place once it was looked at."""
-    return Path(os.path.realpath(folder))
-
-
-def _are_usable(*folders: Path) -> bool:
-    """Whether the user can write to all of these folders, which are made if need be, and nobody else."""
-    try:
-        for folder in map(_resolved, folders):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
-            if not _is_private(folder):
-                return False
-        return True
-    except OSError:
-        return False
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether nobody but the user can have put anything into a folder: what is loaded from it is run."""
-    if not hasattr(os, "getuid"):  # Windows, where no users share these folders
-        return True
-    found = folder.lstat()
-    # Many systems give each user a group of the same number, whose members may by default write what the user writes.
-    others = stat.S_IWOTH | (0 if found.st_gid == found.st_uid else stat.S_IWGRP)
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & others
-
-
-def _temporary_folder() -> Path:
-    """The user's own among the temporary ones, where another may have made it before; or a place where nothing can be
-    kept."""
-    with suppress(OSError):
-        shared = Path(tempfile.gettempdir())
-        if not hasattr(os, "getuid"):
-            return shared / "rle_splat-user"
-        folder = shared / f"rle_splat-{os.getuid()}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        if _is_private(folder):
-            return folder
-    return Path(os.devnull) / "rle_splat"  # below a file
-
-
-def _last_changed(folder: Path) -> float:
-    """Seconds since 1970; 0 where another process has removed the folder meanwhile."""
-    try:
-        return folder.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _kernel_folder() -> Path:
-    """The folder for kernels compiled from exactly these sources.
-
-    numba recompiles a kernel when its own file changes, but not when a file it inlines or takes constants from
-    does, so the folder's name carries a hash of every file in a room that holds kernels, and in the one whose
-    constants they take, and of numba's version.  The latest few are kept, for several versions side by side.
-    """
-    parent = cache_folder()
-    sources = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
-    for room, _, names in sorted(os.walk(Path(__file__).parents[1])):
-        contents = []
-        for name in sorted(names):
-            if name.endswith(".py"):
-                with open(os.path.join(room, name), "rb", buffering=0) as file:
-                    contents.append(file.read())
-        if os.path.basename(room) == CONSTANTS or any(b"@kernel" in content for content in contents):
-            sources.update(b"".join(contents))
-    folder = parent / f"{KERNEL_PREFIX}{sources.hexdigest()}"
-    if not folder.exists():
-        earlier = sorted(parent.glob(f"{KERNEL_PREFIX}*"), key=_last_changed, reverse=True)
-        for stale in earlier[KEPT_VERSIONS - 1 :]:
-            shutil.rmtree(stale, ignore_errors=True)
-    return folder
-
-
-def nothing_compiled_yet() -> bool:
-    """Whether there is no kernel on disk at all: what is rendered now compiles all that it needs."""
-    return numba is not None and next(KERNELS.rglob("*.nbi"), None) is None
-
-
-# Where OpenMP is the threading layer, its idle threads would spin on a core between kernels, and take it from the
-# kernels of a single thread and from every other program.  Read once, when the first parallel kernel loads it.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-# LLVM's first level of optimisation in place of its third: kernels whose loops are wide already gain nothing from the
-# others (measured: the same bits, frames within 3 %), and the first picture ever comes a second and a half sooner.
-OPTIMISATION = 1
+NUMBA_PROBLEM = ""  # why numba cannot be used at all, for people
+PLAIN_NUMBA = ""  # why only numba's public interface is used, for people
+KERNELS = Path(os.devnull, "kernels")  # where kernels are kept; nothing can be written here
 
 try:
-    with collector_paused():
-        import numba
+    import numba
+    from llvmlite import ir  # noqa: F401 - see ``llvm``
+    from numba.core import cgutils, types  # noqa: F401
+    from numba.extending import intrinsic  # noqa: F401
 
-        if numba.config.DISABLE_JIT:
-            raise RuntimeError("it is told to compile nothing, by NUMBA_DISABLE_JIT")
-
-        from .kernel_cache import NullCache, cache_of, keep_in
-
-        # Not by numba's variables: where one is new, numba reads all of them again when it next compiles, and forgets
-        # what another add-on has set in the program.
-        if not os.environ.get("NUMBA_OPT"):
-            numba.config.OPT = type(numba.config.OPT)(OPTIMISATION)
-        KERNELS = _kernel_folder()
-        keep_in(KERNELS)
-        # Where there are kernels of this numba, the compiler has worked and is seldom needed: it is loaded with the
-        # first kernel that is compiled.  Else here, where what is wrong with it can be told.
-        if nothing_compiled_yet():
-            import_module(".kernel_compiler", __package__)
-    NUMBA_PROBLEM = ""
+    if numba.config.DISABLE_JIT:
+        raise RuntimeError("the variable NUMBA_DISABLE_JIT turns compiling off")
 except Exception as problem:  # a broken install fails in many ways (ImportError, OSError, AttributeError, SystemError)
     numba = None
     NUMBA_PROBLEM = f"{type(problem).__name__}: {problem}"
 
-# Whoever wants to know which kernels run puts a set here, see ``noting_kernels``.
-_NOTED: ContextVar[set | None] = ContextVar("noted_kernels", default=None)
-
+internals = None
 if numba is not None:
+    try:
+        from . import numba_internals as internals
 
-    class _NotedDispatcher(numba.core.registry.CPUDispatcher):
-        """A kernel that tells, where it is called from Python, who has asked (measured: 1 microsecond a call)."""
+        KERNELS = kernel_folder(numba.__version__)
+        internals.keep_in(KERNELS)
+    except Exception as problem:  # whatever another version of numba lacks
+        internals = None
+        PLAIN_NUMBA = str(problem) or type(problem).__name__
 
-        def __call__(self, *arguments):
-            noted = _NOTED.get()
-            if noted is not None:
-                function = self.py_func
-                noted.add(f"{function.__module__.rpartition('rle_splat.')[2]}.{function.__name__}")
-            return super().__call__(*arguments)
 
-        def compile(self, signature):
-            """Or load from disk."""
-            if isinstance(self._cache, NullCache):
-                self._cache = cache_of(self.py_func)
-            return super().compile(signature)
+def nothing_compiled_yet() -> bool:
+    """Whether kernels are kept on disk, and none is there yet: the next picture compiles all that it needs."""
+    return internals is not None and next(KERNELS.rglob("*.nbi"), None) is None
 
 
 @contextmanager
-def noting_kernels(names: set):
-    """Add to ``names`` each kernel that is called from Python in here, as module and name: ``warp.resample.resample``.
+def while_compiling(begun):
+    """Call ``begun()`` whenever numba starts to compile a function in this block."""
+    from numba.core import event
 
-    Kernels within others have no call of their own.  Not to be left open over a generator's yield: what runs then
-    belongs to somebody else.
-    """
-    outside = _NOTED.set(names)
-    try:
+    class Listener(event.Listener):
+        def on_start(self, _):
+            begun()
+
+        def on_end(self, _):
+            """Nothing is due then."""
+
+    with event.install_listener("numba:compile", Listener()):
         yield
-    finally:
-        _NOTED.reset(outside)
 
 
 # Kernels, and types of arguments that they have been loaded for.
@@ -209,74 +84,82 @@ _LOADED: set[tuple] = set()
 
 
 def is_loaded(function, arguments: tuple) -> bool:
-    """Whether ``note_loaded`` was told of this kernel for arguments of these types: quicker to ask (measured: 8
-    microseconds) than a call that does nothing (25)."""
-    return (function, numba._dispatcher.compute_fingerprint(arguments)) in _LOADED
+    """Whether ``note_loaded`` was called for this kernel and arguments of these types.
+
+    This is quicker (measured: 8 microseconds) than a call of the kernel that does nothing (25).  Always False with
+    plain numba.
+    """
+    return internals is not None and (function, internals.fingerprint(arguments)) in _LOADED
 
 
 def note_loaded(function, arguments: tuple) -> None:
-    _LOADED.add((function, numba._dispatcher.compute_fingerprint(arguments)))
+    """See ``is_loaded``."""
+    if internals is not None:
+        _LOADED.add((function, internals.fingerprint(arguments)))
 
 
 # NaN tests must survive and sums must keep their order, so none of nnan, ninf, reassoc, afn.
 FASTMATH = {"contract", "arcp", "nsz"}
 
 
-def _compiler(name: str):
-    """A compiler of ``kernel_compiler``, which takes longer to load than all kernels of a picture together."""
-
-    def begun(*arguments):
-        return getattr(import_module(".kernel_compiler", __package__), name)(*arguments)
-
-    return begun
-
-
-# numba's workqueue layer aborts the whole process when two parallel kernels run at once, so a single token is
-# passed round.  (A queue needs no import of threading, which the Extensions platform refuses.)
+# numba's workqueue layer aborts the process when two parallel kernels run at once, so threads take turns with one
+# token.  (A queue needs no import of threading, which the Extensions platform refuses.)
 _TOKEN: queue.SimpleQueue = queue.SimpleQueue()
 _TOKEN.put(None)
-# Every thread has a context of its own, so this is whether the thread that asks holds the token already.
+# Whether the current thread holds the token: each thread has its own context.
 _HOLDS_TOKEN: ContextVar[bool] = ContextVar("holds_token", default=False)
 
 
-def kernel(
-    function=None, *, parallel=False, inline="never", forceinline=False, exact=False, inner=False, counted=True
-):
-    """Compile a kernel of arrays and scalars in nopython mode, cached on disk, without the GIL.
+def kernel(function=None, *, parallel=False, inline="never", forceinline=False, exact=False, inner=False, counted=True):
+    """Compile a function of arrays and scalars in nopython mode, without the GIL; keep the result on disk.
 
-    ``forceinline``: for a part of another kernel's loop, so that handing it its arrays costs nothing.
-    ``exact`` rounds after every operation as numpy does, for values that decide over a step.  ``inner``: only ever
-    called by other kernels, which saves finishing it by itself (``kernel_compiler``) and keeping it on disk.
-    ``counted``: whether references to arrays are counted; without, it must not make or return any.  Without numba the
-    plain Python function comes back; callers choose the numpy twin instead of calling it.
+    Parameters
+    ----------
+    function : callable, optional
+        The function; without it, a decorator is returned.
+    parallel : bool
+        Whether ``prange`` runs on several threads.
+    inline : {"never", "always"}
+        Whether numba inlines the function into kernels that call it.
+    forceinline : bool
+        Whether LLVM does, so that passing arrays costs nothing.
+    exact : bool
+        Round after each operation as numpy does, for values that decide between branches.
+    inner : bool
+        Only other kernels call it: it has no entry from Python and is not kept on disk by itself.
+    counted : bool
+        Whether references to arrays are counted.  Without, the kernel must not create or return arrays.
+
+    Returns
+    -------
+    numba.core.dispatcher.Dispatcher
+        Without numba, the function itself; callers then use the reference implementation instead.
     """
 
     def decorate(f):
         if numba is None:
             return f
         options = dict(
-            nogil=True, parallel=parallel, inline=inline, forceinline=forceinline, error_model="numpy",
-            fastmath=False if exact else FASTMATH, no_cfunc_wrapper=True, _nrt=counted,
+            nogil=True, parallel=parallel, inline=inline, error_model="numpy", fastmath=False if exact else FASTMATH
         )
-        if inner:
-            return numba.njit(no_cpython_wrapper=True, pipeline_class=_compiler("InnerCompiler"), **options)(f)
-        if not parallel:
-            options["pipeline_class"] = _compiler("KernelCompiler")
-        dispatcher = numba.njit(**options)(f)
-        dispatcher.__class__ = _NotedDispatcher
-        return dispatcher
+        if internals is None:
+            return numba.njit(**options)(f)
+        return internals.compile_with(f, options, forceinline=forceinline, inner=inner, counted=counted)
 
     return decorate if function is None else decorate(function)
 
 
-# For the loops inside a kernel that holds their arrays: counting references costs an atomic operation at every
-# hand-over (measured: a fifth of the splat's time).
+# For loops inside a kernel that holds their arrays.  Counting references costs an atomic operation for each array that
+# is passed (measured: a fifth of the splat's time).
 inner_loop = partial(kernel, inner=True, counted=False)
 
 
 def read_only(array):
-    """A view that cannot be written to.  numba compiles a kernel once more for each mixture of writable and
-    read-only inputs, so inputs whose origin varies are always passed like this."""
+    """Return a view of an array that cannot be written to.
+
+    numba compiles a kernel once for each combination of writable and read-only inputs, so inputs that may be either
+    are always passed like this.
+    """
     view = array.view()
     view.flags.writeable = False
     return view
@@ -286,9 +169,16 @@ prange = range if numba is None else numba.prange
 
 
 def compiled(backend: str = "auto") -> bool:
-    """Whether kernels (True) or their numpy twins (False) do the work.
+    """Whether kernels do the work (True) or the reference implementations in numpy (False).
 
-    Raises RleSplatError when ``backend`` is "numba" and numba cannot be loaded.
+    Parameters
+    ----------
+    backend : {"auto", "numba", "numpy"}
+
+    Raises
+    ------
+    RleSplatError
+        When ``backend`` is "numba" and numba cannot be loaded.
     """
     if backend == "numpy":
         return False
@@ -300,22 +190,26 @@ def compiled(backend: str = "auto") -> bool:
 
 
 def available_threads() -> int:
-    """How many threads a parallel kernel may use at most."""
-    return 1 if numba is None else int(numba.config.NUMBA_NUM_THREADS)
+    """Return the largest number of threads for a parallel kernel; 1 with plain numba."""
+    return 1 if internals is None else int(numba.config.NUMBA_NUM_THREADS)
 
 
 def thread_count(requested: int) -> int:
-    """The number of threads for a request; 0 asks for one per core."""
+    """Return the number of threads for a request; 0 requests one per core."""
     most = available_threads()
     return most if requested <= 0 else min(requested, most)
 
 
 @contextmanager
 def parallel_call(threads: int = 0):
-    """Hold the right to run parallel kernels on ``threads`` threads; yields the number in force.
+    """Hold the right to run parallel kernels on ``threads`` threads; the block gets the number in force.
 
-    Another thread that asks meanwhile waits; RuntimeError when this one holds the right already, for it would wait
-    for itself for ever.
+    Another thread that requests it meanwhile waits.
+
+    Raises
+    ------
+    RuntimeError
+        When the same thread holds the right already: it would wait for itself.
     """
     if _HOLDS_TOKEN.get():
         raise RuntimeError("parallel_call within parallel_call: a thread would wait for itself")
@@ -323,8 +217,8 @@ def parallel_call(threads: int = 0):
     try:
         try:
             _HOLDS_TOKEN.set(True)
-            # Taken and noted in a single call of C.  Ctrl-C raises an exception where such a call returns: one between
-            # the two would lose the token, and every later kernel would wait for ever.
+            # One call of C takes the token and notes it.  Ctrl-C raises where such a call returns; between two calls
+            # it would lose the token, and each later kernel would wait for ever.
             held.extend(map(_TOKEN.get, (True,)))
             with _numba_threads(count):
                 yield count

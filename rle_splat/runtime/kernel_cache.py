@@ -1,18 +1,23 @@
-"""numba's cache of compiled kernels, made to survive what happens to files.
+"""numba's on-disk cache of compiled kernels, with another key and checked files.
 
-A kernel that cannot be kept, on a full or read-only disk, works all the same.  A file that is not as it was written,
-cut short or flipped, is as if it were not there: what it held is compiled again and written anew.  (numba by itself
-raises whatever went wrong, every time, until the folder is deleted; machine code it takes as it finds it.)
+The key of a kernel on disk holds everything that decides over its machine code: see ``kernel_digest``.  numba itself
+does not compile a kernel again when a function that it inlines or a constant that it uses has changed.
+
+A kernel that cannot be kept, on a full or read-only disk, works all the same.  A file that is damaged counts as
+missing: its kernel is compiled again.  (numba itself executes damaged machine code, or raises until the folder is
+deleted.)
+
+This module relies on numba's internals; only ``numba_internals`` imports it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 
-from llvmlite.binding import add_symbol, parse_bitcode
+from llvmlite.binding import add_symbol
 from numba.core.caching import (
     Cache,
     CompileResultCacheImpl,
@@ -20,15 +25,16 @@ from numba.core.caching import (
     NullCache,
     UserProvidedCacheLocator,
 )
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import compile_result
 from numba.core.runtime import _nrt_python
 
-SEAL = 16  # bytes of digest at the end of every file, behind what numba reads of it
+from .kernel_digest import digest_of
+
+SEAL = 16  # bytes of digest at the end of each file, after the part that numba reads
+KEPT_EDITIONS = 4  # of a kernel for the same arguments and processor, from different sources
 
 
 class _Sealed:
-    """A file to write to that knows the digest of what was written."""
+    """A file opened for writing that computes the digest of what is written."""
 
     def __init__(self, file):
         self.file, self.digest = file, hashlib.blake2b(digest_size=SEAL)
@@ -39,7 +45,7 @@ class _Sealed:
 
 
 def _refuse_damaged(path) -> None:
-    """OSError when the file is not there, or not as it was written."""
+    """Raise OSError when the file is missing or differs from what was written."""
     with open(path, "rb") as file:
         content = file.read()
     if hashlib.blake2b(content[:-SEAL], digest_size=SEAL).digest() != content[-SEAL:]:
@@ -47,7 +53,7 @@ def _refuse_damaged(path) -> None:
 
 
 class _SealedFiles(IndexDataCacheFile):
-    """The index and the kernels of one function, each file with a digest of what is before it."""
+    """The index and the compiled versions of one kernel, each file with a digest of its content at the end."""
 
     def _load_index(self):
         try:
@@ -61,14 +67,26 @@ class _SealedFiles(IndexDataCacheFile):
         return super()._load_data(name)
 
     def save(self, key, data):
-        """Each version of a kernel under a name of its own, and named in the index once it is there.
+        """Write a version of the kernel, then the index that names it; remove the oldest editions of the version.
 
-        numba numbers them: of two processes that compile two versions at once, both may take the same number, and the
-        index then hands out one's machine code for the other's arguments.
+        The file's name is made from the key.  numba numbers the files instead: of two processes that compile two
+        versions at once, both may take the same number, and the index then gives one's machine code for the other's
+        arguments.
+
+        Parameters
+        ----------
+        key : tuple
+            The types of the arguments, the processor, and the digest of the sources.
         """
         versions = self._load_index()
+        versions.pop(key, None)  # the latest comes last
         digest = hashlib.blake2b(repr(key).encode(), digest_size=8).hexdigest()
         versions[key] = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
+        editions = [other for other in versions if other[:-1] == key[:-1]]
+        for old in editions[:-KEPT_EDITIONS]:
+            with suppress(OSError):  # another process has removed it, or has it open on Windows
+                os.remove(self._data_path(versions[old]))
+            del versions[old]
         self._save_data(versions[key], data)
         self._save_index(versions)
 
@@ -80,35 +98,17 @@ class _SealedFiles(IndexDataCacheFile):
             file.write(sealed.digest.digest())
 
 
-class _KeptLibrary(JITCodeLibrary):
-    """Machine code from a file.  What a caller of the kernel would link in, LLVM's own code, is read when one is
-    compiled: reading it takes longer than all else that a load needs (measured: 31 of 50 ms for ten kernels)."""
-
-    def __init__(self, codegen, name, machine_code, bitcode, defines):
-        super().__init__(codegen, name)
-        self._bitcode = bitcode
-        self.enable_object_caching()
-        self._set_compiled_object(machine_code)
-        self._finalize_final_module()
-        codegen._engine._defined_symbols.update(defines)
-
-    def _get_module_for_linking(self):
-        if self._shared_module is None:
-            self._shared_module = parse_bitcode(self._bitcode)
-        return self._shared_module
-
-
 class _Folder(UserProvidedCacheLocator):
-    """A folder for our kernels alone, wherever numba keeps what others have it keep."""
+    """The folder of our kernels alone; numba's setting of a folder, which others may use, stays as it is."""
 
     path = ""
 
     def __init__(self, py_func, py_file):
-        """Within it, one for each room under each name that it is imported by: what is kept names the classes of
-        arguments by their modules, and under another name these are not found.
+        """Choose a subfolder by the module's name and folder.
 
-        Eight digits tell them apart: Windows lets a path have 260 characters, and with numba's forty the names of a
-        third of the kernels would not fit behind the folder that Blender gives an extension.
+        A file on disk refers to the classes of arguments by their modules, so the same package imported under another
+        name needs files of its own.  Eight digits distinguish them: Windows allows paths of 260 characters, and with
+        numba's forty digits a third of the kernels would not fit in the folder that Blender gives an extension.
         """
         super().__init__(py_func, py_file)
         room = os.path.dirname(os.path.abspath(py_file))
@@ -117,68 +117,60 @@ class _Folder(UserProvidedCacheLocator):
 
     @classmethod
     def from_function(cls, py_func, py_file):
-        return super(UserProvidedCacheLocator, cls).from_function(py_func, py_file)  # whose own asks numba's setting
+        return super(UserProvidedCacheLocator, cls).from_function(py_func, py_file)  # its own reads numba's setting
+
+    def get_source_stamp(self):
+        return ""  # the key says what the kernel was compiled from, the file's date does not matter
+
+    def get_disambiguator(self):
+        return ""  # numba's is the number of the first line, which changes with the text above
 
 
 def keep_in(folder) -> None:
-    """Have the kernels whose caches are made from now on kept in this folder."""
+    """Set the folder for the kernels that are compiled or loaded from now on."""
     _Folder.path = str(folder)
 
 
 class _Kept(CompileResultCacheImpl):
-    """In that folder only: never beside the sources, where nothing may be written."""
+    """Kernels in that folder only: nothing may be written beside the sources."""
 
     _locator_classes = [_Folder]
 
-    def reduce(self, result):
-        """What numba keeps, and the names of all that the machine code defines."""
-        kept = super().reduce(result)  # finishes the library
-        module = result.library._final_module
-        named = (*module.functions, *module.global_variables)
-        return tuple(value.name for value in named if not value.is_declaration), *kept
-
-    def rebuild(self, target_context, kept):
-        """As numba's ``CompileResult._rebuild``, but for the library."""
-        defines, (name, _, code), about, environment, signature, objectmode, lifted, annotation, begin, others = kept
-        for function in begin:
-            function()
-        codegen = target_context.codegen()
-        library = _KeptLibrary(codegen, name, *code, defines)
-        entry = target_context.get_executable(library, about, environment)
-        for other in others:
-            codegen.set_env(other.env_name, other)
-        return compile_result(
-            target_context=target_context, typing_context=target_context.typing_context, library=library,
-            environment=environment, entry_point=entry, fndesc=about, type_annotation=annotation, signature=signature,
-            objectmode=objectmode, lifted=lifted, reload_init=begin, referenced_envs=others,
-        )  # fmt: skip
-
 
 @cache
-def _tell_of_memory() -> None:
-    """What kernels call to get memory and give it back is made known to LLVM, by the names that numba gives it.
+def _register_memory_functions() -> None:
+    """Give LLVM the addresses of the functions by which kernels allocate memory and free it.
 
-    numba does so when it gets ready to compile, which takes a hundred times as long: it reads its knowledge of Python
-    and numpy, and sees to every type.  Machine code that was kept needs nothing of that (measured: 0.13 s of a picture
-    whose kernels are all on disk).  What is compiled later has numba get ready then.
+    numba does so when it prepares to compile, and then also loads all that it knows of Python and numpy.  Kernels
+    from disk need nothing of that (measured: 0.09 s of a picture whose kernels are all on disk).  A kernel that is
+    compiled later has numba prepare then.
     """
     for name, address in _nrt_python.c_helpers.items():
         add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 class KernelCache(Cache):
-    """The cache of one kernel's versions, one for each combination of argument types."""
+    """The on-disk cache of one kernel's versions, one for each combination of argument types.
+
+    Parameters
+    ----------
+    dispatcher : numba.core.dispatcher.Dispatcher
+        The kernel.
+    """
 
     _impl_class = _Kept
 
-    def __init__(self, py_func):
-        super().__init__(py_func)
-        files = self._cache_file
-        self._cache_file = _SealedFiles(self._cache_path, self._impl.filename_base, files._source_stamp)
+    def __init__(self, dispatcher):
+        super().__init__(dispatcher.py_func)
+        self._digest = digest_of(dispatcher)
+        self._cache_file = _SealedFiles(self._cache_path, self._impl.filename_base, "")
+
+    def _index_key(self, sig, codegen):
+        return sig, codegen.magic_tuple(), self._digest
 
     def load_overload(self, sig, target_context):
-        """As numba's own, without getting ready to compile."""
-        _tell_of_memory()
+        """Return a version from disk, or None; as numba's own method, but without preparing to compile."""
+        _register_memory_functions()
         try:
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
@@ -186,15 +178,16 @@ class KernelCache(Cache):
             return None
 
     def save_overload(self, sig, data):
+        """Keep a version on disk where that is possible."""
         try:
             super().save_overload(sig, data)
         except OSError:
-            return  # it will be compiled again another time
+            return  # the next process compiles it again
 
 
-def cache_of(py_func):
-    """The cache for a kernel; one that keeps nothing where there is no folder for it."""
+def cache_of(dispatcher):
+    """Return the on-disk cache of a kernel; one that keeps nothing where there is no folder for it."""
     try:
-        return KernelCache(py_func)
-    except (OSError, RuntimeError):  # RuntimeError: numba found no place
+        return KernelCache(dispatcher)
+    except (OSError, RuntimeError):  # RuntimeError: numba has found no place
         return NullCache()

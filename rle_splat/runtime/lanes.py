@@ -6,15 +6,11 @@ one float at a time (measured: 2.9 ns a pixel against 1.5).  The vectors are LLV
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import intrinsic, ir, numba, types
 
 GROUP = 4  # voxels that are one vector of four channels each
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from .vectors import INTEGER, load, place, spread, store
 
     _LANES = ir.VectorType(ir.FloatType(), 4)
@@ -37,14 +33,14 @@ if numba is not None:
         return builder.fmul(values, builder.fmul(spread(builder, weight, 4), lanes))
 
     def _color_and_density(builder, bits, starts, steps, lanes, density):
-        """density * (RGB, 1) from linear codes of the colour; ``lanes``: the size of their steps."""
+        """density * (RGB, 1) from linear codes of the color; ``lanes``: the size of their steps."""
         codes = builder.and_(builder.lshr(spread(builder, bits, 4), _integers((*starts, 0))), _integers((*steps, 0)))
         color = builder.fmul(builder.sitofp(codes, _LANES), lanes)
         color = builder.insert_element(color, ir.Constant(ir.FloatType(), 1.0), ir.Constant(INTEGER, 3))
         return builder.fmul(color, spread(builder, density, 4))
 
     def _decode_6(builder, code, scale, lanes, at, weight):
-        """weight * (density * RGB, density) from a 16-bit float and 11, 11 and 10 bits of colour."""
+        """weight * (density * RGB, density) from a 16-bit float and 11, 11 and 10 bits of color."""
         first = builder.mul(at, ir.Constant(at.type, 3))
         density, low, high = (
             builder.zext(code(builder.add(first, ir.Constant(at.type, word))), INTEGER) for word in range(3)
@@ -132,7 +128,7 @@ if numba is not None:
 
         return types.void(codes, types.intp, scales, types.float32, target, types.intp), generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def add4(source, at, weight, target, to): ...
 

@@ -1,33 +1,60 @@
-"""Loops shared out among threads: numba's own pool of threads, called from a serial kernel.
+"""Loops shared out among threads, and a counter that they share.
 
-A kernel with ``prange`` is compiled three times over (its loop's body, the body's wrapper, what is round it) and takes
-four times as long to compile as a serial one.  Here the body is a kernel of its own, compiled once, and the call to the
-pool is written out (measured: 0.4 s of compiling against 0.1 s).  The parts of a loop are handed out as threads
-become free, so uneven work, or another program on one of the cores, does not hold up the rest.
+The loop's body is a serial kernel, the *task*.  ``share_out`` calls it for parts of the loop on the threads of numba's
+own pool.  A ``prange`` loop would be compiled three times (its body, the body's wrapper, the code around it) and takes
+four times as long to compile (measured: 0.4 s against 0.1 s).  Threads take parts as they become free, so that uneven
+work, or another program on one of the cores, does not hold up the rest.
+
+With plain numba (see ``jit``) the task runs once, for the whole loop.
 """
 
 from __future__ import annotations
 
-from .jit import numba
+from .jit import internals, numba
+from .llvm import cgutils, intrinsic, ir, types
 
-PARTS = 16  # pieces of a loop for each thread: little enough to be called for, small enough to even out
+PARTS = 16  # parts of a loop for each thread: few enough for the cost of a call, enough to even out the work
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import cgutils, types
-    from numba.extending import intrinsic
 
+    @intrinsic
+    def taken(typing, counter):
+        """Return the number in ``counter`` (1,) int64 and raise it by one; no two threads get the same number."""
+
+        def generate(context, builder, signature, arguments):
+            data = context.make_array(counter)(context, builder, arguments[0]).data
+            return builder.atomic_rmw("add", data, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+        return types.int64(counter), generate
+
+else:
+
+    def taken(counter): ...
+
+
+if internals is not None:
     _BYTES = ir.IntType(8).as_pointer()
-    # Where a loop is, how far it goes, the length of its pieces, whether a piece failed, and the arguments of its body.
+    # The fields of a job: where the loop is, its length, the length of its parts, whether a part has failed, and the
+    # arguments of the task.
     _NEXT, _TOTAL, _PIECE, _FAILED, _ARGUMENTS = range(5)
 
     @intrinsic
     def share_out(typing, task, count, arguments):
-        """``task(begin, end, *arguments)`` for parts of [0, count) that together are all of it, on all threads.
+        """Call ``task(begin, end, *arguments)`` on all threads, for parts of [0, count) that together cover it.
 
-        ``task``: a serial kernel that returns nothing; its parts must not write to the same places.  Only under
-        ``jit.parallel_call``, which makes the threads and says how many there are.  Raises MemoryError when a part
-        fails: all that can go wrong in one is to find no room for its scratch.
+        Only under ``jit.parallel_call``, which starts the threads and sets their number.
+
+        Parameters
+        ----------
+        task : kernel
+            Serial, without a return value.  Its parts must not write to the same elements.
+        count : int
+        arguments : tuple
+
+        Raises
+        ------
+        MemoryError
+            When a part fails: finding no memory for scratch is all that can go wrong in one.
         """
         if not isinstance(task, types.Dispatcher) or not isinstance(arguments, types.BaseTuple):
             return None
@@ -43,7 +70,7 @@ if numba is not None:
             def field(block, job, number):
                 return block.gep(job, [ir.IntType(32)(0), ir.IntType(32)(number)])
 
-            # What each thread runs: it takes pieces until there are none.  Its type is that of a numpy inner loop.
+            # What each thread runs: it takes parts until none is left.  Its type is that of a numpy inner loop.
             part_type = ir.FunctionType(
                 ir.VoidType(), (_BYTES.as_pointer(), intp.as_pointer(), intp.as_pointer(), _BYTES)
             )
@@ -77,7 +104,7 @@ if numba is not None:
             job = cgutils.alloca_once(builder, job_type)
             for number, value in enumerate((intp(0), total, piece, intp(0), held)):
                 builder.store(value, field(builder, job, number))
-            # One item of work a thread, over one array of no bytes; the job itself is the loop's own data.
+            # One item of work for each thread, over an array of no bytes; the job is passed as the loop's own data.
             inputs = cgutils.alloca_once_value(builder, _BYTES(None))
             items, step = (cgutils.alloca_once_value(builder, value) for value in (threads, intp(0)))
             pool = cgutils.get_or_insert_function(
@@ -92,20 +119,13 @@ if numba is not None:
 
         return types.void(task, types.intp, arguments), generate
 
-    @intrinsic
-    def taken(typing, counter):
-        """The number in ``counter`` (1,) int64, which is raised by one: no two threads get the same."""
+elif numba is not None:
 
-        def generate(context, builder, signature, arguments):
-            data = context.make_array(counter)(context, builder, arguments[0]).data
-            return builder.atomic_rmw("add", data, ir.Constant(ir.IntType(64), 1), "monotonic")
-
-        return types.int64(counter), generate
+    @numba.njit(nogil=True, error_model="numpy")
+    def share_out(task, count, arguments):
+        """Call the task once for the whole loop."""
+        task(0, count, *arguments)
 
 else:
 
-    def taken(counter): ...
-
-    def share_out(task, count, arguments):
-        """All of [0, count) at once."""
-        task(0, count, *arguments)
+    def share_out(task, count, arguments): ...

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import cgutils, intrinsic, ir, numba, types
 
 LINE = 64  # bytes that come together
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import cgutils, types
-    from numba.extending import intrinsic
-
     from .vectors import place
 
     @intrinsic
@@ -39,6 +35,6 @@ if numba is not None:
 
         return types.void(array, types.intp, types.intp), generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def fetch_ahead(array, first, count): ...

@@ -7,14 +7,11 @@ that a formula still reads like one.  Products and sums may contract, as everywh
 
 from __future__ import annotations
 
-from .jit import numba
+from .llvm import cgutils, ir, numba
 
 FLAGS = ("contract", "arcp", "nsz")
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import cgutils
-
     FLOAT, DOUBLE, INTEGER = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
 
     # The vectors themselves, for code whose arithmetic has other flags than a Vector's.

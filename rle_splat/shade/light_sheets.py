@@ -1,6 +1,6 @@
 """Geometry of sheets seen from a light: the factorization of the splat with the light in place of the eye.
 
-Everything is in voxel-index space (algorithm.md, sections 1.4 and 4.2). A sweep passes the slices of one principal axis
+Everything is in voxel-index space (algorithm.md 1.4 and 4.2). A sweep passes the slices of one principal axis
 in the direction of the light. One grid, the sheet, serves all slices; a sheet pixel is one ray of light. Parallel rays
 are sheared; rays from a point have one slope each. So nothing is resampled from slice to slice, and shadows do not
 get softer with distance.

@@ -1,6 +1,6 @@
 """Transmittance from a light to each voxel: a front-to-back sweep of run-length encoded extinction from the light.
 
-This is the splat again (algorithm.md, section 4.2), of one channel instead of four. The sheet holds the optical depth
+This is the splat again (algorithm.md 4.2), of one channel instead of four. The sheet holds the optical depth
 along each ray of light so far; the footprint is the tent. Before a slice is added, the sheet is interpolated at each of
 its voxels, half of the voxel's own depth is added, and the transmittance is written. Bands of sheet rows are
 independent, except for the row where two meet, which both compute.

@@ -1,4 +1,4 @@
-"""Shading of visible voxels: Phong or Blinn-Phong, one- or two-sided (paper, section 2.1; algorithm.md, section 4.2).
+"""Shading of visible voxels: Phong or Blinn-Phong, one- or two-sided (paper, section 2.1; algorithm.md 4.2).
 
 There are two steps. Normals do not depend on the view and can be cached between frames. Shaded colors are written
 directly into voxel records, for any range of voxels, so that no list of all shaded colors is needed.

@@ -1,7 +1,7 @@
 """Light on each voxel, apart from its color; post-classified sheets interpolate it beside the scalar.
 
 The paper shades voxels before they are splatted. So does this module, but the color is applied later, from the lookup
-table (algorithm.md, section 1.14):
+table (algorithm.md 1.14):
 
     color of a sample  =  classified color * light + highlight
 

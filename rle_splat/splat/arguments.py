@@ -1,4 +1,4 @@
-"""What the sheet-buffer loop is given, in named groups that kernels and their numpy twin read alike."""
+"""What the sheet-buffer loop is given, in named groups that kernels and their reference implementations share."""
 
 from __future__ import annotations
 
@@ -15,11 +15,22 @@ from ..volume.axes import AXES
 
 
 class Tables(NamedTuple):
-    """The tables of one principal axis (``encode.tables.RunLengthVolume``).
+    """The run-length tables of one principal axis (``encode.tables.RunLengthVolume``).
 
-    ``pointers``: (slices, scanlines) into ``runs``, -1 for an empty scanline.  ``data_starts``: (slices,
-    scanlines) into ``voxels``, flat float32, four channels a record, or codes that ``decoding`` turns into them (see
-    ``encode.records``).  ``width``: voxels on a scanline.
+    Attributes
+    ----------
+    pointers : (slices, scanlines) int
+        Number of the first run of each scanline in ``runs``, -1 for an empty scanline.
+    data_starts : (slices, scanlines) int
+        Number of the first voxel record of each scanline.
+    runs : (n,) uint
+        Lengths in voxels, transparent and non-transparent in turn; those of a scanline sum to ``width``.
+    voxels : (4 * m,) float32, or codes
+        Records of four channels: extinction (or opacity) times linear RGB, and extinction per world length (or
+        opacity); or codes that ``decoding`` turns into records (``encode.records``).
+    decoding : (k,) float32 or None
+    width : int
+        Voxels of a scanline.
     """
 
     pointers: np.ndarray
@@ -31,12 +42,24 @@ class Tables(NamedTuple):
 
 
 class SheetList(NamedTuple):
-    """Per sheet, front to back.
+    """The sheets, front to back: one entry of each array per sheet.
 
-    ``first_slice``: the first slice whose footprint reaches it, ``slice_weights`` (n, taps) float32 the weights of
-    that one and the next; ``thickness`` in voxels of depth; slab ``begin`` and ``end`` along the viewing direction,
-    voxels; ``scale`` and ``offset`` (n, 2): sheet pixel = scale * voxel + offset, along the scanline [0] and across
-    scanlines [1].  ``far`` and ``kind``: see ``view.depth_rules.Sheets``.
+    Attributes
+    ----------
+    first_slice : (n,) int64
+        The first slice whose footprint reaches the sheet.
+    slice_weights : (n, taps) float32
+        Weights of that slice and the next ones.
+    thickness : (n,) float64
+        Depth that the sheet stands for, in voxels.
+    begin, end : (n,) float64
+        The sheet's slab along the viewing direction of the axis, in voxels.
+    scale, offset : (n, 2) float64
+        Sheet pixel = scale * voxel + offset, along the scanline [0] and across scanlines [1].
+    far : (n,) float64
+        Up to where the sheet's samples are of use, in voxels (``view.depth_rules.Sheets``).
+    kind : (n,) int64
+        OWN, BEGINS, BETWEEN or ALONE of ``view.depth_rules``.
     """
 
     first_slice: np.ndarray
@@ -51,13 +74,21 @@ class SheetList(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Per column and row of sheet pixels, for all of them would be as dear to make as to splat.
+    """The rays through sheet pixels, by column and by row: a length for each pixel would cost as much as the splat.
 
     The length of the ray through pixel (u, v) per voxel of depth is
-    ``sqrt(along[u] + across[v] + along_slope[u] * across_slope[v])``, float64, in world units (extinction) or
-    reference distances (opacity).  ``seen``: see ``view.base_plane.BasePlane``.  ``limits``: (2 + 2 holes, H, W)
-    float32 where it begins and ends along the viewing direction, voxels, and where it goes into and comes out of each
-    hole, none of which overlap; None for no limits.
+    ``sqrt(along[u] + across[v] + along_slope[u] * across_slope[v])``, in world units (extinction) or reference
+    distances (opacity).
+
+    Attributes
+    ----------
+    along, along_slope : (W,) float64
+    across, across_slope : (H,) float64
+    seen : (2, H) int
+        First column of each row that the picture sees, and the one behind the last (``view.base_plane.BasePlane``).
+    limits : (2 + 2 * holes, H, W) float32 or None
+        Where each ray begins and ends along the viewing direction of the axis, in voxels, and where it enters and
+        leaves each hole.  Holes do not overlap; an empty one has begin = end.
     """
 
     along: np.ndarray
@@ -101,7 +132,14 @@ def rays_of(plane: BasePlane, length_unit: float, corrected: bool, limits=None) 
 class Wide(NamedTuple):
     """A footprint other than the plain tent.
 
-    ``kind`` and ``radius``: of ``view.footprints``.  ``widen``: whether it is widened where it is minified.
+    Attributes
+    ----------
+    kind : int
+        Of ``view.footprints``.
+    radius : float
+        In voxels.
+    widen : bool
+        Whether it is widened where sheets are minified.
     """
 
     kind: int
@@ -117,10 +155,18 @@ def wide_of(plane: BasePlane, quality: Quality) -> Wide | None:
 
 
 class ScalarTables(NamedTuple):
-    """The tables of one principal axis of a scalar volume (``encode.scalars.ScalarVolume``).
+    """The run-length tables of one principal axis of a scalar volume (``encode.scalars.ScalarVolume``).
 
-    As ``Tables``, but ``scalars`` (m,) numbers of any type and ``lights`` (m, channels) uint16 codes, or None, which
-    ``light_unit`` makes numbers of.
+    Attributes
+    ----------
+    pointers, data_starts, runs, width
+        See ``Tables``.
+    scalars : (m,) any number
+        Stored values of the kept voxels.
+    lights : (m, channels) uint16 or None
+        Codes of the light on them: light, highlight and thinning.
+    light_unit : float32
+        Factor that turns codes into light.
     """
 
     pointers: np.ndarray
@@ -132,13 +178,73 @@ class ScalarTables(NamedTuple):
     width: int
 
 
-class Box(NamedTuple):
-    """Where rays are inside the box of the voxel centres, in voxels along the viewing direction.
+class Lookup(NamedTuple):
+    """The transfer function as sheets of the scalar look it up (``classify.value_table``).
 
-    ``columns`` (2, W) and ``rows`` (2, H) float32: entry and exit sideways, along and across scanlines
-    (``view.ray_limits.box_limits``).  ``blocks`` (4, blocks) float32: of each block of columns the first and the last
-    entry, the first and the last exit.  ``overhang``: voxels by which a ray that is inside somewhere in a sheet's slab
-    may be beside the box at the sheet itself; such samples are taken at the box's face.
+    Stored values are those of the volume less ``ScalarVolume.center``.
+
+    Attributes
+    ----------
+    table : (4 * (last + 1),) float32
+        Extinction times linear RGB, and extinction, per world length, of each entry; of one column where only optical
+        depths are wanted.  The last entry is transparent.
+    sums : (4 * (last + 1),) float32
+        Sums of all entries before each entry.
+    origin, rate : float32
+        Stored value where the first entry begins; entries per stored value.
+    least : float32
+        Stored value below which a voxel is no sample.
+    low, high : float32
+        Stored values outside of which nothing is visible.
+    nearest, furthest : float32
+        Stored values that stand for what lies beyond them.
+    last : int32
+        Number of the last entry.
+    """
+
+    table: np.ndarray
+    sums: np.ndarray
+    origin: np.float32
+    rate: np.float32
+    least: np.float32
+    low: np.float32
+    high: np.float32
+    nearest: np.float32
+    furthest: np.float32
+    last: np.int32
+
+
+class Light(NamedTuple):
+    """The planes of a sheet of the scalar behind the scalar itself, by number; kernels are compiled for each count.
+
+    Attributes
+    ----------
+    matt : tuple of int
+        Planes of light that color is multiplied by: none, one or three.
+    gloss : tuple of int
+        Planes of highlight that are added to the color in proportion to the extinction: none, one or three.
+    thinning : tuple of int
+        The plane of a factor of extinction, the last one, or none.
+    """
+
+    matt: tuple
+    gloss: tuple
+    thinning: tuple
+
+
+class Box(NamedTuple):
+    """Where rays are inside the box of the voxel centers, in voxels along the viewing direction.
+
+    Attributes
+    ----------
+    columns : (2, W) float32
+    rows : (2, H) float32
+        Entry and exit sideways, along and across scanlines (``view.ray_limits.box_limits``).
+    blocks : (4, blocks) float32
+        First and last entry, first and last exit of each block of columns.
+    overhang : float
+        Voxels by which a ray that is inside somewhere in a sheet's slab may be beside the box at the sheet itself.
+        Such samples are taken at the face of the box.
     """
 
     columns: np.ndarray

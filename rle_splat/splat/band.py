@@ -7,19 +7,19 @@ import math
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK, CLEAR, interleaved
+from .pixel_block import BLOCK, TRANSMITTANCE, interleaved
 from .scratch import BAND
-from .voxel_scanline import BLOCK_BITS, ONE_BIT, WORD, mark_blocks
-
-NO_BITS = np.uint64(0)
+from .voxel_scanline import BLOCK_BITS, NO_BITS, ONE_BIT, WORD, mark_blocks
 
 
 @inner_loop
 def begin_band(
     state, lengths, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
 ):
-    """Clear the rows of a band: no colour, all light.  Blocks of which nothing is ``seen`` are done from the start, as
-    if they were opaque, and pixels beyond the image are opaque."""
+    """Clear the rows of a band: no color, transmittance one.
+
+    Blocks of which nothing is ``seen`` count as opaque from the start, and so do pixels beyond the image.
+    """
     image_width = along.size
     blocks = placed.size
     alive[:] = NO_BITS
@@ -38,7 +38,7 @@ def begin_band(
             count = min(BLOCK, image_width - first)
             bright[r, b] = count
             at = BLOCK * (r * blocks + b)
-            state[4 * at + CLEAR : 4 * at + CLEAR + count] = np.float32(1.0)
+            state[4 * at + TRANSMITTANCE : 4 * at + TRANSMITTANCE + count] = np.float32(1.0)
             for i in range(count):
                 squared = along[first + i] + across[v] + along_slope[first + i] * across_slope[v]
                 lengths[at + i] = math.sqrt(max(squared, 0.0))
@@ -98,8 +98,8 @@ def live_voxels(alive, blocks, live, shift, step, radius):
 def slice_ahead(first_slice, slice_weights, sheet, n_slices):
     """The last slice that the sheet behind number ``sheet`` reads, -1 for none.
 
-    Its voxels are asked for while this sheet's are resampled: they lie somewhere else in memory, and waiting for them
-    was a fifth of the splat's time.  ``first_slice``, ``slice_weights``: see ``arguments.SheetList``.
+    Its voxels are prefetched while this sheet's are resampled: waiting for them took a fifth of the splat's time.
+    ``first_slice``, ``slice_weights``: see ``arguments.SheetList``.
     """
     if sheet + 1 >= first_slice.size:
         return -1

@@ -1,8 +1,7 @@
-"""Slabs between two sheets that a ray's limits cut: the values of the scalar at its ends inside them.
+"""Slabs between two sheets that a ray's limits cut: the values of the scalar at the ray's ends inside them.
 
-The scalar is linear from sheet to sheet, so what a cut slab shows is what lies between its value where the ray begins
-in it and its value where the ray ends.  Else each slab would show all of itself where it is cut, and an oblique cut
-through dense matter the steps of its sheets.
+The scalar is linear from sheet to sheet, so a cut slab is classified by the values where the ray begins and ends in it.
+Otherwise an oblique cut through dense material would show the steps of the sheets.
 """
 
 from __future__ import annotations
@@ -53,19 +52,3 @@ def cut_ends(limits, v, first_pixel, count, begin, end, sheet, upper, lower, dow
             ends[i] = there + (here - there) * np.float32((from_ - begin) / (end - begin))
             ends[BLOCK + i] = there + (here - there) * np.float32((to - begin) / (end - begin))
     return True
-
-
-def cut_ends_numpy(limits, begin, end, here, there, least):
-    """Twin of ``cut_ends``: (H, W) values of the scalar where rays begin in a slab and where they end."""
-    from_, to = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
-    for into, out in zip(limits[2::2], limits[3::2]):
-        at_front = (into <= from_) & (from_ < out)
-        at_back = ~at_front & (into < to) & (to <= out)
-        from_ = np.where(at_front, np.minimum(out, to), from_)
-        to = np.where(at_back, np.maximum(into, from_), to)
-    counts = (here >= least) & (there >= least) & (from_ < to)
-    with np.errstate(over="ignore", invalid="ignore"):
-        first, last = (
-            there + (here - there) * ((place - begin) / (end - begin)).astype(np.float32) for place in (from_, to)
-        )
-    return np.where(counts, first, there), np.where(counts, last, here)

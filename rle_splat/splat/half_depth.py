@@ -1,10 +1,10 @@
-"""Where in a slab the transmittance falls below one half: for the depth of a picture, a block of pixels at a time."""
+"""Where in a slab the transmittance falls below one half, for the depth channel: a block of pixels at a time."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
 LEAST = 1e-37  # a normal number, below which nothing shines
@@ -14,10 +14,6 @@ _NODES = 0.5 - 0.5 * np.cos((np.arange(_TERMS) + 0.5) * np.pi / _TERMS)
 LOG2_OVER_T = np.linalg.solve(_NODES[:, None] ** np.arange(_TERMS), np.log2(1.0 + _NODES) / _NODES).tolist()
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import DOUBLE, INTEGER, Vector, place
     from .pixel_block import kind_of
 
@@ -69,6 +65,6 @@ if numba is not None:
     def _whole(number):
         return ir.Constant(ir.VectorType(INTEGER, BLOCK), [number] * BLOCK)
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def half_way(before, after, at, parts): ...

@@ -11,12 +11,12 @@ from ..view.base_plane import BasePlane
 
 @dataclass(frozen=True, eq=False)
 class IntermediateImage:
-    """``pixels``: (H, W, 4) float32, premultiplied scene-linear colour and *transmittance*.
+    """``pixels``: (H, W, 4) float32, premultiplied scene-linear color and *transmittance*.
 
     ``half_depth``: (H, W) float32, position along the viewing direction of the principal axis (``sign *
     position``, voxels) at which the transmittance falls below one half; inf where it does not.
     ``filled``: (2, H) int32, of each row the first column that may have anything in it and the one behind the last, no
-    more than the first where there are none: elsewhere pixels are transparent, without colour.
+    more than the first where there are none: elsewhere pixels are transparent, without color.
     """
 
     base_plane: BasePlane

@@ -1,8 +1,7 @@
-"""Which blocks of pixels have a ray within its limits in a slab: nothing else of the sheet is looked at.
+"""Which blocks of pixels have a ray interval that meets a slab: no other block of the sheet is computed.
 
-What clip objects leave of the volume are short stretches of few rays.  From the stretches of a band's blocks follow,
-sheet by sheet, the blocks that it is splatted to, and from these the voxels of each scanline that they read, before
-any run of voxels is walked.
+Clip objects leave short intervals of few rays.  The intervals of a band's blocks give, sheet by sheet, the blocks to
+splat, and these the voxels of each scanline that they read, before any run of voxels is walked.
 """
 
 from __future__ import annotations
@@ -10,24 +9,22 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK
+from .pixel_block import BLOCK, TRANSMITTANCE
 from .scratch import BAND
-from .voxel_scanline import ONE_BIT, WORD
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
-NO_BITS = np.uint64(0)
 MOST = np.float32(np.finfo(np.float32).max)
-# What is known of the rays of a block: where the first begins and the last ends, of those of which anything is left;
-# where the last of all begins and the first ends; and from where to where they have holes, or, of a whole band's block,
-# a hole that they all have.
+# Bounds of the ray intervals of a block: least begin and largest end of the intervals that are not empty; largest begin
+# and least end of all; and from where to where there are holes, or, of a whole band's block, a hole common to all.
 FIRST, LAST, ALL_BEGUN, NONE_ENDED, HOLE, HOLE_END = range(6)
 NONE, SOME, NO_MORE = range(3)
 
 
 @inner_loop
 def bound_blocks(limits, top_row, rows, bounds):
-    """What the limits leave of each block of each row of a band, and of the band's, which is the last row.
+    """Bound the ray intervals of each block of each row of a band, and of the whole band, which is the last row.
 
-    ``limits``: (2 + 2 holes, H, W), of ``arguments.Rays``, or None, and then there is nothing to do.
+    ``limits``: (2 + 2 holes, H, W), of ``arguments.Rays``; None for no limits, and nothing is written.
     Out: ``bounds`` (BAND + 1, 6, blocks) float32, voxels along the viewing direction, by the numbers above.
     """
     if limits is None:
@@ -98,3 +95,20 @@ def is_shortened(bounds, r, b, begin, end):
     """Whether any ray of a block of a row is outside its limits somewhere in a slab."""
     inside = begin >= bounds[r, ALL_BEGUN, b] and end <= bounds[r, NONE_ENDED, b]
     return not inside or (bounds[r, HOLE, b] < end and bounds[r, HOLE_END, b] > begin)
+
+
+@inner_loop(forceinline=True)
+def count_live(limits, live, bounds, r, b, end, state, at, least, v, first_pixel, count):
+    """How many pixels of a block go on behind a slab: those that are not opaque and whose ray has not ended.
+
+    ``live``: how many are not opaque.  ``state[at:]``: the block; ``least``: transmittance at which a pixel is opaque.
+    ``end``: of the slab.  ``limits``, ``bounds``: see ``bound_blocks``.
+    """
+    if limits is None:
+        return live
+    if bounds[r, NONE_ENDED, b] > end:
+        return live
+    live = 0
+    for i in range(count):
+        live += state[at + TRANSMITTANCE + i] >= least and limits[1, v, first_pixel + i] > end
+    return live

@@ -1,8 +1,7 @@
-"""Mist in a sheet: what a slab has just added to the row is faded by its distance, in associated form.
+"""Mist in a sheet: what a slab has just added to the row is faded by its distance, in premultiplied form.
 
-A slab adds weight * colour to a pixel, weight being the light that it takes away, the difference of transmittances.  In
-mist of strength m it adds weight * ((1 - m) * colour + m * fog) instead: so that nothing of what made the colour needs
-to know, and the transmittance is what it was.
+A slab adds weight * color to a pixel, where weight is the difference of transmittances ahead of it and behind it.  In
+mist of strength m it adds weight * ((1 - m) * color + m * fog) instead.  The transmittance does not change.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 from ..runtime.jit import inner_loop
 from ..scene import MIST_FALLOFFS, Mist
 from ..view.base_plane import BasePlane
-from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED
+from .pixel_block import BLOCK, BLUE, GREEN, RED, TRANSMITTANCE
 
 QUADRATIC, LINEAR = (MIST_FALLOFFS.index(name) for name in ("QUADRATIC", "LINEAR"))
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
@@ -36,6 +35,7 @@ class MistRays(NamedTuple):
 
 
 def mist_rays(plane: BasePlane, mist: Mist) -> MistRays:
+    """The mist of a scene for the sheet pixels of a base plane."""
     x, y = plane.points()
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     per_voxel = plane.sign * per_voxel
@@ -55,15 +55,15 @@ def mist_rays(plane: BasePlane, mist: Mist) -> MistRays:
 
 
 @inner_loop(forceinline=True)
-def keep_colors(state, row, kept):
-    """The colours of a block of the row, to ``kept`` (3 * BLOCK,)."""
+def copy_colors(state, row, ahead):
+    """The colors of a block of the row, to ``ahead`` (3 * BLOCK,)."""
     for i in range(3 * BLOCK):
-        kept[i] = state[row + i]
+        ahead[i] = state[row + i]
 
 
 @inner_loop(forceinline=True)
-def fade_added(mist, state, row, kept, before, middle, v, first_pixel, count):
-    """Fade what a slab has added to a block since ``keep_colors``.
+def fade_added(mist, state, row, ahead, before, middle, v, first_pixel, count):
+    """Fade what a slab has added to a block since ``copy_colors``.
 
     ``before`` (BLOCK,): the transmittance ahead of it.  ``middle``: of the slab, along the viewing direction.
     """
@@ -75,19 +75,7 @@ def fade_added(mist, state, row, kept, before, middle, v, first_pixel, count):
             share *= share
         elif falloff != LINEAR:
             share = np.float32(math.sqrt(share))
-        clear, fog = _ONE - share, share * (before[i] - state[row + CLEAR + i])
-        state[row + RED + i] = kept[RED + i] + clear * (state[row + RED + i] - kept[RED + i]) + fog * red
-        state[row + GREEN + i] = kept[GREEN + i] + clear * (state[row + GREEN + i] - kept[GREEN + i]) + fog * green
-        state[row + BLUE + i] = kept[BLUE + i] + clear * (state[row + BLUE + i] - kept[BLUE + i]) + fog * blue
-
-
-def fade_added_numpy(mist: MistRays, state, kept, middle) -> None:
-    """Twin of ``fade_added``: ``state`` (H, W, 4), and as it was, ``kept``."""
-    share = np.clip(mist.place[0] + mist.place[1] * np.float32(middle), 0.0, 1.0)
-    if mist.falloff == QUADRATIC:
-        share = share * share
-    elif mist.falloff != LINEAR:
-        share = np.sqrt(share)
-    fog = (share * (kept[..., 3] - state[..., 3]))[..., None] * np.array(mist[2:], np.float32)
-    added = state[..., :3] - kept[..., :3]
-    state[..., :3] = kept[..., :3] + (1.0 - share)[..., None] * added + fog
+        rest, fog = _ONE - share, share * (before[i] - state[row + TRANSMITTANCE + i])
+        state[row + RED + i] = ahead[RED + i] + rest * (state[row + RED + i] - ahead[RED + i]) + fog * red
+        state[row + GREEN + i] = ahead[GREEN + i] + rest * (state[row + GREEN + i] - ahead[GREEN + i]) + fog * green
+        state[row + BLUE + i] = ahead[BLUE + i] + rest * (state[row + BLUE + i] - ahead[BLUE + i]) + fog * blue

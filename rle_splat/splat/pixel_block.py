@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 
 BLOCK = 16  # pixels handled together; a multiple of every SIMD width in use
-RED, GREEN, BLUE, CLEAR = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block; CLEAR is transmittance
+RED, GREEN, BLUE, TRANSMITTANCE = 0, BLOCK, 2 * BLOCK, 3 * BLOCK  # planes of a block
 
 # Every sheet rounds the transmittance: so many of float32's roundings, 2**-24 each, are a quarter of a level.
 MOST_SHEETS_IN_SINGLE = 1 << 14
@@ -25,20 +25,16 @@ LOG2E = 1.0 / math.log(2.0)
 # 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!, relative error below float32's rounding; below float64's.
 EXPONENTIAL = [float(np.float32(math.log(2.0) ** n / math.factorial(n))) for n in range(1, 8)]
 EXPONENTIAL_IN_DOUBLE = [math.log(2.0) ** n / math.factorial(n) for n in range(1, 15)]
-TINY = float(np.float32(1e-37))  # keeps 0/0 out of colour = associated colour / extinction
+TINY = float(np.float32(1e-37))  # keeps 0/0 out of color = associated color / extinction
 MOST = 126.0  # exponent at which a sheet is opaque and 2**-n is still a normal number
 
 
 def accumulator(sheets: int):
-    """The numbers that colour and transmittance are kept in behind so many sheets (algorithm.md 3.4, A1)."""
+    """The numbers that color and transmittance are kept in behind so many sheets (algorithm.md 3.4, A1)."""
     return np.float64 if sheets > MOST_SHEETS_IN_SINGLE else np.float32
 
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 
     def kind_of(array_type):
@@ -49,7 +45,7 @@ if numba is not None:
         """Loads the four planes of the block at number ``at``."""
         places = [
             place(context, builder, array_type, array, builder.add(at, ir.Constant(at.type, plane)))
-            for plane in (RED, GREEN, BLUE, CLEAR)
+            for plane in (RED, GREEN, BLUE, TRANSMITTANCE)
         ]
         return [Vector.load(builder, plane, BLOCK, kind_of(array_type)) for plane in places]
 
@@ -115,7 +111,7 @@ if numba is not None:
                     after = place(context, builder, line_type, line, builder.add(cell, number(4)))
                     right = Vector.load(builder, after, 4)
                     mixed.append(left + (right - left) * Vector.spread(builder, fraction, 4))
-                for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), transpose4(mixed), strict=True):
+                for plane, lanes in zip((RED, GREEN, BLUE, TRANSMITTANCE), transpose4(mixed), strict=True):
                     lanes.store(place(context, builder, sheet_type, sheet, builder.add(at, number(plane + group))))
             return context.get_dummy_value()
 
@@ -158,7 +154,7 @@ if numba is not None:
                 )
                 lanes = [group + lane // 4 for lane in range(BLOCK)]
                 mixed.append(left + (right - left) * fraction.shuffle(fraction.value, lanes))
-            for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), transpose4(mixed), strict=True):
+            for plane, lanes in zip((RED, GREEN, BLUE, TRANSMITTANCE), transpose4(mixed), strict=True):
                 # Pixel 4 * group + i is now number 4 * i + group.
                 lanes = lanes.shuffle(lanes.value, [4 * (i % 4) + i // 4 for i in range(BLOCK)])
                 lanes.store(place(context, builder, sheet_type, sheet, builder.add(at, ir.Constant(at.type, plane))))
@@ -168,7 +164,7 @@ if numba is not None:
         return types.void(*arguments), generate
 
     def slab(samples, length, one):
-        """What a homogeneous slab absorbs and lets pass, and what its colour is weighted by: extinction."""
+        """What a homogeneous slab absorbs and lets pass, and what its color is weighted by: extinction."""
         power, p = _transmitted((samples * length * LOG2E).least(MOST))
         return one - power - power * p, power + power * p, samples
 
@@ -185,37 +181,38 @@ if numba is not None:
         What is float32 is widened first where ``state`` and ``before`` are float64.
         """
         kind = kind_of(state_type)
-        *so_far, clear = row_planes(context, builder, state_type, state, row)
-        clear.store(place(context, builder, before_type, before, ir.Constant(row.type, 0)))
+        *so_far, transmittance = row_planes(context, builder, state_type, state, row)
+        transmittance.store(place(context, builder, before_type, before, ir.Constant(row.type, 0)))
         least = Vector.spread(builder, least, BLOCK).widened(kind)
         colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
         absorbed, passed, divisor = absorb(samples, length, Vector(builder, length.like(1.0)))
         gain = absorbed / divisor.most(TINY)
-        so_far, clear = laid_over(gain, passed, absorbed, so_far, clear, colors, least)
-        store_row(context, builder, (*so_far, clear), state_type, state, row)
-        return counted(builder, clear, least)
+        so_far, transmittance = laid_over(gain, passed, absorbed, so_far, transmittance, colors, least)
+        store_row(context, builder, (*so_far, transmittance), state_type, state, row)
+        return counted(builder, transmittance, least)
 
-    def laid_over(gain, passed, absorbed, so_far, clear, colors, least):
-        """The colours ``so_far`` and transmittance of a block, and a sheet behind them: what they are with it.
+    def laid_over(gain, passed, absorbed, so_far, transmittance, colors, least):
+        """The colors ``so_far`` and transmittance of a block, and a sheet behind them: what they are with it.
 
         ``gain``: what the sheet absorbs, over its extinction (or opacity).  The others: see ``composited``.
         """
-        alive = clear.at_least(least)
-        through = clear * passed
-        if clear.value.type.element == DOUBLE:  # 1 - tau of thin sheets would add up, each rounded alike: not formed
-            through = through.where(absorbed.at_least(0.5), clear - clear * absorbed)
-        weight = clear.where(alive, 0.0) * gain
-        return [c + weight * q for c, q in zip(so_far, colors, strict=True)], through.where(alive, clear)
+        alive = transmittance.at_least(least)
+        through = transmittance * passed
+        # 1 - tau of thin sheets would add up, each rounded alike, so it is not formed in float64.
+        if transmittance.value.type.element == DOUBLE:
+            through = through.where(absorbed.at_least(0.5), transmittance - transmittance * absorbed)
+        weight = transmittance.where(alive, 0.0) * gain
+        return [c + weight * q for c, q in zip(so_far, colors, strict=True)], through.where(alive, transmittance)
 
     def store_row(context, builder, planes, state_type, state, row):
         """Puts four planes where ``row_planes`` finds them."""
-        for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), planes, strict=True):
+        for plane, lanes in zip((RED, GREEN, BLUE, TRANSMITTANCE), planes, strict=True):
             lanes.store(place(context, builder, state_type, state, builder.add(row, ir.Constant(row.type, plane))))
 
-    def counted(builder, clear, least):
+    def counted(builder, transmittance, least):
         """What ``composite_extinction`` returns of a block's transmittance."""
-        left = count_lanes(builder, clear.at_least(least), BLOCK)
-        bright = count_lanes(builder, clear.at_least(0.5), BLOCK)
+        left = count_lanes(builder, transmittance.at_least(least), BLOCK)
+        bright = count_lanes(builder, transmittance.at_least(0.5), BLOCK)
         return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
 
     def _composite(absorb, types_of, context, builder, arguments):
@@ -242,7 +239,7 @@ if numba is not None:
     def composite_extinction(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
         """One block of one sheet of extinction over the row: the exact solution of a homogeneous slab.
 
-        ``sheet``: associated colour and extinction of the scanlines at ``at`` and ``below``, ``down`` the fraction
+        ``sheet``: associated color and extinction of the scanlines at ``at`` and ``below``, ``down`` the fraction
         (float32) towards the latter.  ``depth[deep:]``: float32 world length of the rays per voxel of ``thickness``.
         ``least``: transmittance at which a pixel is opaque.  ``state[row:]``: the block so far; ``before`` (BLOCK,)
         is where its transmittance ahead of this sheet goes; both float32 or both float64.
@@ -260,7 +257,7 @@ if numba is not None:
     def composite_added(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
         """One block of one sheet of opacities over the row, as the paper adds them: see ``composite_extinction``.
 
-        ``sheet``: opacity-weighted colour and opacity, whose sum over the footprints is clamped to one.  ``depth``
+        ``sheet``: opacity-weighted color and opacity, whose sum over the footprints is clamped to one.  ``depth``
         and ``thickness`` do not count.
         """
 
@@ -284,7 +281,7 @@ if numba is not None:
                     )
                     for i in range(4)
                 ]
-                for plane, lanes in zip((RED, GREEN, BLUE, CLEAR), transpose4(pixels), strict=True):
+                for plane, lanes in zip((RED, GREEN, BLUE, TRANSMITTANCE), transpose4(pixels), strict=True):
                     to = builder.add(at, ir.Constant(at.type, plane + group))
                     lanes.store(place(context, builder, sheet_type, sheet, to))
             return context.get_dummy_value()
@@ -315,7 +312,7 @@ if numba is not None:
 
         return types.int64(state, types.intp, pixels, types.intp), generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def place_tent(cells, fractions, to, start, scale, top): ...
 

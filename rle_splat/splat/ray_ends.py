@@ -6,9 +6,8 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK
-from .voxel_scanline import ONE_BIT, WORD
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
-NO_BITS = np.uint64(0)
 NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
 
 

@@ -1,10 +1,10 @@
-"""What a ray is worth without compositing: its largest, smallest or mean value, or its optical depth (4.2).
+"""Rays without compositing: the largest, smallest or mean value, or the optical depth (algorithm.md 4.2).
 
-None of it depends on the order of the sheets, and none needs an exponential in any of them.  Everything is kept in a
-block of the row behind the sheets, where composited pixels have colour and transmittance:
+None of these depends on the order of the sheets or needs an exponential per sheet.  They are stored in a block of the
+row behind the sheets, where composited pixels have color and transmittance:
 
     values   RED the largest, or smallest, value so far, counted from an origin, or the sum of value * length; GREEN the
-             sum of lengths; CLEAR 0 as soon as there is a sample
+             sum of lengths; TRANSMITTANCE 0 as soon as there is a sample
     depths   RED the optical depth
 """
 
@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK, CLEAR, GREEN, RED
+from .pixel_block import BLOCK, GREEN, RED, TRANSMITTANCE
 from .ray_ends import end_in_box
 from .scalar_block import ROW_BITS
 
@@ -50,7 +50,7 @@ def gather_values(
             weight = length[deep + i] * thickness if value >= least else _ZERO
             state[row + RED + i] += (value - origin) * weight
             state[row + GREEN + i] += weight
-            state[row + CLEAR + i] = _ZERO if weight > _ZERO else state[row + CLEAR + i]
+            state[row + TRANSMITTANCE + i] = _ZERO if weight > _ZERO else state[row + TRANSMITTANCE + i]
         return
     better = 0
     for i in range(BLOCK):
@@ -62,7 +62,7 @@ def gather_values(
         found[i] = _ONE if more else _ZERO
         better += more
         state[row + RED + i] = over if more else most
-        state[row + CLEAR + i] = _ZERO if counts else state[row + CLEAR + i]
+        state[row + TRANSMITTANCE + i] = _ZERO if counts else state[row + TRANSMITTANCE + i]
     if better == 0:
         return
     for i in range(count):

@@ -7,7 +7,7 @@ shades itself).
 
 from __future__ import annotations
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
 # Entries of the value table between two sheets up to which the middle one stands for their mean.  Differences of its
@@ -16,10 +16,6 @@ SPAN = 32.0
 ROW_BITS = 4  # a row of a value table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
     from .pixel_block import composited, slab
 
@@ -221,23 +217,23 @@ if numba is not None:
         return transpose4([_joined([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
 
     @intrinsic
-    def classify_values(typing, table, entries, looks):
-        """``looks`` (4, BLOCK): extinction * RGB, extinction of the table's ``entries`` (BLOCK,)."""
+    def classify_values(typing, table, entries, sampled):
+        """``sampled`` (4, BLOCK): extinction * RGB, extinction of the table's ``entries`` (BLOCK,)."""
 
         def generate(context, builder, signature, arguments):
-            table, entries, looks = arguments
+            table, entries, sampled = arguments
             for number, plane in enumerate(rows_of(context, builder, *_both(signature, 0, table, 1, entries), 0)):
-                put_block(context, builder, signature.args[2], looks, number, plane)
+                put_block(context, builder, signature.args[2], sampled, number, plane)
             return context.get_dummy_value()
 
-        return types.void(table, entries, looks), generate
+        return types.void(table, entries, sampled), generate
 
     @intrinsic
-    def classify_spans(typing, sums, spans, shares, looks):
-        """Puts the mean over a span of entries into ``looks`` where there is one; see ``look_between``."""
+    def classify_spans(typing, sums, spans, shares, sampled):
+        """Puts the mean over a span of entries into ``sampled`` where there is one; see ``look_between``."""
 
         def generate(context, builder, signature, arguments):
-            sums, spans, shares, looks = arguments
+            sums, spans, shares, sampled = arguments
             from_, to = (
                 rows_of(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
             )
@@ -245,18 +241,18 @@ if numba is not None:
             over = Vector.load(builder, place(context, builder, signature.args[2], shares, third), BLOCK)
             wide = over.at_least(1e-30)
             for number, (first, second) in enumerate(zip(from_, to, strict=True)):
-                at = place(context, builder, signature.args[3], looks, ir.Constant(ir.IntType(64), number * BLOCK))
+                at = place(context, builder, signature.args[3], sampled, ir.Constant(ir.IntType(64), number * BLOCK))
                 so_far = Vector.load(builder, at, BLOCK)
                 ((second - first) * over).most(0.0).where(wide, so_far).store(at)
             return context.get_dummy_value()
 
-        return types.void(sums, spans, shares, looks), generate
+        return types.void(sums, spans, shares, sampled), generate
 
     def _both(signature, first, first_value, second, second_value):
         return signature.args[first], first_value, signature.args[second], second_value
 
     def lit(colors, samples, counts, planes, light):
-        """Colours times the light that falls on them, and highlights in proportion to the extinction ``samples``.
+        """Colors times the light that falls on them, and highlights in proportion to the extinction ``samples``.
 
         ``counts``: how many ``planes`` of light and of highlight there are, none, one or three each; ``light(planes,
         channel)``: one of them, as a vector.
@@ -272,13 +268,13 @@ if numba is not None:
 
     @intrinsic
     def composite_classified(
-        typing, looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss,
-        depth, deep, thickness, least, state, row, transmitted,
+        typing, sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt,
+        gloss, depth, deep, thickness, least, state, row, transmitted,
     ):
         """One block of slabs, classified, lit and composited over the row.
 
-        ``looks``: of ``classify_values``; ``shares``, ``sheet``, ``before`` and their places: of ``look_between``.
-        ``matt`` and ``gloss``: tuples of the planes of the sheets that the colour is multiplied by, and that are added
+        ``sampled``: of ``classify_values``; ``shares``, ``sheet``, ``before`` and their places: of ``look_between``.
+        ``matt`` and ``gloss``: tuples of the planes of the sheets that the color is multiplied by, and that are added
         to it: none, one or three each.  The others, and what is returned: see ``pixel_block.composite_extinction``.
         """
         counts = (len(matt.types), len(gloss.types))
@@ -286,16 +282,16 @@ if numba is not None:
             return None
 
         def generate(context, builder, signature, arguments):
-            looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:10]
+            sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:10]
             matt, gloss, depth, deep, thickness, least, state, row, transmitted = arguments[10:]
-            looks_type, shares_type, sheet_type, before_type = (signature.args[n] for n in (0, 1, 2, 6))
+            sampled_type, shares_type, sheet_type, before_type = (signature.args[n] for n in (0, 1, 2, 6))
             depth_type, state_type, transmitted_type = (signature.args[n] for n in (12, 16, 18))
 
             def block(array_type, array, number):
                 at = place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK))
                 return Vector.load(builder, at, BLOCK)
 
-            *colors, samples = (block(looks_type, looks, number) for number in range(4))
+            *colors, samples = (block(sampled_type, sampled, number) for number in range(4))
             counted, here = block(shares_type, shares, 0), block(shares_type, shares, 1)
             there = Vector(builder, here.like(1.0)) - here
             down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
@@ -320,12 +316,12 @@ if numba is not None:
 
         places, number = (types.intp, types.intp), types.float32
         returned = types.int64(
-            looks, shares, sheet, *places, number, before, *places, number, matt, gloss, depth, types.intp, number,
+            sampled, shares, sheet, *places, number, before, *places, number, matt, gloss, depth, types.intp, number,
             number, state, types.intp, transmitted,
         )
         return returned, generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def place_inside(cells, fractions, to, start, scale, top): ...
 
@@ -338,11 +334,11 @@ else:  # never called: callers take the numpy twin
         furthest, origin, rate, last, entries, spans, shares,
     ): ...
 
-    def classify_values(table, entries, looks): ...
+    def classify_values(table, entries, sampled): ...
 
-    def classify_spans(sums, spans, shares, looks): ...
+    def classify_spans(sums, spans, shares, sampled): ...
 
     def composite_classified(
-        looks, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss, depth,
+        sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss, depth,
         deep, thickness, least, state, row, transmitted,
     ): ...

@@ -1,22 +1,18 @@
 """A block of BLOCK pixels through several sheets of the scalar at once, each with a slab of its own.
 
-To the bit what one sheet after the other gives (``scalar_block``).  But all that a sheet waits for of the one before it
-is how much light is left: what else there is to do with it, a processor does meanwhile.  And the row behind the sheets
-is read and written once for all of them.
+The result is the same bits as one sheet after the other (``scalar_block``).  A sheet depends on the one before only
+through the transmittance, so the processor works on all sheets of the group at once; and the row behind them is read
+and written once for all of them.
 """
 
 from __future__ import annotations
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
 GROUP = 4  # sheets handled together: as many as the dearest preset has a voxel
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import Vector, count_lanes, place
     from .pixel_block import TINY, counted, kind_of, laid_over, row_planes, slab, store_row
     from .scalar_block import entry_of, lit, put_block, put_entries, rows_of
@@ -126,15 +122,15 @@ if numba is not None:
             colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
             absorbed, passed, divisor = slab(samples, length, Vector(builder, length.like(1.0)))
             gain = absorbed / divisor.most(TINY)
-            *so_far, clear = row_planes(context, builder, state_type, state, row)
+            *so_far, transmittance = row_planes(context, builder, state_type, state, row)
             for number in range(GROUP):
-                put_block(context, builder, ahead_type, ahead, number, clear)
+                put_block(context, builder, ahead_type, ahead, number, transmittance)
                 parts = (_part(joined, number) for joined in (gain, passed, absorbed))
                 behind = [_part(color, number) for color in colors]
-                so_far, clear = laid_over(*parts, so_far, clear, behind, least)
-            put_block(context, builder, ahead_type, ahead, GROUP, clear)
-            store_row(context, builder, (*so_far, clear), state_type, state, row)
-            return counted(builder, clear, least)
+                so_far, transmittance = laid_over(*parts, so_far, transmittance, behind, least)
+            put_block(context, builder, ahead_type, ahead, GROUP, transmittance)
+            store_row(context, builder, (*so_far, transmittance), state_type, state, row)
+            return counted(builder, transmittance, least)
 
         returned = types.int64(
             table, entries, sheet, places, types.intp, downs, matt, gloss, depth, types.intp, thickness, types.float32,
@@ -142,7 +138,7 @@ if numba is not None:
         )
         return returned, generate
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def look_up_group(sheet, places, waiting, downs, low, high, origin, rate, last, entries): ...
 

@@ -1,7 +1,7 @@
-"""The voxel scanline of a sheet of the scalar: what two slices both keep, mixed, and marked in the sheet's scanline.
+"""The voxel scanline of a sheet of the scalar: voxels kept in both slices, interpolated, and the blocks they reach.
 
-A sample that needs a voxel which is not kept is transparent.  So, other than where opacities are added, it is the
-intersection of the runs of all taps that counts, and nothing else is ever looked at.
+A sample that needs a voxel which is not kept is transparent.  So only the intersection of the runs of both slices
+counts, whereas classified voxels add up over the union.
 """
 
 from __future__ import annotations

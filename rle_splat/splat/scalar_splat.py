@@ -10,7 +10,7 @@ from ..runtime.jit import compiled, thread_count
 from ..scene import Mist, Quality
 from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
-from .arguments import ScalarTables, SheetList, box_of, rays_of
+from .arguments import Light, Lookup, ScalarTables, SheetList, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -29,11 +29,12 @@ def scalar_splat_steps(
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
     """
-    look = kernel_look(table, encoded.centre)
+    lookup = kernel_lookup(table, encoded.center)
     if absorbs:
-        look = *(np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums)), *look[2:]
+        extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
+        lookup = lookup._replace(table=extinctions, sums=sums)
     around = None if mist is None else mist_rays(plane, mist)
-    image = yield from _steps(encoded, look, None, absorbs or None, plane, quality, limits, around)
+    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, limits, around)
     if absorbs:
         depths = image.pixels[..., 0].copy()
         image.pixels[..., :3] = -np.expm1(-depths)[..., None]
@@ -45,13 +46,13 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     """As ``splat.splat_steps``, for the largest, smallest or mean values of rays: ``values``, a ``ValueLook``.
 
     The image's first channel is the count of the value, times how much of the pixel lies inside the box of the volume,
-    and the last one is one less that: they can be warped as colour and transmittance are.
+    and the last one is one less that: they can be warped as color and transmittance are.
     """
     sign = values.sign or 1.0
-    origin, least = values.origin - sign * encoded.centre, values.least - encoded.centre
+    origin, least = values.origin - sign * encoded.center, values.least - encoded.center
     zero, nothing = np.float32(0.0), np.zeros(4, np.float32)
-    look = (nothing, nothing, np.float32(origin), zero, np.float32(least), zero, zero, zero, zero, np.int32(0))
-    image = yield from _steps(encoded, look, np.float32(values.sign), None, plane, quality, limits)
+    lookup = Lookup(nothing, nothing, np.float32(origin), zero, np.float32(least), zero, zero, zero, zero, np.int32(0))
+    image = yield from _steps(encoded, lookup, np.float32(values.sign), None, plane, quality, limits)
     pixels, box = image.pixels, box_of(plane, encoded.tables.shape_xyz, BLOCK)
     if values.sign == 0.0:
         pixels[..., 0] /= np.maximum(pixels[..., 1], np.float32(1e-30))
@@ -66,16 +67,16 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     return image
 
 
-def _from_centre(centre: float, *stored) -> list:
-    return [np.float32(min(max(value - centre, -1e38), 1e38)) for value in stored]
+def _from_centre(center: float, *stored) -> list:
+    return [np.float32(min(max(value - center, -1e38), 1e38)) for value in stored]
 
 
-def kernel_look(table: ValueTable, centre: float) -> tuple:
-    """The value table as kernels take it, for stored values less ``centre``."""
+def kernel_lookup(table: ValueTable, center: float) -> Lookup:
+    """The lookup table as kernels take it, for stored values less ``center``."""
     least, low, high, nearest, furthest, origin = _from_centre(
-        centre, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
+        center, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
     )
-    return (
+    return Lookup(
         table.entries.reshape(-1), table.sums.reshape(-1), origin, np.float32(table.rate), least, low, high, nearest,
         furthest, np.int32(len(table.entries) - 1),
     )  # fmt: skip
@@ -94,18 +95,17 @@ def kernel_light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
     return light_planes(shining) if shining else ((), ())
 
 
-def _steps(encoded: ScalarVolume, look, sign, absorbs, plane: BasePlane, quality: Quality, limits, mist=None):
+def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, limits, mist=None):
     """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
     tables = _tables(encoded)
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, limits)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    matt, gloss = kernel_light_planes(encoded.lights, encoded.thinned)
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
-    thinning = (channels,) if encoded.thinned else ()
+    light = Light(*kernel_light_planes(encoded.lights, encoded.thinned), (channels,) if encoded.thinned else ())
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
-    arguments = (tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist)
+    arguments = (tables, sheets, rays, box, lookup, sign, absorbs, light, mist)
     if not compiled(quality.backend):
         yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
         return image

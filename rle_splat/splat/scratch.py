@@ -1,14 +1,14 @@
-"""The scratch memory of the sheet-buffer loop, kept between pictures: nothing is allocated inside the loops.
+"""The scratch memory of the sheet kernels, reused from picture to picture: the loops allocate nothing.
 
-It holds nothing between two calls of a kernel, of which only one runs at a time (``jit.parallel_call``), so all
-pictures share it; a kernel clears what it relies on.  Nobody else writes to it: another thread's kernel may be using
-it.
+Only one kernel runs at a time (``jit.parallel_call``) and none relies on what the scratch held before, so all pictures
+share it; a kernel clears what must be empty.  Only kernels write to it, for another thread's kernel may be using it.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -30,71 +30,139 @@ SPREAD = 4
 CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as long
 MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
 _KEPT: list[np.ndarray] = []
-WHITE = 2  # channels of a voxel's light and highlight, all colours alike
+WHITE = 2  # channels of a voxel's light and highlight, all colors alike
 REACH = (CACHE_LINE // 8,)  # numbers of it
 WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
 
 
-class Scratch(NamedTuple):
-    """What each worker writes on while it walks through the sheets: arrays with the worker (times SPREAD) as
-    their first axis, flat behind it unless a shape is given.
+class VoxelLine(NamedTuple):
+    """One voxel scanline, and the taps by which a sheet's pixels read it.
 
-    ``line``: one voxel scanline, float32, four channels a voxel; all zero between two scanlines.  (Of sheets of the
-    scalar: planes of one number a voxel.)  ``sheet``: scanlines of the sheet in blocks of pixels, one ``slot`` each,
-    and at the end a block that stays transparent and one to mix others in.  ``marks`` (slots, words): a bit for each of
-    their blocks that is not empty.
-    ``row_slot``: (BAND,) slot of the first scanline that a row is splatted from, ``row_line`` that scanline's number,
-    and ``row_place`` float64 the row's own position among scanlines.
-    ``reach``: first and last shifted voxel touched, and, of the picture so far, how many scanlines were walked and
-    voxels put on a line, which is why it is the picture's own; ``live`` (n, 2) voxel intervals under pixels not yet
-    opaque.
-    Rows in blocks of pixels: ``state`` colour and transmittance, in numbers of ``accumulator``, ``length`` of rays,
-    ``alive`` (BAND + 1, words) a bit for each block that is not opaque, the last row for the band as a whole,
-    ``bright`` (BAND, blocks) pixels above one half.
-    Taps of the sheet's pixels: ``cells`` and ``weights`` (the tent: fractions only), and the sheet they were
-    ``placed`` for, per block.
-    Sheets of the scalar keep the sheet before, too: ``sheet_before``, ``marks_before``, ``slot_before``,
-    ``line_before`` and ``place_before``.
-    Where rays have limits: ``bounds`` (BAND + 1, 6, blocks) of ``limited_blocks``, and the blocks that are ``reached``
-    by a sheet, bits as of ``alive``.
-    Where sheets of the scalar are handled in groups of GROUP, ``sheet``, ``marks`` and the three of rows have room for
-    as many, one after the other; ``before`` for a group and one more; and, of the blocks that wait
-    (``waiting_blocks``), at most WORD: their number in ``queue``, ``places``, and ``starts`` of their entries; and
-    ``downs`` and ``depths`` of a group's sheets.
-    One block: ``samples``; ``entries``, ``spans`` and ``shares`` of ``scalar_block``; ``length_inside`` the limits;
-    ``before`` the sheet in numbers of ``state``, and so ``colors``, of a block ahead of it.
+    Attributes
+    ----------
+    line : (n,) float32
+        Classified voxels: four channels a voxel, all zero between two scanlines.  Scalar voxels: planes of one number
+        a voxel, the scalar first, which is ``NOT_KEPT`` between two scanlines.
+    reach : (8,) int64
+        First voxel touched on the line and the one behind the last; and, of the picture so far, how many scanlines
+        were walked and how many voxels were put on a line (the picture's own counts, so the memory is too).
+    live : (blocks, 2) int64
+        Half-open voxel intervals under pixels that are not yet opaque.
+    cells : (BLOCK * blocks,) int32
+        First voxel that each sheet pixel reads.
+    weights : (BLOCK * blocks * taps,) float32
+        Weights of the voxels that it reads; of two voxels, the fraction towards the second alone.
+    placed : (blocks,) int64
+        Number of the sheet that the taps of a block of pixels were placed for.
     """
 
     line: np.ndarray
-    sheet: np.ndarray
+    reach: np.ndarray
+    live: np.ndarray
+    cells: np.ndarray
+    weights: np.ndarray
+    placed: np.ndarray
+
+
+class Scanlines(NamedTuple):
+    """The voxel scanlines of a sheet that a band reads, resampled along the scanline, each in a slot.
+
+    Attributes
+    ----------
+    samples : (n,) float32
+        Planar blocks of BLOCK pixels, slot by slot; at the end a block that stays transparent and one more to mix in.
+    marks : (slots, words) uint64
+        A bit for each block of a slot that is not empty.
+    row_slot : (BAND,) int64
+        Slot of the first scanline that a row of the band reads; ``NO_ROW`` where it reads none.
+    row_line : (BAND,) int64
+        Number of that scanline.
+    row_place : (BAND,) float64
+        Position of the row among the scanlines, in voxels.
+
+    Where sheets are handled in groups of GROUP, each array has room for as many, one after the other.
+    """
+
+    samples: np.ndarray
     marks: np.ndarray
     row_slot: np.ndarray
     row_line: np.ndarray
     row_place: np.ndarray
-    reach: np.ndarray
-    live: np.ndarray
+
+
+class Rows(NamedTuple):
+    """The rows of the intermediate image that a band consists of, in blocks of BLOCK pixels.
+
+    Attributes
+    ----------
+    state : (4 * BLOCK * blocks * BAND,) float32 or float64
+        Planar blocks of premultiplied color and transmittance, in numbers of ``accumulator``.
+    length : (BLOCK * blocks * BAND,) float32
+        World length of each pixel's ray per voxel of depth.
+    alive : (BAND + 1, words) uint64
+        A bit for each block that is not opaque; the last row is for the band as a whole.
+    bright : (BAND, blocks) int32
+        How many pixels of a block have at least half of their transmittance left.
+    bounds : (BAND + 1, 6, blocks) float32
+        Where the rays of a block begin and end (``limited_blocks``); empty where rays have no limits.
+    reached : (words,) uint64
+        The blocks that have a ray inside its limits in the sheet at hand; empty where rays have no limits.
+    """
+
     state: np.ndarray
     length: np.ndarray
     alive: np.ndarray
     bright: np.ndarray
-    cells: np.ndarray
-    weights: np.ndarray
-    placed: np.ndarray
+    bounds: np.ndarray
+    reached: np.ndarray
+
+
+class BlockScratch(NamedTuple):
+    """What is known of one block of pixels while a slab is composited over it.
+
+    Attributes
+    ----------
+    samples : (4 * BLOCK,) float32
+        Samples of a sheet: extinction times color, and extinction.
+    entries : (BLOCK,) int32
+    spans : (2 * BLOCK,) int32
+    shares : (3 * BLOCK,) float32
+        What ``scalar_block.look_between`` writes.
+    length_inside : (BLOCK,) float32
+        World lengths of the rays inside their limits, per voxel of depth.
+    before : (BLOCK * (group + 1),) float32 or float64
+        Transmittance ahead of the slab; of a group, ahead of each slab and behind the last.
+    colors : (3 * BLOCK,) float32 or float64
+        Colors ahead of the slab.
+    """
+
     samples: np.ndarray
     entries: np.ndarray
     spans: np.ndarray
     shares: np.ndarray
-    sheet_before: np.ndarray
-    marks_before: np.ndarray
-    slot_before: np.ndarray
-    line_before: np.ndarray
-    place_before: np.ndarray
     length_inside: np.ndarray
     before: np.ndarray
     colors: np.ndarray
-    bounds: np.ndarray
-    reached: np.ndarray
+
+
+class WaitingBlocks(NamedTuple):
+    """Blocks that were classified in all sheets of a group and are not composited yet (``waiting_blocks``).
+
+    Attributes
+    ----------
+    queue : (WORD,) int64
+        Numbers of the blocks.
+    places : (2 * GROUP * WORD,) int64
+        Where the samples of each block are, of both scanlines of each sheet.
+    starts : (BLOCK * GROUP * WORD,) int32
+        Where their entries of the lookup table begin, in bytes.
+    downs : (GROUP,) float32
+        Fraction of the row towards the second scanline, of each sheet.
+    depths : (GROUP,) float32
+        Thickness of each sheet, in voxels of depth.
+    """
+
     queue: np.ndarray
     places: np.ndarray
     starts: np.ndarray
@@ -102,10 +170,31 @@ class Scratch(NamedTuple):
     depths: np.ndarray
 
 
+class Scratch(NamedTuple):
+    """What each worker writes while it walks through the sheets.
+
+    Each array has the worker times SPREAD as its first axis; ``band_walker`` takes the worker's own row of each, whose
+    shape is the one that the groups describe.  ``sheet_before`` is the sheet before, which only sheets of the scalar
+    keep.
+    """
+
+    line: VoxelLine
+    sheet: Scanlines
+    sheet_before: Scanlines
+    rows: Rows
+    block: BlockScratch
+    waiting: WaitingBlocks
+
+
+_GROUPS = (VoxelLine, Scanlines, Scanlines, Rows, BlockScratch, WaitingBlocks)  # of Scratch, in order
+
+
 def worth_grouping(sheets) -> bool:
-    """Whether sheets of the scalar, ``kind`` and ``thickness`` of each as ``view.depth_rules`` has them, are worth
-    handling in groups: several a voxel, each with a slab of its own.  What few there are in a quick picture is not
-    worth another kernel."""
+    """Whether sheets of the scalar (``view.depth_rules.Sheets``) are handled in groups.
+
+    They are where there are several per voxel and each has a slab of its own.  The few sheets of a quick picture do
+    not pay for compiling another kernel.
+    """
     return len(sheets.kind) > 0 and sheets.thickness.mean() < WORTH_GROUPING and bool((sheets.kind == OWN).all())
 
 
@@ -125,12 +214,13 @@ def scratch_for(
     layout, size = _layout(rows, sizes)
     memory = _memory(size)
     shared = (np.ndarray(shape, kind, memory, at) for shape, kind, at in layout)
-    return Scratch(*shared)._replace(reach=np.zeros((rows, *REACH), np.int64))
+    scratch = Scratch(*(group(*islice(shared, len(group._fields))) for group in _GROUPS))
+    return scratch._replace(line=scratch.line._replace(reach=np.zeros((rows, *REACH), np.int64)))
 
 
 def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, limited: bool) -> int:
     """About the bytes of ``scratch_for`` that are touched, known before there are tables: of white light, which mostly
-    it is.  ``limited``: whether rays have limits.  The numpy twin has no scratch."""
+    it is.  ``limited``: whether rays have limits.  The reference implementation has no scratch."""
     if not compiled(quality.backend):
         return 0
     scalars = quality.classification == "post"
@@ -175,25 +265,30 @@ def _layout(rows: int, sizes: tuple) -> tuple[list, int]:
 def _shapes(
     line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, limited: bool, group: int
 ) -> dict:
-    """Name -> the shape of each array of a Scratch for one worker, and its type; see ``_sizes``."""
+    """Name -> shape and type of each array of a Scratch for one worker, in the order of its groups; see ``_sizes``."""
     words = -(-blocks // WORD)
+
+    def scanlines(name: str, present: bool) -> dict:
+        return {
+            f"{name}.samples": (channels * BLOCK * (blocks * slots * group + 2) * present, np.float32),
+            f"{name}.marks": (slots * group * present, words, np.uint64),
+            f"{name}.row_slot": (BAND * group * present, np.int64),
+            f"{name}.row_line": (BAND * group * present, np.int64),
+            f"{name}.row_place": (BAND * group * present, np.float64),
+        }
+
     return {
         "line": (channels * _whole(line, BLOCK), np.float32),
-        "sheet": (channels * BLOCK * (blocks * slots * group + 2), np.float32),
-        "marks": (slots * group, words, np.uint64),
-        "row_slot": (BAND * group, np.int64), "row_line": (BAND * group, np.int64),
-        "row_place": (BAND * group, np.float64),
         "reach": (*REACH, np.int64), "live": (blocks, 2, np.int64),
+        "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
+        "placed": (blocks, np.int64),
+        **scanlines("sheet", True), **scanlines("sheet_before", before),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
-        "cells": (BLOCK * blocks, np.int32), "weights": (BLOCK * blocks * taps, np.float32),
-        "placed": (blocks, np.int64), "samples": (4 * BLOCK, np.float32),
-        "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
-        "sheet_before": (channels * BLOCK * (blocks * slots * group + 2) * before, np.float32),
-        "marks_before": (slots * group * before, words, np.uint64), "slot_before": (BAND * group * before, np.int64),
-        "line_before": (BAND * group * before, np.int64), "place_before": (BAND * group * before, np.float64),
-        "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),
         "bounds": (BAND + 1, 6, blocks * limited, np.float32), "reached": (words * limited, np.uint64),
+        "samples": (4 * BLOCK, np.float32),
+        "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
+        "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),
         "queue": (WORD, np.int64), "places": (2 * group * WORD, np.int64),
         "starts": (BLOCK * group * WORD, np.int32), "downs": (group, np.float32), "depths": (group, np.float32),
     }

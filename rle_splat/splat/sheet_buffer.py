@@ -1,31 +1,27 @@
-"""The sheet-buffer loop: voxel scanlines and sheet scanlines walked together (section 2.3 of the paper).
+"""Sheets of classified voxels: what ``band_walker`` does with them (section 2.3 of the paper; algorithm.md 1.5, 1.6).
 
-The sheet buffer has shrunk to a band of a few scanlines per thread.  Because slices land on the base plane scaled
-and moved but never rotated, a row of the intermediate image depends on a few neighbouring voxel scanlines per slice
-only; so each band takes all its sheets front to back before the next band begins (algorithm.md 1.5 and 1.8).
-Bands are independent: no races, and the same bits for any number of threads.
-
-For each sheet, the voxel scanlines that a band needs are walked run by run and resampled along the scanline, once
-for all rows that share them; then each row mixes its two (or more) scanlines and is composited.  Which blocks of
-pixels that concerns is known from the runs, as bits: nothing else is looked at.
+A sheet pixel is the sum of the footprints of the classified voxels around it, in the two (or more) slices that the
+sheet lies between: premultiplied color and extinction (or opacity).
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..runtime.bits import lowest_bit
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.lanes import GROUP, clear_group
-from ..runtime.parallel import share_out, taken
+from ..runtime.parallel import share_out
 from ..runtime.prefetch import fetch_ahead
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
-from .band import NO_BITS, begin_band, live_voxels, slice_ahead, write_rows
-from .limited_blocks import NO_MORE, NONE, NONE_ENDED, bound_blocks, is_outside, is_shortened, reached_blocks
-from .mist_block import fade_added, keep_colors
+from .arguments import Tables, Wide
+from .band_walker import band_walker, row_walker, scanline_walker
+from .limited_blocks import count_live, is_outside, is_shortened
+from .mist_block import MistRays, copy_colors, fade_added
 from .pixel_block import (
     BLOCK,
-    CLEAR,
+    TRANSMITTANCE,
     composite_added,
     composite_extinction,
     is_voxel_by_voxel,
@@ -33,7 +29,6 @@ from .pixel_block import (
     resample_tent,
     resample_voxel_by_voxel,
 )
-from .scratch import BAND, SPREAD
 from .sheet_row import (
     composite_opacity,
     mix_blocks,
@@ -42,9 +37,64 @@ from .sheet_row import (
     place_wide_taps,
     resample_wide,
 )
-from .voxel_scanline import ONE_BIT, WORD, add_runs
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD, add_runs
 
-NO_SCANLINE = -(2**62)  # below the number of any
+LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
+
+
+class ClassifiedMedium(NamedTuple):
+    """What sheets of classified voxels are splatted from.
+
+    Attributes
+    ----------
+    tables : Tables
+    wide : Wide or None
+        The footprint, None for the plain tent.
+    additive_opacity : bool or None
+        For the paper's opacity model, whether opacities are taken as they are added (True) or corrected for the
+        length of the ray (False); None for extinction.
+    mist : MistRays or None
+    least : float32
+        Transmittance at which a pixel is opaque.
+    """
+
+    tables: Tables
+    wide: Wide | None
+    additive_opacity: bool | None
+    mist: MistRays | None
+    least: np.float32
+
+
+class Footprint(NamedTuple):
+    """A footprint at the scale of one sheet: ``kind`` of ``view.footprints``; how much wider than a voxel it is made
+    along (u) and across (v) scanlines, its radius then, and how many voxels it can reach at once."""
+
+    kind: int
+    stretch_u: float
+    radius_u: float
+    taps_u: int
+    stretch_v: float
+    radius_v: float
+    taps_v: int
+
+
+class Slab(NamedTuple):
+    """A sheet's slab: ``begin`` and ``end`` along the viewing direction, ``thickness`` float32, all in voxels; its
+    ``footprint``."""
+
+    begin: float
+    end: float
+    thickness: np.float32
+    footprint: Footprint
+
+
+class Row(NamedTuple):
+    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``place`` among
+    scanlines, in voxels."""
+
+    slot: int
+    line: int
+    place: float
 
 
 @inner_loop
@@ -54,101 +104,158 @@ def _stretch(widen, scale):
 
 
 @inner_loop(forceinline=True)
-def _splat_sheet(
-    pointers, data_starts, runs, voxels, decoding, width, number, first_slice, slice_weights, wide, margin, shift_u,
-    scale_u, shift_v, scale_v, top_row, rows, line, sheet, marks, row_slot, row_line, row_place, reach, live,
-    wanted, cells, weights, placed, samples, ahead,
-):
-    """The scanlines of one sheet that a band is splatted from, resampled along the scanline, each in a slot.
+def _footprint(wide, scale_u, scale_v):
+    """The Footprint of a sheet of ``scale`` sheet pixels per voxel."""
+    if wide is None:
+        return Footprint(TENT, 1.0, 1.0, 2, 1.0, 1.0, 2)
+    kind, radius, widen = wide
+    stretch_u, stretch_v = _stretch(widen, scale_u), _stretch(widen, scale_v)
+    radius_u, radius_v = radius * stretch_u, radius * stretch_v
+    return Footprint(kind, stretch_u, radius_u, tap_count(radius_u), stretch_v, radius_v, tap_count(radius_v))
 
-    ``number``: of the sheet.  ``slice_weights[number]``: (taps,) of slice ``first_slice`` and the next.  ``shift_u``,
-    ``scale_u``, ``shift_v``, ``scale_v``: sheet pixel = scale * voxel + shift, along and across scanlines.
-    ``margin``: voxels of zeros before a scanline's first.  ``wanted``: (words,) a bit for each block of pixels that
-    counts.  ``ahead``: of ``band.slice_ahead``.  Other arrays: see ``Tables`` and ``Scratch``.
-    Returns whether anything was found, and whether every pixel of the band is already opaque.
-    """
-    n_slices, n_scanlines = pointers.shape
-    blocks = placed.size
-    kind, stretch_u, radius_u, radius_v = TENT, 1.0, 1.0, 1.0
-    if wide is not None:
-        kind, radius, widen = wide
-        stretch_u = _stretch(widen, scale_u)
-        radius_u, radius_v = radius * stretch_u, radius * _stretch(widen, scale_v)
-    taps_u, taps_v = tap_count(radius_u), tap_count(radius_v)
-    # Pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach.
-    low, top = -radius_u - 0.5, width - 0.5 + radius_u
-    found = False
-    live_count = -1
-    slot, tapped = -1, NO_SCANLINE  # of the scanline dealt with last, and its number
-    for r in range(rows):
-        y = voxel_at(top_row + r, shift_v, scale_v)
-        first_line = first_tap(kind, y, radius_v)
-        if first_line > tapped:
-            tapped = first_line - 1
-        row_slot[r] = slot + first_line - tapped
-        # Kept, not reckoned again: rounded otherwise, it might fall on the other side of a voxel.
-        row_line[r], row_place[r] = first_line, y
-        for scanline in range(tapped + 1, first_line + taps_v):
-            tapped = scanline
-            slot += 1
-            for word in range(marks.shape[1]):
-                marks[slot, word] = NO_BITS
-            if scanline < 0 or scanline >= n_scanlines:
-                continue
-            reach[0] = width + margin
-            reach[1] = 0
-            before = reach[3]
-            for deeper in range(slice_weights.shape[1]):
-                k = first_slice + deeper
-                weight = slice_weights[number, deeper]
-                if weight == 0.0 or k < 0 or k >= n_slices:
-                    continue
-                run = pointers[k, scanline]
-                if run < 0:  # the paper's flag: nothing on this scanline
-                    continue
-                if live_count < 0:
-                    live_count = live_voxels(wanted, blocks, live, shift_u, scale_u, radius_u)
-                    if live_count == 0:
-                        return False, True
-                add_runs(
-                    line, reach, margin, marks, slot, scale_u, shift_u, radius_u, weight, runs, int(run), voxels,
-                    decoding, data_starts[k, scanline], width, live, live_count,
-                )
-            if reach[1] == 0:
-                continue
-            found = True
-            if ahead >= 0:
-                words = 4 if decoding is None else 3 if voxels.itemsize == 2 else 1  # of a record, see Tables
-                fetch_ahead(voxels, words * data_starts[ahead, scanline], words * (reach[3] - before))
-            for word in range(wanted.size):
-                bits = marks[slot, word] & wanted[word]
-                marks[slot, word] = bits
-                while bits != NO_BITS:
-                    b = word * WORD + lowest_bit(bits)
-                    bits &= bits - ONE_BIT
-                    at = 4 * BLOCK * (slot * blocks + b)
-                    if placed[b] != number:  # the taps are the same for all scanlines of the sheet
-                        placed[b] = number
-                        if wide is None:
-                            place_tent(cells, weights, BLOCK * b, b * BLOCK - shift_u, scale_u, top + margin)
-                        else:
-                            place_wide_taps(
-                                cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, kind,
-                                stretch_u, radius_u, b * BLOCK, shift_u, scale_u, margin, low, top,
-                            )
-                    if wide is None:
-                        if is_voxel_by_voxel(cells, BLOCK * b):
-                            resample_voxel_by_voxel(line, cells, weights, BLOCK * b, sheet, at)
-                        else:
-                            resample_tent(line, cells, weights, BLOCK * b, sheet, at)
-                    else:
-                        resample_wide(
-                            line, cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps_u * b :], taps_u, samples,
-                            sheet, at,
-                        )
-            for i in range(reach[0], reach[1], GROUP):  # a slice's clearing would be a call, with all registers saved
-                clear_group(line, 4 * i)
-    return found, False
+
+@inner_loop(forceinline=True)
+def _footprint_of(medium, scale_u, scale_v):
+    """See ``band_walker.scanline_walker``."""
+    footprint = _footprint(medium.wide, scale_u, scale_v)
+    return footprint.radius_u, footprint.radius_v, footprint.taps_v, footprint
+
+
+@inner_loop(forceinline=True)
+def _margin(wide, line):
+    """Voxels of zeros before a scanline's first: as many as a footprint reaches."""
+    return line.weights.size // line.cells.size if wide is not None else 1
+
+
+@inner_loop(forceinline=True)
+def _place_row(medium, footprint, sheets, number, v, shift_v, scale_v):
+    """See ``band_walker.scanline_walker``."""
+    y = voxel_at(v, shift_v, scale_v)
+    return True, y, first_tap(footprint.kind, y, footprint.radius_v)
+
+
+@inner_loop(forceinline=True)
+def _run_of(tables, sheets, number, deeper, scanline):
+    """The first run of a scanline in the slice ``deeper`` behind the sheet's first, -1 where there is none or where
+    the slice has no weight."""
+    k = sheets.first_slice[number] + deeper
+    if sheets.slice_weights[number, deeper] == 0.0 or k < 0 or k >= tables.pointers.shape[0]:
+        return -1
+    return int(tables.pointers[k, scanline])
+
+
+@inner_loop(forceinline=True)
+def _is_filled(medium, sheets, number, scanline):
+    """See ``band_walker.scanline_walker``."""
+    for deeper in range(sheets.slice_weights.shape[1]):
+        if _run_of(medium.tables, sheets, number, deeper, scanline) >= 0:
+            return True
+    return False
+
+
+@inner_loop(forceinline=True)
+def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
+    """See ``band_walker.scanline_walker``."""
+    tables, margin = medium.tables, _margin(medium.wide, line)
+    line.reach[0], line.reach[1] = tables.width + margin, 0
+    for deeper in range(sheets.slice_weights.shape[1]):
+        run = _run_of(tables, sheets, number, deeper, scanline)
+        if run < 0:  # the paper's flag: nothing on this scanline
+            continue
+        add_runs(
+            line.line, line.reach, margin, marks, slot, scale_u, shift_u, footprint.radius_u,
+            sheets.slice_weights[number, deeper], tables.runs, run, tables.voxels, tables.decoding,
+            tables.data_starts[sheets.first_slice[number] + deeper, scanline], tables.width, line.live, live_count,
+        )
+
+
+@inner_loop(forceinline=True)
+def _fetch(decoding, tables, ahead, scanline, count):
+    words = 4 if decoding is None else 3 if tables.voxels.itemsize == 2 else 1  # of a record, see Tables
+    fetch_ahead(tables.voxels, words * tables.data_starts[ahead, scanline], words * count)
+
+
+@inner_loop(forceinline=True)
+def _fetch_next(medium, ahead, scanline, count):
+    """See ``band_walker.scanline_walker``."""
+    _fetch(medium.tables.decoding, medium.tables, ahead, scanline, count)
+
+
+@inner_loop(forceinline=True)
+def _resample_tents(width, is_new, b, at, shift_u, scale_u, line, samples):
+    """A block by the plain tent; ``at``: its place in ``samples``."""
+    voxels, _, _, cells, weights, _ = line
+    if is_new:  # pixels beside the volume are drawn up to its edge, where footprints end
+        place_tent(cells, weights, BLOCK * b, b * BLOCK - shift_u, scale_u, width + 0.5 + 1.0)
+    if is_voxel_by_voxel(cells, BLOCK * b):
+        resample_voxel_by_voxel(voxels, cells, weights, BLOCK * b, samples, at)
+    else:
+        resample_tent(voxels, cells, weights, BLOCK * b, samples, at)
+
+
+@inner_loop(forceinline=True)
+def _resample_any(footprint, margin, width, is_new, b, at, shift_u, scale_u, line, samples, mixed):
+    """A block by a footprint of any width; ``mixed``: (4 * BLOCK,) scratch."""
+    voxels, _, _, cells, weights, _ = line
+    kind, stretch, radius, taps, _, _, _ = footprint
+    cells, weights = cells[BLOCK * b : BLOCK * (b + 1)], weights[BLOCK * taps * b :]
+    if is_new:  # pixels beside the volume are drawn up to it, but not so near that a footprint with an edge would reach
+        low, top = -radius - 0.5, width - 0.5 + radius
+        place_wide_taps(cells, weights, taps, kind, stretch, radius, b * BLOCK, shift_u, scale_u, margin, low, top)
+    resample_wide(voxels, cells, weights, taps, mixed, samples, at)
+
+
+@inner_loop(forceinline=True)
+def _resample(wide, footprint, width, is_new, b, at, shift_u, scale_u, line, samples, mixed):
+    if wide is None:
+        _resample_tents(width, is_new, b, at, shift_u, scale_u, line, samples)
+    else:
+        _resample_any(
+            footprint, _margin(wide, line), width, is_new, b, at, shift_u, scale_u, line, samples, mixed
+        )  # fmt: skip
+
+
+@inner_loop(forceinline=True)
+def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
+    """See ``band_walker.scanline_walker``."""
+    _resample(
+        medium.wide, footprint, medium.tables.width, is_new, b, 4 * BLOCK * at, shift_u, scale_u, line, samples,
+        block.samples,
+    )
+
+
+@inner_loop(forceinline=True)
+def _clear_line(medium, line):
+    """See ``band_walker.scanline_walker``."""
+    for i in range(line.reach[0], line.reach[1], GROUP):  # clearing a slice would be a call that saves all registers
+        clear_group(line.line, 4 * i)
+
+
+@inner_loop(forceinline=True)
+def _slab_of(medium, sheets, first, together, waiting):
+    """See ``band_walker.row_walker``."""
+    footprint = _footprint(medium.wide, sheets.scale[first, 0], sheets.scale[first, 1])
+    return Slab(sheets.begin[first], sheets.end[first], np.float32(sheets.thickness[first]), footprint)
+
+
+@inner_loop(forceinline=True)
+def _row_of(medium, slab, v, r, here, there, waiting):
+    """See ``band_walker.row_walker``."""
+    return True, Row(here.row_slot[r], here.row_line[r], here.row_place[r])
+
+
+@inner_loop(forceinline=True)
+def _marked(medium, slab, row, r, word, here, there):
+    """See ``band_walker.row_walker``."""
+    bits = NO_BITS
+    for tap in range(slab.footprint.taps_v):
+        bits |= here.marks[row.slot + tap, word]
+    return bits
+
+
+@inner_loop(forceinline=True)
+def _is_marked(marks, slot, b):
+    return (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT != NO_BITS
 
 
 @inner_loop
@@ -161,7 +268,7 @@ def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks,
     for tap in range(taps):
         total += tap_weight(kind, y, first + tap, stretch)
     for tap in range(taps):
-        if (marks[slot + tap, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:
+        if not _is_marked(marks, slot + tap, b):
             continue
         weight = np.float32(tap_weight(kind, y, first + tap, stretch) / total)
         at = 4 * BLOCK * ((slot + tap) * blocks + b)
@@ -182,187 +289,117 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, len
 
 
 @inner_loop(forceinline=True)
-def _composite_sheet(
-    scale_v, begin, end, thickness, wide, top_row, rows, image_width, limits, least, additive_opacity, sheet, marks,
-    row_slot, row_line, row_place, state, lengths, alive, bright, blocks, length_inside, bounds, before, colors, mist,
-    samples, half,
-):
-    """One sheet over the rows of a band: its scanlines mixed, the row composited; whether a block became opaque.
-
-    ``scale_v``: sheet rows per scanline; ``begin``, ``end``: the slab.  Arrays: see
-    ``Scratch`` and ``splat_rows``.  (Separate arrays, not tuples of them, and one call a sheet: numba counts
-    references at every hand-over.)
-    """
-    transparent = sheet.size - 8 * BLOCK  # a block that nothing is ever written to
-    mixed = sheet.size - 4 * BLOCK
-    kind, stretch_v, radius_v, taps = TENT, 1.0, 1.0, 2
-    if wide is not None:
-        kind, radius, widen = wide
-        stretch_v = _stretch(widen, scale_v)
-        radius_v = radius * stretch_v
-        taps = tap_count(radius_v)
-    died = False
-    for r in range(rows):
-        v = top_row + r
-        slot = row_slot[r]
-        down = np.float32(row_place[r] - row_line[r])
-        for word in range(alive.shape[1]):
-            bits = NO_BITS
-            for tap in range(taps):
-                bits |= marks[slot + tap, word]
-            bits &= alive[r, word]
-            while bits != NO_BITS:
-                lowest = lowest_bit(bits)
-                b = word * WORD + lowest
-                bit = ONE_BIT << np.uint64(lowest)
-                bits ^= bit
-                shortened = False
-                if limits is not None:
-                    if is_outside(bounds, r, b, begin, end):
-                        continue
-                    shortened = is_shortened(bounds, r, b, begin, end)
-                upper = lower = mixed
-                if wide is None:
-                    upper = 4 * BLOCK * (slot * blocks + b) if marks[slot, word] & bit != NO_BITS else transparent
-                    lower = transparent
-                    if marks[slot + 1, word] & bit != NO_BITS:
-                        lower = 4 * BLOCK * ((slot + 1) * blocks + b)
-                else:
-                    _add_scanlines(
-                        kind, row_place[r], row_line[r], taps, stretch_v, slot, b, blocks, sheet, marks, mixed
-                    )
-                at = r * blocks + b
-                first_pixel = b * BLOCK
-                count = min(BLOCK, image_width - first_pixel)
-                length, deep = lengths, BLOCK * at
-                if limits is not None:
-                    if shortened:
-                        _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside)
-                        length, deep = length_inside, 0
-                row = 4 * BLOCK * at
-                if mist is not None:
-                    keep_colors(state, row, colors)
-                if additive_opacity is None:
-                    pixels = composite_extinction(
-                        sheet, upper, lower, down, length, deep, thickness, least, state, row, before
-                    )
-                elif additive_opacity:
-                    pixels = composite_added(
-                        sheet, upper, lower, down, length, deep, thickness, least, state, row, before
-                    )
-                else:
-                    if wide is None:
-                        mix_blocks(sheet, upper, lower, down, mixed)
-                    pixels = composite_opacity(sheet, mixed, length, deep, thickness, least, state, row, before)
-                if mist is not None:
-                    fade_added(mist, state, row, colors, before, 0.5 * (begin + end), v, first_pixel, count)
-                bright_pixels = pixels >> 8
-                if bright_pixels != bright[r, b]:
-                    bright[r, b] = bright_pixels
-                    if limits is None:
-                        note_half_depth(before, state, row + CLEAR, begin, end, half, v, first_pixel, count, samples)
-                    else:
-                        note_half_depth_inside(
-                            limits, before, state, row + CLEAR, begin, end, half, v, first_pixel, count, samples
-                        )
-                live_pixels = pixels & 255
-                if limits is not None:  # a ray that has reached its end is done as well
-                    if bounds[r, NONE_ENDED, b] <= end:
-                        live_pixels = 0
-                        for i in range(count):
-                            live_pixels += state[row + CLEAR + i] >= least and limits[1, v, first_pixel + i] > end
-                if live_pixels == 0:
-                    alive[r, word] ^= bit
-                    died = True
-    return died
+def _scanline_places(wide, slab, row, b, blocks, here):
+    """Where block ``b`` of the two scanlines of a row begins; of a wide footprint, whose scanlines are added up here,
+    twice where their sum is."""
+    samples, marks = here.samples, here.marks
+    mixed = samples.size - 4 * BLOCK
+    if wide is None:
+        empty = samples.size - 8 * BLOCK  # nothing is ever written there
+        upper = 4 * BLOCK * (row.slot * blocks + b) if _is_marked(marks, row.slot, b) else empty
+        lower = 4 * BLOCK * ((row.slot + 1) * blocks + b) if _is_marked(marks, row.slot + 1, b) else empty
+        return upper, lower
+    kind, _, _, _, stretch, _, taps = slab.footprint
+    _add_scanlines(kind, row.place, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
+    return mixed, mixed
 
 
-@inner_loop
-def _splat_band(
-    tables, sheets, rays, wide, least, additive_opacity, mist, top_row, rows, worker, scratch, out, half, filled
-):
-    """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets; see ``splat_rows``."""
-    # Unpacked once: every look-up in a tuple of arrays counts references, too dear for the loops below.
-    pointers, data_starts, runs, voxels, decoding, width = tables
-    first_slice, slice_weights, thickness, begin, end, scale, offset, _, _ = sheets
-    along, along_slope, across, across_slope, seen, limits = rays
-    radius, widen = 1.0, False
-    if wide is not None:
-        _, radius, widen = wide
-    mine = worker * SPREAD
-    line, sheet_buffer, marks = scratch.line[mine], scratch.sheet[mine], scratch.marks[mine]
-    row_slot, row_line, row_place = scratch.row_slot[mine], scratch.row_line[mine], scratch.row_place[mine]
-    reach, live = scratch.reach[mine], scratch.live[mine]
-    state, length = scratch.state[mine], scratch.length[mine]
-    alive, bright, placed = scratch.alive[mine], scratch.bright[mine], scratch.placed[mine]
-    cells, weights, samples = scratch.cells[mine], scratch.weights[mine], scratch.samples[mine]
-    length_inside, before, colors = scratch.length_inside[mine], scratch.before[mine], scratch.colors[mine]
-    bounds, reached = scratch.bounds[mine], scratch.reached[mine]
-    n_scanlines = pointers.shape[1]
-    image_width = along.size
-    blocks = placed.size
-    margin = weights.size // cells.size if wide is not None else 1  # as many voxels as a footprint reaches
-    band_alive = alive[BAND]
-    line[:] = np.float32(0.0)
-    sheet_buffer[sheet_buffer.size - 8 * BLOCK :] = np.float32(0.0)
-    length_inside[:] = np.float32(0.0)
-    limited = bounds.size > 0
-    wanted = reached if limited else band_alive
-    begin_band(
-        state, length, alive, bright, placed, half, top_row, rows, along, along_slope, across, across_slope, seen
+@inner_loop(forceinline=True)
+def _lay_over(
+    wide, additive_opacity, samples, upper, lower, down, length, deep, thickness, least, state, row, before
+):  # fmt: skip
+    """Composite a block by the model of the medium; see ``pixel_block.composite_extinction``."""
+    if additive_opacity is None:
+        return composite_extinction(samples, upper, lower, down, length, deep, thickness, least, state, row, before)
+    if additive_opacity:
+        return composite_added(samples, upper, lower, down, length, deep, thickness, least, state, row, before)
+    mixed = samples.size - 4 * BLOCK
+    if wide is None:
+        mix_blocks(samples, upper, lower, down, mixed)
+    return composite_opacity(samples, mixed, length, deep, thickness, least, state, row, before)
+
+
+@inner_loop(forceinline=True)
+def _composite_slab(
+    limits, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
+):  # fmt: skip
+    """Composite block ``b`` of row ``r`` of the band; how many of its pixels are not opaque."""
+    begin, end, thickness, _ = slab
+    blocks = rows.bright.shape[1]
+    v, first_pixel = window.top_row + r, b * BLOCK
+    count = min(BLOCK, window.image_width - first_pixel)
+    at = BLOCK * (r * blocks + b)
+    state, to = rows.state, 4 * at
+    shortened = False
+    if limits is not None:
+        if is_outside(rows.bounds, r, b, begin, end):
+            return LIVE
+        shortened = is_shortened(rows.bounds, r, b, begin, end)
+    upper, lower = _scanline_places(wide, slab, row, b, blocks, here)
+    length, deep = rows.length, at
+    if limits is not None:
+        if shortened:
+            _inside_limits(limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
+            length, deep = block.length_inside, 0
+    if mist is not None:
+        copy_colors(state, to, block.colors)
+    pixels = _lay_over(
+        wide, additive_opacity, here.samples, upper, lower, np.float32(row.place - row.line), length, deep, thickness,
+        least, state, to, block.before,
     )
-    bound_blocks(limits, top_row, rows, bounds)
-    for sheet in range(first_slice.size):
-        shift, step = offset[sheet, 1], scale[sheet, 1]
-        radius_v = radius * _stretch(widen, step)
-        first_y, last_y = (top_row - shift) / step, (top_row + rows - 1 - shift) / step
-        if last_y <= -radius_v or first_y >= n_scanlines - 1 + radius_v:
-            continue
-        if limited:
-            some = reached_blocks(bounds, begin[sheet], end[sheet], band_alive, reached)
-            if some == NO_MORE:
-                break
-            if some == NONE:
-                continue
-        found, opaque = _splat_sheet(
-            pointers, data_starts, runs, voxels, decoding, width, sheet, first_slice[sheet], slice_weights,
-            wide, margin, offset[sheet, 0], scale[sheet, 0], shift, step, top_row, rows, line, sheet_buffer, marks,
-            row_slot, row_line, row_place, reach, live, wanted, cells, weights, placed, samples,
-            slice_ahead(first_slice, slice_weights, sheet, pointers.shape[0]),
-        )
-        if opaque:
-            break  # early termination
-        if not found:
-            continue
-        died = _composite_sheet(
-            step, begin[sheet], end[sheet], np.float32(thickness[sheet]), wide, top_row, rows, image_width, limits,
-            least, additive_opacity, sheet_buffer, marks, row_slot, row_line, row_place, state, length, alive, bright,
-            blocks, length_inside, bounds, before, colors, mist, samples, half,
-        )
-        if died:
-            band_alive[:] = NO_BITS
-            for r in range(rows):
-                for word in range(band_alive.size):
-                    band_alive[word] |= alive[r, word]
-    write_rows(state, top_row, rows, image_width, out, filled)
-
-
-@inner_loop
-def _splat_bands(
-    first_worker, last_worker, tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row,
-    next_band, scratch, out, half, filled,
-):
-    """What a worker does: bands, one after another, as long as there are any; see ``splat_rows``."""
-    bands = (last_row - first_row + BAND - 1) // BAND
-    for worker in range(first_worker, last_worker):
-        band = taken(next_band)
-        while band < bands:
-            top_row = first_row + band * BAND
-            _splat_band(
-                tables, sheets, rays, wide, least, additive_opacity, mist, top_row, min(BAND, last_row - top_row),
-                worker, scratch, out, half, filled,
+    if mist is not None:
+        fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
+    bright = pixels >> 8
+    if bright != rows.bright[r, b]:
+        rows.bright[r, b] = bright
+        if limits is None:
+            note_half_depth(
+                block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
+            )  # fmt: skip
+        else:
+            note_half_depth_inside(
+                limits, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
             )
-            band = taken(next_band)
+    return count_live(limits, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
+
+
+@inner_loop(forceinline=True)
+def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
+    """See ``band_walker.row_walker``."""
+    _, half, _ = image
+    live = _composite_slab(
+        rays.limits, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
+        own.rows, own.block, half,
+    )
+    return live, queued
+
+
+@inner_loop(forceinline=True)
+def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, image):
+    """See ``band_walker.row_walker``: sheets of classified voxels are handled one by one."""
+    return False
+
+
+@inner_loop(forceinline=True)
+def _clear_scratch(medium, own):
+    """See ``band_walker.band_walker``."""
+    own.line.line[:] = np.float32(0.0)
+    own.sheet.samples[own.sheet.samples.size - 8 * BLOCK :] = np.float32(0.0)
+    own.block.length_inside[:] = np.float32(0.0)
+
+
+@inner_loop(forceinline=True)
+def _group_at(medium, sheets, sheet):
+    """See ``band_walker.band_walker``."""
+    return 1
+
+
+_splat_bands = band_walker(
+    _clear_scratch, _group_at,
+    scanline_walker(_footprint_of, _place_row, _is_filled, _put_voxels, _fetch_next, _resample_block, _clear_line),
+    row_walker(_slab_of, _row_of, _marked, _composite_block, _composite_queue),
+    keeps_sheet_before=False,
+)  # fmt: skip
 
 
 @kernel
@@ -370,22 +407,34 @@ def splat_rows(
     tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, workers, next_band, scratch, out,
     half, filled,
 ):
-    """Rows [first_row, last_row) of the intermediate image.
+    """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
-    ``tables``, ``sheets``, ``rays``, ``wide``: see ``arguments``.  ``least``: float32 transmittance at which a pixel
-    is opaque.  ``additive_opacity``: for the paper's model in place of extinction, whether opacities are taken as they
-    are added (True) or corrected for the length of the ray (False); else None.  What is None is not even compiled:
-    numba makes a kernel of its own, when it is first needed, for each combination of footprint, model and limits.
-    ``mist``: None, or its MistRays.
-    ``next_band``: (1,) int64 zero; whichever worker is free takes the next band.
-    Out: ``out`` (H, W, 4) float32 premultiplied colour and transmittance; ``half`` (H, W) float32 depth along the
-    viewing direction at which the transmittance falls below one half, inf where it does not; ``filled`` (2, H) int32
-    between which columns of a row there is anything.
+    What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination
+    of footprint, model, mist and limits.
+
+    Parameters
+    ----------
+    tables : Tables
+    sheets : SheetList
+    rays : Rays
+    wide, least, additive_opacity, mist
+        See ``ClassifiedMedium``.
+    first_row, last_row : int
+    workers : int
+        Threads that take bands, whichever is free the next one.
+    next_band : (1,) int64, zero
+    scratch : Scratch
+        For as many workers.
+    out : (H, W, 4) float32
+        Written: premultiplied scene-linear color and transmittance.
+    half : (H, W) float32
+        Written: depth along the viewing direction of the axis, in voxels, at which the transmittance falls below one
+        half; inf where it does not.
+    filled : (2, H) int32
+        Written: first column of each row that may have anything in it, and the one behind the last.
     """
+    medium = ClassifiedMedium(tables, wide, additive_opacity, mist, least)
     share_out(
         _splat_bands, workers,
-        (
-            tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, next_band, scratch, out,
-            half, filled,
-        ),
-    )
+        (medium, sheets, rays, first_row, last_row, next_band, scratch, (out, half, filled)),
+    )  # fmt: skip

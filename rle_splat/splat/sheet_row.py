@@ -11,10 +11,9 @@ from ..runtime.jit import inner_loop
 from ..runtime.lanes import add4
 from ..view.footprints import first_tap, tap_weight, voxel_at
 from .half_depth import half_way
-from .pixel_block import BLOCK, BLUE, CLEAR, GREEN, RED, planar
-from .voxel_scanline import ALL_BITS, ONE_BIT, WORD
+from .pixel_block import BLOCK, BLUE, GREEN, RED, TRANSMITTANCE, planar
+from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
 
-NO_BITS = np.uint64(0)
 _ONE, _HALF, _ZERO = np.float32(1.0), np.float32(0.5), np.float32(0.0)
 _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the cap of the classification too
 
@@ -63,7 +62,7 @@ def mix_blocks(sheet, upper, lower, down, to):
 def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, before):
     """One block of one sheet of opacity over the row: the paper's model.
 
-    ``sheet[at:]``: opacity-weighted colour and opacity, added over the overlapping footprints.  The opacity is
+    ``sheet[at:]``: opacity-weighted color and opacity, added over the overlapping footprints.  The opacity is
     clamped to one and raised to the power ``depth[deep:]`` times ``thickness`` of transmittance, the length of the
     ray's piece in reference distances: a' = -expm1(e * log1p(-a)).  An exponent of exactly one leaves it as the
     paper adds it.  In numbers of ``state``'s type.  Returns what ``composite_extinction`` does.
@@ -72,21 +71,21 @@ def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, befo
     one, almost_one = number(_ONE), number(_ALMOST_ONE)
     left = bright = 0
     for i in range(BLOCK):
-        added = number(sheet[at + CLEAR + i])
-        before[i] = clear = state[row + CLEAR + i]
-        if added > _ZERO and clear >= least:
+        added = number(sheet[at + TRANSMITTANCE + i])
+        before[i] = transmittance = state[row + TRANSMITTANCE + i]
+        if added > _ZERO and transmittance >= least:
             opacity = min(added, one)
             exponent = number(depth[deep + i] * thickness)
             if exponent != one:
                 opacity = number(-math.expm1(exponent * math.log1p(-min(opacity, almost_one))))
-            weight = clear * opacity / added
+            weight = transmittance * opacity / added
             state[row + RED + i] += weight * sheet[at + RED + i]
             state[row + GREEN + i] += weight * sheet[at + GREEN + i]
             state[row + BLUE + i] += weight * sheet[at + BLUE + i]
-            clear *= one - opacity
-            state[row + CLEAR + i] = clear
-        left += clear >= least
-        bright += clear >= _HALF
+            transmittance *= one - opacity
+            state[row + TRANSMITTANCE + i] = transmittance
+        left += transmittance >= least
+        bright += transmittance >= _HALF
     return left + 256 * bright
 
 

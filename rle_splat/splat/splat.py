@@ -34,8 +34,7 @@ def splat_steps(
 
     ``length_unit``: world length in which path lengths are counted, 1 for extinction per world length, the
     opacity unit distance for the opacity model.  ``limits``: (2, H, W) float32, where each sheet pixel's ray
-    begins and ends along the viewing direction of the axis in voxels, or None for no limits.  ``mist``: what colours
-    fade to.
+    begins and ends along the viewing direction of the axis in voxels, or None for no limits.  ``mist``: None for none.
     Deterministic: the same bits for any number of threads.
     """
     voxels, decoding = encoded.voxel_data, encoded.decoding

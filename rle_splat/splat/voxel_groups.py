@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 
 MANY, FEW = 16, 4  # voxels of a group
 CODE_BITS = np.uint32(12)  # a 16-bit code of light becomes float32 by a shift and a product: encode/records.py
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import FLOAT, INTEGER, Vector, place
 
     def _loaded(builder, pointer, count):
@@ -114,7 +110,7 @@ if numba is not None:
     mix_many_scalars, mix_few_scalars, mix_one_scalar = (_mixer_of_scalars(count) for count in (MANY, FEW, 1))
     mix_many_lights, mix_few_lights, mix_one_light = (_mixer_of_lights(count) for count in (MANY, FEW, 1))
 
-else:  # never called: callers take the numpy twin
+else:  # never called: callers take the reference implementation
 
     def mix_scalars(line, to, scalars, near, far, weight, far_weight, pair): ...
 

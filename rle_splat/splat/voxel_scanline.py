@@ -13,7 +13,7 @@ from ..runtime.lanes import GROUP, add4, add_coded, clear_group, put_group
 from .pixel_block import BLOCK
 
 WORD = 64  # blocks of a scanline that share one word of marks
-ONE_BIT, ALL_BITS = np.uint64(1), np.uint64(2**64 - 1)
+NO_BITS, ONE_BIT, ALL_BITS = np.uint64(0), np.uint64(1), np.uint64(2**64 - 1)
 BLOCK_BITS = BLOCK.bit_length() - 1
 BEFORE = 1 << 20  # blocks added before a position is cut to a whole number, so that cutting rounds down
 SLACK = 1e-6  # pixels by which a footprint is taken to reach further, so that no rounding decides who is reached

@@ -1,7 +1,7 @@
-"""Blocks of pixels that are inside the box through a whole group of sheets: looked up one after the other, then
-composited.
+"""Blocks of pixels that are inside the box through a whole group of sheets: first all are looked up in the table, then
+all are composited.
 
-What a block is composited from was stored when it was looked up, and reading it at once would have to wait for that.
+Compositing a block reads what looking it up has just stored; with other blocks in between it need not wait for that.
 """
 
 from __future__ import annotations
@@ -14,9 +14,7 @@ from .ray_ends import NO_ROW
 from .scalar_group import GROUP, composite_group, look_up_group
 from .scratch import BAND
 from .sheet_row import note_half_depth
-from .voxel_scanline import ONE_BIT, WORD
-
-NO_BITS = np.uint64(0)
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
 
 @inner_loop(forceinline=True)
@@ -26,53 +24,59 @@ def marked_by_both(marks, slot, word):
 
 
 @inner_loop(forceinline=True)
-def look_up_waiting(
-    waiting, r, word, b, sheet, planes, blocks, absent, marks, row_slot, queue, places, downs, low, high, origin, rate,
-    last, starts,
-):
+def look_up_waiting(queued, r, b, scanlines, planes, blocks, waiting, lookup):
     """Look up block ``b`` of row ``r`` of a band in all sheets of a group; how many blocks of the row wait then.
 
-    ``waiting``: how many do now.  ``row_slot``: BAND of each sheet.  Out, of the block if it shows anything: ``queue``
-    its number, ``places`` and ``starts``, where its rows of the table are, as ``scalar_group`` has them (``entries``).
+    ``queued``: how many do now.  ``scanlines``: ``scratch.Scanlines`` of the group, of ``planes`` numbers a pixel and
+    ``blocks`` blocks a slot.  ``waiting``: ``scratch.WaitingBlocks``, to which the block is added if it shows
+    anything.  ``lookup``: ``arguments.Lookup``.
     """
+    queue, places, starts, downs, _ = waiting
+    samples, marks, row_slot, _, _ = scanlines
+    _, _, origin, rate, _, low, high, _, _, last = lookup
+    absent = samples.size - planes * BLOCK
     bit = ONE_BIT << np.uint64(b % WORD)
     for number in range(GROUP):
         slot = row_slot[BAND * number + r]
-        there = marked_by_both(marks, slot, word) & bit != NO_BITS
+        there = marked_by_both(marks, slot, b // WORD) & bit != NO_BITS
         upper = planes * BLOCK * (slot * blocks + b)
-        at = 2 * (GROUP * waiting + number)
+        at = 2 * (GROUP * queued + number)
         places[at] = upper if there else absent
         places[at + 1] = upper + planes * BLOCK * blocks if there else absent
-    queue[waiting] = b
-    if look_up_group(sheet, places, waiting, downs, low, high, origin, rate, last, starts) == 0:
-        return waiting
-    return waiting + 1
+    queue[queued] = b
+    if look_up_group(samples, places, queued, downs, low, high, origin, rate, last, starts) == 0:
+        return queued
+    return queued + 1
 
 
 @inner_loop(forceinline=True)
-def composite_waiting(
-    waiting, r, word, v, first, begins, ends, image_width, table, starts, sheet, places, queue, downs, depths, matt,
-    gloss, lengths, least_light, state, alive, bright, blocks, before, looks, half,
-):
+def composite_waiting(queued, r, word, window, first, sheets, table, light, least, samples, waiting, rows, block, half):
     """Composite the blocks of a row that wait through the sheets from number ``first`` on; whether any became opaque.
 
-    The arguments are those of ``look_up_waiting`` and of ``scalar_sheets._composite_sheets``.
+    ``window``: ``band_walker.Window``.  ``sheets``: ``arguments.SheetList``.  ``table``, ``light``: of
+    ``arguments.Lookup`` and ``arguments.Light``.  ``least``: transmittance at which a pixel is opaque.  ``samples``:
+    of ``scratch.Scanlines``.  ``waiting``, ``rows``, ``block``: the groups of ``scratch.Scratch``.  ``half``: (H, W)
+    float32, see ``sheet_row.note_half_depth``.
     """
+    queue, places, starts, downs, depths = waiting
+    state, length, alive, bright, _, _ = rows
+    before = block.before
+    blocks = bright.shape[1]
     died = False
-    for number in range(waiting):
+    for number in range(queued):
         b = queue[number]
         at = r * blocks + b
         pixels = composite_group(
-            table, starts, sheet, places, number, downs, matt, gloss, lengths, BLOCK * at, depths, least_light, state,
-            4 * BLOCK * at, before,
+            table, starts, samples, places, number, downs, light.matt, light.gloss, length, BLOCK * at, depths, least,
+            state, 4 * BLOCK * at, before,
         )
         if pixels >> 8 != bright[r, b]:
             bright[r, b] = pixels >> 8
-            count = min(BLOCK, image_width - b * BLOCK)
+            count = min(BLOCK, window.image_width - b * BLOCK)
             for slab in range(GROUP):
                 note_half_depth(
-                    before[BLOCK * slab :], before, BLOCK * (slab + 1), begins[first + slab], ends[first + slab], half,
-                    v, b * BLOCK, count, looks,
+                    before[BLOCK * slab :], before, BLOCK * (slab + 1), sheets.begin[first + slab],
+                    sheets.end[first + slab], half, window.top_row + r, b * BLOCK, count, block.samples,
                 )
         if pixels & 255 == 0:
             alive[r, word] ^= ONE_BIT << np.uint64(b % WORD)

@@ -18,8 +18,8 @@ from .footprints import FOOTPRINTS, Footprint, footprint_weights
 _INSET = 0.5 / np.sqrt(3.0)
 
 
-# Quadrature nodes (position in a cell, weight) of each rule, for a cell of depth one; weights sum to one (algorithm.md,
-# section 1.7).
+# Quadrature nodes (position in a cell, weight) of each rule, for a cell of depth one; weights sum to one
+# (algorithm.md 1.7).
 NAMED_NODES = {
     "slice": ((0.0, 0.5), (1.0, 0.5)),
     "slice-2": ((0.0, 0.5), (1.0, 0.5)),
@@ -138,7 +138,7 @@ def place_sheets(
         Depth rule.
     eye_position : float or None
         The eye's coordinate along the axis; None for parallel rays. Sheets behind the eye are left out, and the cell
-        around the eye is integrated from the eye on (algorithm.md, section 1.4).
+        around the eye is integrated from the eye on (algorithm.md 1.4).
     footprint : Footprint
     boxed : bool
         Whether the medium ends at the first and last slice, without the ramps of footprints.

@@ -1,7 +1,7 @@
 """The homogeneous eye: one formula for orthographic, perspective, shifted, sheared and mirrored views.
 
 The view is expressed in voxel-index space, the only space in which voxel scanlines are parallel to the axes
-(algorithm.md, section 1.4).
+(algorithm.md 1.4).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Footprints: separable kernels that spread a voxel over a sheet and over the neighboring sheets.
 
 A footprint is the same function along all three voxel axes, so it is a product of one-dimensional weights that depend
-on (row, slice) and (column, slice) only (algorithm.md, section 1.5). The weights of all kernels but the Gaussian sum to
+on (row, slice) and (column, slice) only (algorithm.md 1.5). The weights of all kernels but the Gaussian sum to
 one. Gaussian weights are divided by their sum over all voxels, transparent ones included: dividing by the sum over
 visited voxels would brighten every boundary.
 """
@@ -17,7 +17,7 @@ from ..runtime.jit import kernel
 from ..scene import FOOTPRINTS as NAMES
 
 NEAREST, TENT, BSPLINE2, BSPLINE3, GAUSSIAN = range(5)
-# Wide enough that the ripple from truncated tails stays below half a level (algorithm.md, section 1.5).
+# Wide enough that the ripple from truncated tails stays below half a level (algorithm.md 1.5).
 GAUSSIAN_SIGMA = 0.7
 GAUSSIAN_RADIUS = 3.0
 

@@ -2,7 +2,7 @@
 
 The principal axis is the axis along which a ray advances fastest in voxel-index space, so that it never moves more than
 one voxel sideways per slice. Parallel rays share one axis. The rays of a perspective camera may belong to up to six
-pyramids around the eye, one for each direction of each axis (algorithm.md, section 1.4).
+pyramids around the eye, one for each direction of each axis (algorithm.md 1.4).
 """
 
 from __future__ import annotations

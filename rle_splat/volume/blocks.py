@@ -1,4 +1,4 @@
-"""Smallest and largest value of every block of voxels: one level of a min-max octree (algorithm.md, section 6).
+"""Smallest and largest value of every block of voxels: one level of a min-max octree (algorithm.md 6).
 
 A block is hidden if the transfer function hides all of [low, high]. After a change of the transfer function only the
 voxels of visible blocks are read.

@@ -1,4 +1,4 @@
-"""Unit normals from the gradient of the scalar, at selected voxels only (algorithm.md, section 1.13).
+"""Unit normals from the gradient of the scalar, at selected voxels only (algorithm.md 1.13).
 
 Float data: central differences. Integer data: Sobel's 3x3x3 operator, whose (1, 2, 1) smoothing across the derivative
 averages out rounding errors. At the faces of the volume the difference is one-sided, and the smoothing repeats the

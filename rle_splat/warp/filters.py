@@ -1,6 +1,6 @@
 """Filters of the warp: weights of four taps, as cubic polynomials of the fraction toward the third tap.
 
-Rows are powers 0 to 3 of the fraction, columns the taps (algorithm.md, section 1.5). "bilinear": second order. "keys":
+Rows are powers 0 to 3 of the fraction, columns the taps (algorithm.md 1.5). "bilinear": second order. "keys":
 Keys (1981) with a = -1/2, the Catmull-Rom spline, third order. "cubic": the cubic B-spline with coefficients that make
 it interpolate (``spline_prefilter``), fourth order.
 """

@@ -6,13 +6,9 @@ sixteen floats wide; LLVM splits them for processors with narrower ones.
 
 from __future__ import annotations
 
-from ..runtime.jit import numba
+from ..runtime.llvm import intrinsic, ir, numba, types
 
 if numba is not None:
-    from llvmlite import ir
-    from numba.core import types
-    from numba.extending import intrinsic
-
     from ..runtime.vectors import FLOAT, INTEGER, load, pick, place, spread, store
 
     CONTRACT = ["contract"]

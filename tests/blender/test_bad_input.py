@@ -174,7 +174,7 @@ def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
     bpy.ops.rle_splat.render_image()
     compiled = scenes.image_pixels(bpy.context.scene.rle_splat.image)
     monkeypatch.setattr(core("runtime.jit"), "numba", None)
-    for module in ("runtime.jit", "pipeline.render"):
+    for module in ("runtime.jit", "pipeline.report"):
         monkeypatch.setattr(core(module), "NUMBA_PROBLEM", "ImportError: no numba here")
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings = bpy.context.scene.rle_splat

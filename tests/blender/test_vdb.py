@@ -137,7 +137,7 @@ def test_the_command_line_reads_the_second_grid_of_a_name(core, tmp_path, capsys
     main = core("cli.main").main
     assert main(["info", str(path), "--grid", "smoke[1]"]) == 0
     told = capsys.readouterr().out
-    assert "The file holds 2 grids, smoke, smoke[1]; smoke[1] was read." in told and "0 to 4" in told
+    assert "The file holds 2 grids (smoke, smoke[1]); smoke[1] was read." in told and "0 to 4" in told
     assert main(["info", str(path), "--grid", "smoke[2]"]) == 2
     assert "has no grid 'smoke[2]'; its grids are: smoke (float), smoke[1] (float)." in capsys.readouterr().err
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -265,8 +264,7 @@ def test_numba_missing(render_refused, monkeypatch):
 
 def test_numba_missing_is_said_beside_the_slow_picture(call, raw, raw_options, tmp_path, monkeypatch):
     monkeypatch.setattr("rle_splat.runtime.jit.numba", None)
-    road = import_module("rle_splat.pipeline.render")  # as an attribute of the package, render is the function
-    monkeypatch.setattr(road, "NUMBA_PROBLEM", "ImportError: no numba here")
+    monkeypatch.setattr("rle_splat.pipeline.report.NUMBA_PROBLEM", "ImportError: no numba here")
     result = call("render", raw, *raw_options, "--size", "12", "-o", tmp_path / "slow.npy")
     assert result.code == 0 and (tmp_path / "slow.npy").exists()
     assert "without compiled kernels (ImportError: no numba here)" in result.out + result.err

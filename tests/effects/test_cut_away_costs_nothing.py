@@ -47,7 +47,7 @@ def counted(monkeypatch):
     def count(scene, quality):
         made.clear()
         render(scene, quality)
-        return tuple(sum(int(one.reach[:, number].sum()) for one in made) for number in (2, 3))
+        return tuple(sum(int(one.line.reach[:, number].sum()) for one in made) for number in (2, 3))
 
     return count
 

@@ -19,7 +19,7 @@ from rle_splat.runtime.jit import compiled, kernel
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import MODELS, WARP_FILTERS, Light, Quality
 from rle_splat.splat import pixel_block, scalar_splat, splat
-from rle_splat.splat.pixel_block import BLOCK, CLEAR, accumulator, composite_added, composite_extinction
+from rle_splat.splat.pixel_block import BLOCK, TRANSMITTANCE, accumulator, composite_added, composite_extinction
 from rle_splat.splat.splat import OPAQUE, splat_steps
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
@@ -79,10 +79,10 @@ def behind_sheets(loop, value, count, width):
     kind = np.dtype(width).type
     sheet, length = np.full(4 * BLOCK, value, np.float32), np.ones(BLOCK, np.float32)
     state, before = np.zeros(4 * BLOCK, kind), np.zeros(BLOCK, kind)
-    state[CLEAR:] = 1.0
+    state[TRANSMITTANCE:] = 1.0
     loop(sheet, length, state, before, count)
-    assert (state[CLEAR:] == state[CLEAR]).all() and (state[:BLOCK] == state[0]).all()
-    return float(state[0]), float(state[CLEAR])
+    assert (state[TRANSMITTANCE:] == state[TRANSMITTANCE]).all() and (state[:BLOCK] == state[0]).all()
+    return float(state[0]), float(state[TRANSMITTANCE])
 
 
 @WITH_KERNELS
@@ -111,7 +111,7 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, m
     most = pixel_block.MOST_SHEETS_IN_SINGLE
     assert accumulator(most) is np.float32 and accumulator(most + 1) is np.float64
     asked = []
-    for module in ("scratch", "sheet_buffer_numpy", "scalar_sheets_numpy"):
+    for module in ("scratch", "reference.sheet_buffer", "reference.scalar_sheets"):
         monkeypatch.setattr(f"rle_splat.splat.{module}.accumulator", lambda n: asked.append(n) or accumulator(n))
     # Records, lengths and the finished picture are float32 in either case: a few roundings in all.
     for count, width, bound in ((most, SINGLE, most * ULP), (most + 1, DOUBLE, 4.0 * ULP)):
@@ -192,7 +192,7 @@ def test_A5_bands_and_threads_change_no_bit(record, width, monkeypatch, rows, th
     """The rows of the intermediate image, taken so many at a time (more threads: test_same_picture)."""
     scene = STAGE.on_turntable(FIELDS["smooth"](20)[:, :17], 35.0, 25.0, True, size=(70, 61))
     whole = STAGE.render(scene, threads=1, classification=classification)
-    module, name, first_row = {"pre": (splat, "splat_rows", 7), "post": (scalar_splat, "splat_scalar_rows", 13)}[
+    module, name, first_row = {"pre": (splat, "splat_rows", 7), "post": (scalar_splat, "splat_scalar_rows", 11)}[
         classification
     ]
     calls, work = [], getattr(module, name)

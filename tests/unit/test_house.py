@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from rle_splat.runtime.jit import CONSTANTS
-
 ROOT = Path(__file__).resolve().parents[2]
 
 # A room (a folder or a module) -> its floor.  A room imports itself and lower floors, nothing else.
@@ -51,14 +49,8 @@ BLENDER_ROOMS = ("", "bridge", "operators", "panels")
 BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
-    "rle_splat.splat.pixel_block": {"numba", "llvmlite", "numpy"},
-    "rle_splat.splat.scalar_block": {"numba", "llvmlite"},
-    "rle_splat.splat.scalar_group": {"numba", "llvmlite"},
-    "rle_splat.splat.voxel_groups": {"numba", "llvmlite", "numpy"},
-    "rle_splat.splat.half_depth": {"numba", "llvmlite", "numpy"},
-    "rle_splat.warp.taps": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
-    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "numba", "matplotlib", "flip_evaluator"},
+    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.
@@ -244,20 +236,91 @@ def test_the_gates_let_the_plan_through(gate, path, source):
     assert not gate(Path(path), source)
 
 
+# --- how large a function may be --------------------------------------------------------------------------------
+
+MOST_ARGUMENTS = 30
+MOST_NESTING = 5  # blocks within one another: loops, conditions, with and try
+BLOCKS = (ast.For, ast.While, ast.If, ast.With, ast.Try, ast.Match)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+def argument_count(function) -> int:
+    given = function.args
+    return len([*given.posonlyargs, *given.args, *given.kwonlyargs])
+
+
+def nesting(statements) -> int:
+    """How deep blocks lie within one another; ``elif`` adds no level, and a function inside is counted by itself."""
+    deepest = 0
+    for statement in statements:
+        if not isinstance(statement, BLOCKS):
+            continue
+        bodies = [statement.body, getattr(statement, "finalbody", [])] if hasattr(statement, "body") else []
+        bodies += [part.body for part in (*getattr(statement, "handlers", ()), *getattr(statement, "cases", ()))]
+        orelse = getattr(statement, "orelse", [])
+        chained = isinstance(statement, ast.If) and len(orelse) == 1 and isinstance(orelse[0], ast.If)
+        bodies += [] if chained else [orelse]
+        deepest = max(deepest, 1 + max(map(nesting, bodies)), nesting(orelse) if chained else 0)
+    return deepest
+
+
+def test_functions_have_few_arguments_and_little_nesting(sources):
+    looked, found = 0, []
+    for path, source in sources.items():
+        for function in ast.walk(ast.parse(source)):
+            if isinstance(function, FUNCTIONS):
+                looked += 1
+                counts = argument_count(function), nesting(function.body)
+                if counts[0] > MOST_ARGUMENTS or counts[1] > MOST_NESTING:
+                    found.append(f"{path}: {function.name} has {counts[0]} arguments and {counts[1]} levels")
+    assert looked > 1000
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("source, arguments, levels", [
+    ("def f(a, b=1, /, *c, d): pass", 3, 0),
+    ("def f():\n for a in b:\n  if a:\n   pass\n  elif b:\n   pass\n  else:\n   while a: pass", 0, 3),
+    ("def f():\n try:\n  pass\n except E:\n  with a:\n   pass", 0, 2),
+    ("def f():\n match a:\n  case 1:\n   if b: pass", 0, 2),
+    ("def f():\n if a:\n  def g():\n   for b in c: pass", 0, 1),
+])  # fmt: skip
+def test_arguments_and_nesting_are_counted(source, arguments, levels):
+    function = ast.parse(source).body[0]
+    assert (argument_count(function), nesting(function.body)) == (arguments, levels)
+
+
 def test_blender_versions_are_told_apart_in_one_file_only(sources):
     """Every difference between Blender's versions stands in bridge/versions.py."""
     askers = {path.as_posix() for path, source in sources.items() if "bpy.app.version" in source}
     assert askers <= {"bridge/versions.py"}
 
 
-def test_kernels_take_constants_from_rooms_that_their_folder_is_named_after_alone(sources):
-    """Else a kernel on disk would have a constant as it was."""
-    rooms = {path.parent for path, source in sources.items() if "@kernel" in source or path.parent.name == CONSTANTS}
-    looked = 0
-    for path, source in sources.items():
-        if any(mark in source for mark in ("@kernel", "@inner_loop", "@intrinsic")):
-            for module in imports_of(path, source)[0]:
-                place = Path(*module.split("."))
-                assert (place if (ROOT / place).is_dir() else place.parent) in rooms, f"{path} imports {module}"
-                looked += 1
-    assert looked > 100
+# Parts of numba that replace or patch its compiler, and settings of the whole process.
+COMPILERS = ("numba.core.lowering", "numba.core.typed_passes", "numba.core.compiler_machinery", "numba.core.compiler")
+
+
+def process_wide(path: Path, source: str) -> list[str]:
+    """Lines that set numba's configuration or replace parts of its compiler."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, (ast.Assign, ast.AugAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found += [f"{path}:{node.lineno}" for target in targets if "numba.config." in ast.unparse(target)]
+        elif isinstance(node, ast.ImportFrom) and node.module in COMPILERS:
+            found.append(f"{path}:{node.lineno}")
+        elif isinstance(node, ast.Import) and any(alias.name in COMPILERS for alias in node.names):
+            found.append(f"{path}:{node.lineno}")
+    return found
+
+
+def test_numba_is_used_as_it_is(sources):
+    found = [line for path, source in sources.items() for line in process_wide(path, source)]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("source", (
+    "numba.config.OPT = 1", "numba.config.OPT, x = 1, 2", "from numba.core.lowering import Lower",
+    "import numba.core.typed_passes",
+))  # fmt: skip
+def test_changes_to_numba_are_seen(source):
+    assert process_wide(Path("rle_splat/runtime/jit.py"), source)

@@ -1,4 +1,4 @@
-"""The cache of compiled kernels: several processes that compile at once, and whoever had loaded numba before."""
+"""The on-disk cache of kernels: its folder, its key, several processes that compile at once, other users of numba."""
 
 import os
 import pkgutil
@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -13,13 +14,15 @@ from pathlib import Path
 import pytest
 
 import rle_splat
-from rle_splat.runtime import jit
-from rle_splat.runtime.jit import CACHE_VARIABLE, NUMBA_VARIABLE, compiled
+from rle_splat.runtime import cache_folder as places
+from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
+from rle_splat.runtime.jit import compiled
 
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.runtime.kernel_cache import KernelCache, _Folder, _SealedFiles
+from rle_splat.runtime.kernel_cache import KEPT_EDITIONS, KernelCache, _Folder, _SealedFiles
+from rle_splat.runtime.numba_internals import Kernel
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -53,13 +56,25 @@ def test_every_version_is_found_again(tmp_path):
         _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp").save((key,), key)
     again = _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp")
     assert [again.load((key,)) for key in ("float32", "float64", "int8")] == ["float32", "float64", None]
-    assert len(list(tmp_path.glob("*.nbc"))) == 2  # what is compiled once more takes the place of what was there
+    assert len(list(tmp_path.glob("*.nbc"))) == 2  # what is compiled once more replaces the former file
+
+
+def test_the_oldest_editions_of_a_kernel_are_removed(tmp_path):
+    """The last part of a key is the digest of the sources."""
+    files = _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp")
+    files.save(("int8", "a processor", "first"), "of int8")
+    for edition in range(KEPT_EDITIONS + 2):
+        files.save(("float64", "a processor", edition), edition)
+    found = [files.load(("float64", "a processor", edition)) for edition in range(KEPT_EDITIONS + 2)]
+    assert found == [None, None, *range(2, KEPT_EDITIONS + 2)]
+    assert files.load(("int8", "a processor", "first")) == "of int8"
+    assert len(list(tmp_path.glob("*.nbc"))) == KEPT_EDITIONS + 1
 
 
 def test_folders_that_another_process_removes_meanwhile_are_no_fault(tmp_path, monkeypatch):
     """Two that start at once after an update both remove the oldest kernels."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    folders = [tmp_path / f"{jit.KERNEL_PREFIX}{n}" for n in range(jit.KEPT_VERSIONS + 2)]
+    folders = [tmp_path / f"{places.KERNEL_PREFIX}{n}" for n in range(places.KEPT_VERSIONS + 2)]
     for age, folder in enumerate(folders):
         folder.mkdir()
         os.utime(folder, (1e9 - age, 1e9 - age))
@@ -72,8 +87,8 @@ def test_folders_that_another_process_removes_meanwhile_are_no_fault(tmp_path, m
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "stat", vanishing)
-        assert jit._kernel_folder().parent == tmp_path
-    assert [folder for folder in folders if folder.exists()] == [folders[0], *folders[2 : jit.KEPT_VERSIONS]]
+        assert places.kernel_folder().parent == tmp_path
+    assert [folder for folder in folders if folder.exists()] == [folders[0], *folders[2 : places.KEPT_VERSIONS]]
 
 
 BESIDE_ANOTHER = """
@@ -137,8 +152,7 @@ import kept_kernels
 for name in sys.argv[1:]:
     kernel = getattr(kept_kernels, name)
     given = kernel(np.arange(4.0))
-    compiler = "rle_splat.runtime.kernel_compiler" in sys.modules
-    print(np.sum(given), sum(kernel.stats.cache_hits.values()), rtsys._init, compiler)
+    print(np.sum(given), sum(kernel.stats.cache_hits.values()), rtsys._init)
 """
 
 
@@ -157,34 +171,27 @@ def _called(folder, *names, program=CALL):
 
 def test_a_kernel_on_disk_is_called_without_getting_ready_to_compile(tmp_path):
     """It may take memory and give it away; and another kernel that is compiled later calls it."""
-    assert _called(tmp_path, "doubled") == ["12.0 0 True True"]
-    assert _called(tmp_path, "doubled") == ["12.0 1 False False"]
-    assert _called(tmp_path, "doubled", "sum_of_doubled") == ["12.0 1 False False", "12.0 0 True True"]
-    assert _called(tmp_path, "sum_of_doubled", "doubled") == ["12.0 1 False False", "12.0 1 False False"]
+    assert _called(tmp_path, "doubled") == ["12.0 0 True"]
+    assert _called(tmp_path, "doubled") == ["12.0 1 False"]
+    assert _called(tmp_path, "doubled", "sum_of_doubled") == ["12.0 1 False", "12.0 0 True"]
+    assert _called(tmp_path, "sum_of_doubled", "doubled") == ["12.0 1 False", "12.0 1 False"]
     # The one that is called is loaded only to be linked in.
     for kept in (tmp_path / "kernels").rglob("*sum_of_doubled*"):
         kept.unlink()
-    assert _called(tmp_path, "sum_of_doubled") == ["12.0 0 True True"]
+    assert _called(tmp_path, "sum_of_doubled") == ["12.0 0 True"]
 
 
-WITHOUT_COMPILER = """
-import sys
-sys.modules["rle_splat.runtime.kernel_lowering"] = None
-from rle_splat.runtime.jit import NUMBA_PROBLEM, compiled
-print(compiled(), "kernel_lowering" in NUMBA_PROBLEM)
-"""
+def test_another_numba_and_another_release_have_a_folder_of_their_own(monkeypatch):
+    here = places.kernel_folder("0.68.1")
+    assert places.kernel_folder("0.68.1") == here
+    other = places.kernel_folder("0.0.1")
+    monkeypatch.setattr(places, "RELEASE", "0.0.1")
+    assert len({here, other, places.kernel_folder("0.68.1")}) == 3 and other.parent == here.parent
 
 
-def test_a_compiler_that_cannot_be_loaded_is_told_where_there_is_no_kernel_yet(tmp_path):
-    assert _called(tmp_path, program=WITHOUT_COMPILER) == ["False True"]
-    _called(tmp_path, "doubled")
-    assert _called(tmp_path, program=WITHOUT_COMPILER) == ["True False"]
-
-
-def test_kernels_of_another_numba_are_in_a_folder_of_their_own(monkeypatch):
-    here = jit._kernel_folder()
-    monkeypatch.setattr(jit.numba, "__version__", "0.0.1")
-    assert jit._kernel_folder() != here and jit._kernel_folder().parent == here.parent
+def test_the_release_is_that_of_the_package():
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    assert places.RELEASE == manifest["version"]
 
 
 OF_A_PAIR = """
@@ -223,7 +230,7 @@ def test_a_package_that_is_imported_by_two_names_has_its_kernels_under_each(tmp_
             assert done.stdout.split() == ["3", str(hits)], done.stderr
 
 
-OF_TWO_FILES = """
+OF_MANY_FILES = """
 import numpy as np
 from rle_splat.encode.encode_kernels import fill_row_runs
 from rle_splat.runtime.jit import parallel_call
@@ -234,25 +241,86 @@ print(*runs, sum(fill_row_runs.stats.cache_hits.values()))
 """
 
 
+class Copy:
+    """A copy of the package, in which sources are edited; kernels are kept in a folder of their own."""
+
+    def __init__(self, folder: Path, variable: str = CACHE_VARIABLE):
+        self.folder = folder / "rle_splat"
+        shutil.copytree(ROOT / "rle_splat", self.folder, ignore=shutil.ignore_patterns("__pycache__"))
+        others = (CACHE_VARIABLE, NUMBA_VARIABLE, "NUMBA_OPT")
+        self.environ = {name: value for name, value in os.environ.items() if name not in others}
+        self.environ |= {variable: str(folder / "kept"), "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def edit(self, name: str, before: str, after: str) -> None:
+        path = self.folder / name
+        source = path.read_text(encoding="utf-8")
+        assert source.count(before) == 1, name
+        path.write_text(source.replace(before, after), encoding="utf-8")
+
+    def runs(self, **environ) -> str:
+        """The runs that a kernel writes, and whether it was loaded from disk."""
+        done = subprocess.run(
+            [sys.executable, "-c", OF_MANY_FILES], cwd=self.folder, capture_output=True, text=True, check=False,
+            env={**self.environ, **environ},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+
 @pytest.mark.parametrize("variable", (CACHE_VARIABLE, NUMBA_VARIABLE))
-def test_a_kernel_is_compiled_anew_where_a_part_of_it_in_another_file_has_changed(tmp_path, variable):
-    """In a folder of ours, and in one that somebody has told numba."""
-    shutil.copytree(ROOT / "rle_splat", tmp_path / "rle_splat", ignore=shutil.ignore_patterns("__pycache__"))
-    environ = {name: value for name, value in os.environ.items() if name not in (CACHE_VARIABLE, NUMBA_VARIABLE)}
-    environ |= {variable: str(tmp_path / "kept"), "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+def test_an_edited_part_of_a_kernel_is_compiled_and_nothing_else(tmp_path, variable):
+    """In our folder, and in one that the user has given numba."""
+    copy = Copy(tmp_path, variable)
+    assert copy.runs() == "2 2 5 0"
+    assert copy.runs() == "2 2 5 1"
+    copy.edit("scene/quality.py", "BACKENDS = (", "# A remark.\nUNUSED = 7\nBACKENDS = (")  # no kernels there
+    lines = copy.folder / "encode" / "line_bits.py"
+    lines.write_text("# A line above the kernels.\n" + lines.read_text(encoding="utf-8"), encoding="utf-8")
+    assert copy.runs() == "2 2 5 1"
+    copy.edit("encode/line_bits.py", "runs[run] = x - end\n", "runs[run] = x - end + 40\n")
+    assert copy.runs() == "42 42 5 0"
 
-    def told():
-        return subprocess.run(
-            [sys.executable, "-c", OF_TWO_FILES], cwd=tmp_path, capture_output=True, text=True, check=True, env=environ
-        ).stdout.split()  # fmt: skip
 
-    assert told() == ["2", "2", "5", "0"]
-    assert told() == ["2", "2", "5", "1"]
-    inner = tmp_path / "rle_splat" / "encode" / "line_bits.py"
-    source = inner.read_text(encoding="utf-8")
-    assert source.count("runs[run] = x - end\n") == 1
-    inner.write_text(source.replace("runs[run] = x - end\n", "runs[run] = x - end + 40\n"), encoding="utf-8")
-    assert told() == ["42", "42", "5", "0"]
+def test_a_constant_of_another_file_is_part_of_the_key(tmp_path):
+    copy = Copy(tmp_path)
+    copy.edit("encode/line_bits.py", "runs[run] = x - end\n", "runs[run] = x - end + SHIFT\n")
+    copy.edit("encode/line_bits.py", "from ..runtime.jit", "from ..shift import SHIFT\nfrom ..runtime.jit")
+    (copy.folder / "shift.py").write_text("SHIFT = 1\n", encoding="utf-8")
+    assert [copy.runs(), copy.runs()] == ["3 3 5 0", "3 3 5 1"]
+    (copy.folder / "shift.py").write_text("SHIFT = 2\n", encoding="utf-8")
+    assert copy.runs() == "4 4 5 0"
+    (copy.folder / "shift.py").write_text("SHIFT = 1\n", encoding="utf-8")
+    assert copy.runs() == "3 3 5 1"  # an earlier edition is still there
+
+
+def test_settings_of_numba_are_part_of_the_key(tmp_path):
+    copy = Copy(tmp_path)
+    assert [copy.runs(), copy.runs(NUMBA_OPT="1"), copy.runs(), copy.runs(NUMBA_OPT="1")] == [
+        "2 2 5 0", "2 2 5 0", "2 2 5 1", "2 2 5 1"]
+
+
+DIGESTS = """
+from importlib import import_module
+from pkgutil import walk_packages
+import rle_splat
+from rle_splat.runtime.kernel_digest import digest_of
+from rle_splat.runtime.numba_internals import Kernel
+for found in walk_packages(rle_splat.__path__, "rle_splat."):
+    if not found.name.endswith("__main__"):
+        for name, value in sorted(vars(import_module(found.name)).items()):
+            if isinstance(value, Kernel):
+                print(found.name, name, digest_of(value))
+"""
+
+
+def test_each_process_finds_the_same_digests():
+    """Whatever the order of its sets and the addresses of its objects."""
+    told = [
+        subprocess.run([sys.executable, "-c", DIGESTS], cwd=ROOT, capture_output=True, text=True, check=True,
+                       env={**os.environ, "PYTHONHASHSEED": seed}).stdout.splitlines()
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    assert told[0] == told[1] and len(told[0]) > 50
 
 
 NOWHERE = Path(os.devnull) / "rle_splat"  # where nothing can be kept
@@ -270,17 +338,17 @@ def for_others(folder, mode):
 def test_kernels_are_loaded_from_no_temporary_folder_that_others_can_write_to(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv(CACHE_VARIABLE, str(Path(os.devnull) / "cache"))
-    own = jit.cache_folder()
+    own = places.cache_folder()
     assert own.parent == tmp_path and own.stat().st_mode & 0o777 == 0o700
-    assert jit.cache_folder() == own
+    assert places.cache_folder() == own
     for mode in (0o777, 0o702, 0o770)[: 3 if os.getuid() == 0 else 2]:
         for_others(own, mode)
-        assert jit.cache_folder() == NOWHERE
+        assert places.cache_folder() == NOWHERE
     own.chmod(0o755)
-    assert jit.cache_folder() == own
+    assert places.cache_folder() == own
     own.rename(tmp_path / "elsewhere")
     own.symlink_to(tmp_path / "elsewhere")
-    assert jit.cache_folder() == NOWHERE
+    assert places.cache_folder() == NOWHERE
 
 
 # The variables that give a folder, in the order in which they count, with where in it kernels are.
@@ -308,7 +376,7 @@ def test_kernels_are_loaded_from_no_given_folder_that_others_can_write_to(given,
     folder, inside = given
     old = os.umask(0o002)
     try:
-        assert jit.cache_folder() == inside
+        assert places.cache_folder() == inside
     finally:
         os.umask(old)
     assert inside.stat().st_mode & 0o777 == 0o700
@@ -316,12 +384,12 @@ def test_kernels_are_loaded_from_no_given_folder_that_others_can_write_to(given,
     for place in {folder, inside}:
         for mode in (0o777, 0o702, 0o770)[: 3 if os.getuid() == 0 else 2]:
             for_others(place, mode)
-            assert jit.cache_folder() == temporary and jit._kernel_folder().parent == temporary
+            assert places.cache_folder() == temporary and places.kernel_folder().parent == temporary
         place.chmod(0o700)
-    assert jit.cache_folder() == inside
+    assert places.cache_folder() == inside
     with monkeypatch.context() as patch:
         patch.setattr(os, "getuid", lambda: 54321)
-        assert jit.cache_folder() == NOWHERE, "not of a folder that this user does not own, nor of such a temporary one"
+        assert places.cache_folder() == NOWHERE, "a folder that this user does not own"
 
 
 @needs_variables
@@ -329,7 +397,7 @@ def test_kernels_are_loaded_from_no_given_folder_that_others_can_write_to(given,
 def test_a_given_folder_that_cannot_be_written_to_is_replaced_by_another(given, tmp_path):
     folder, _ = given
     folder.write_text("a file in its place")
-    assert jit.cache_folder() == jit._kernel_folder().parent == tmp_path / f"rle_splat-{os.getuid()}"
+    assert places.cache_folder() == places.kernel_folder().parent == tmp_path / f"rle_splat-{os.getuid()}"
 
 
 @needs_variables
@@ -337,7 +405,7 @@ def test_a_folder_for_numba_that_cannot_be_written_to_is_replaced_by_the_next(tm
     (tmp_path / "numba").write_text("a file in its place")
     monkeypatch.setenv(NUMBA_VARIABLE, str(tmp_path / "numba"))
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "ours"))
-    assert jit._kernel_folder().parent == tmp_path / "ours"
+    assert places.kernel_folder().parent == tmp_path / "ours"
 
 
 @needs_variables
@@ -348,7 +416,7 @@ def test_a_given_folder_may_be_a_link_and_a_group_of_the_users_own_may_write_to_
     (tmp_path / "real").mkdir(mode=0o775)
     os.chmod(tmp_path / "real", 0o775 if os.getuid() == os.getgid() else 0o755)
     folder.symlink_to(tmp_path / "real")
-    assert jit.cache_folder() == tmp_path / "real" / inside.relative_to(folder)
+    assert places.cache_folder() == tmp_path / "real" / inside.relative_to(folder)
 
 
 @needs_users
@@ -360,7 +428,7 @@ def test_a_user_without_a_home_has_kernels_in_the_temporary_folder(tmp_path, mon
     monkeypatch.setattr(Path, "home", homeless)
     for variable in (CACHE_VARIABLE, "XDG_CACHE_HOME"):
         monkeypatch.delenv(variable, raising=False)
-    assert jit.cache_folder().parent == tmp_path
+    assert places.cache_folder().parent == tmp_path
 
 
 TOLD_NOT_TO = """
@@ -379,7 +447,7 @@ MOST_CHARACTERS = 259  # of a path on Windows, where nobody has allowed more
 # The folder that Blender gives an extension there, of a user with the longest name that Windows allows.
 IN_BLENDER = "\\".join((
     "C:", "Users", "n" * 20, "AppData", "Roaming", "Blender Foundation", "Blender", "5.10", "extensions", ".user",
-    "user_default", "rle_splat", "cache", jit.KERNEL_PREFIX + "0" * 16, "",
+    "user_default", "rle_splat", "cache", places.KERNEL_PREFIX + "0" * 16, "",
 ))  # fmt: skip
 
 
@@ -398,8 +466,8 @@ def test_all_names_fit_into_the_paths_of_windows(tmp_path, monkeypatch):
     modules = {found.name for found in pkgutil.walk_packages(rle_splat.__path__, "rle_splat.")}
     for name in modules - {"rle_splat.__main__"}:
         for kernel in vars(import_module(name)).values():
-            if isinstance(kernel, jit._NotedDispatcher):
-                KernelCache(kernel.py_func)._cache_file.save(("any",), "any")
+            if isinstance(kernel, Kernel):
+                KernelCache(kernel)._cache_file.save(("any",), "any")
     assert len(written) > 100
     longest = max(written, key=len)
     assert len(IN_BLENDER) + len(longest) <= MOST_CHARACTERS, longest

@@ -111,6 +111,15 @@ def test_the_comparison_methods_are_not_shipped():
     assert (ROOT / "rle_splat/comparison/compare.py").is_file() and "rle_splat/cli/main.py" in names
 
 
+@pytest.fixture
+def staged(fakes, tmp_path):
+    """A folder with what the zip holds."""
+    build.pack("linux-x64", fakes, tmp_path / "x.zip")
+    with zipfile.ZipFile(tmp_path / "x.zip") as archive:
+        archive.extractall(tmp_path / "staged")
+    return tmp_path / "staged"
+
+
 def test_the_command_line_of_what_is_shipped_has_all_commands_but_compare(staged):
     def run(*words):
         command = [sys.executable, "-m", "rle_splat", *words]
@@ -120,7 +129,7 @@ def test_the_command_line_of_what_is_shipped_has_all_commands_but_compare(staged
     assert answer.returncode == 0 and "accuracy" in answer.stdout and "compare" not in answer.stdout, answer.stderr
     answer = run("compare")
     assert answer.returncode == 2 and "There is no command 'compare'; choose render, info" in answer.stderr
-    for name in ("render", "info", "encode", "convert", "accuracy"):
+    for name in ("render", "info", "encode", "convert", "accuracy", "prepare"):
         assert run(name, "--help").returncode == 0
 
 

@@ -97,14 +97,14 @@ def test_three_axes_decode_to_the_voxels_and_their_values(dtype, backend):
     for axis, table in tables.items():
         assert table.axis == axis and table.lights is None
         assert table.scalars.dtype == (np.dtype(dtype) if own else np.float32)
-        assert table.record == table.scalars.itemsize and (table.centre == 0.0 or not own)
+        assert table.record == table.scalars.itemsize and (table.center == 0.0 or not own)
         found = decoded(table, table.scalars)
         assert set(found) == set(zip(*(at.tolist() for at in np.nonzero(kept)), strict=True))
         for place, scalar in found.items():
             if own:
                 assert scalar == volume.voxels[place]
             else:  # float32 of what is left beside the middle of all values: its width, not its size, is what counts
-                assert abs(float(scalar) + table.centre - stored[place]) <= 2.0**-24 * 60.5
+                assert abs(float(scalar) + table.center - stored[place]) <= 2.0**-24 * 60.5
 
 
 def test_infinite_values_are_the_functions_ends_and_nan_is_never_kept():
@@ -123,7 +123,7 @@ def test_infinite_values_are_the_functions_ends_and_nan_is_never_kept():
             for place, scalar in found.items():
                 assert not np.isnan(values[place]) and np.isfinite(scalar)
                 if np.isinf(values[place]):
-                    assert float(scalar) + table.centre == pytest.approx(slope * finite[place], abs=1e-4)
+                    assert float(scalar) + table.center == pytest.approx(slope * finite[place], abs=1e-4)
                     checked += 1
             assert checked > 10
 

@@ -1,18 +1,16 @@
-"""Sheets of the scalar without numba: whole sheets at a time, the same sums.  Slow, for machines without numba."""
+"""Reference implementation of ``scalar_sheets``, in numpy: whole sheets at a time, the same sums."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...view.depth_rules import BEGINS, BETWEEN, OWN
-from ..cut_slab import cut_ends_numpy
 from ..intermediate_image import note_filled
-from ..mist_block import fade_added_numpy
 from ..pixel_block import accumulator
 from ..ray_sums import HALF
 from ..scalar_block import SPAN
 from ..scalar_scanline import NOT_KEPT
-from .sheet_buffer import composite_numpy, leave_unseen, slab_numpy, within_holes
+from .sheet_buffer import composite_numpy, fade_added_numpy, leave_unseen, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
 
@@ -67,9 +65,9 @@ def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
     return samples[cell] * (ONE - share) + samples[after] * share
 
 
-def _own_looks(here, look):
-    """(H, W, channels) looks of the samples of one sheet, and the share of the slab that counts: all of it."""
-    table, _, origin, rate, _, low, high, _, _, last = look
+def _own_samples(here, lookup):
+    """(H, W, channels) classified samples of one sheet, the share of the slab that counts (all of it), and light."""
+    table, _, origin, rate, _, low, high, _, _, last = lookup
     value = here[..., 0]
     inside = (value >= low) & (value <= high)
     return table.reshape(last + 1, -1)[_entry(value, inside, origin, rate, last)], ONE, here[..., 1:]
@@ -81,10 +79,10 @@ def _entry(value, inside, origin, rate, last):
     return np.where(inside, index, last)
 
 
-def _looks_between(here, there, look, first, second):
-    """As ``_own_looks``, for the slab between two sheets, where the scalar goes from ``first`` to ``second``; twin of
+def _samples_between(here, there, lookup, first, second):
+    """As ``_own_samples``, for the slab between two sheets, where the scalar goes from ``first`` to ``second``; see
     ``scalar_block.look_between`` and what follows."""
-    table, sums, origin, rate, least, low, high, nearest, furthest, last = look
+    table, sums, origin, rate, least, low, high, nearest, furthest, last = lookup
     is_here, is_there = second >= least, first >= least
     both, some = is_here & is_there, is_here | is_there
     first, second = np.where(is_there, first, second), np.where(is_here, second, first)
@@ -94,7 +92,7 @@ def _looks_between(here, there, look, first, second):
     with np.errstate(over="ignore"):
         middle = (smallest + largest) * np.float32(0.5)
     inside = (middle >= low) & (middle <= high) & some
-    looks = table.reshape(last + 1, -1)[_entry(middle, inside, origin, rate, last)]
+    sampled = table.reshape(last + 1, -1)[_entry(middle, inside, origin, rate, last)]
     with np.errstate(over="ignore", invalid="ignore"):
         width = (largest - smallest) * rate
         wide = (width >= SPAN) & shown
@@ -103,13 +101,13 @@ def _looks_between(here, there, look, first, second):
             for end in (smallest, largest)
         )
     total = sums.reshape(last + 1, -1)
-    looks[wide] = np.maximum((total[to] - total[from_]) / np.maximum(width[wide], ONE)[:, None], 0.0)
+    sampled[wide] = np.maximum((total[to] - total[from_]) / np.maximum(width[wide], ONE)[:, None], 0.0)
     light = np.where(both, np.float32(0.5), is_here.astype(np.float32))[..., None]
-    return looks, np.where(both, ONE, np.float32(0.5)), here[..., 1:] * light + there[..., 1:] * (ONE - light)
+    return sampled, np.where(both, ONE, np.float32(0.5)), here[..., 1:] * light + there[..., 1:] * (ONE - light)
 
 
 def _gather_numpy(value, length, sign, origin, least, depth, ends, state, half):
-    """Twin of ``ray_sums.gather_values``: ``value`` and ``length`` (H, W); ``ends``: of the rays."""
+    """See ``ray_sums.gather_values``: ``value`` and ``length`` (H, W); ``ends``: of the rays."""
     kept = value >= least
     if sign == 0.0:
         weight = np.where(kept, length, np.float32(0.0))
@@ -126,7 +124,7 @@ def _gather_numpy(value, length, sign, origin, least, depth, ends, state, half):
 
 
 def _add_depths_numpy(depth, slab, state, half):
-    """Twin of ``ray_sums.add_depths``: optical ``depth`` (H, W) of a slab between the ends ``slab``."""
+    """See ``ray_sums.add_depths``: optical ``depth`` (H, W) of a slab between the ends ``slab``."""
     before = state[..., 0].copy()
     state[..., 0] += depth
     after = state[..., 0]
@@ -135,12 +133,29 @@ def _add_depths_numpy(depth, slab, state, half):
     half[crossed] = slab[0][crossed] + part * (slab[1] - slab[0])[crossed]
 
 
+def cut_ends_numpy(limits, begin, end, here, there, least):
+    """(H, W) values of the scalar where rays begin in a slab and where they end; see ``cut_slab.cut_ends``."""
+    from_, to = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
+    for into, out in zip(limits[2::2], limits[3::2]):
+        at_front = (into <= from_) & (from_ < out)
+        at_back = ~at_front & (into < to) & (to <= out)
+        from_ = np.where(at_front, np.minimum(out, to), from_)
+        to = np.where(at_back, np.maximum(into, from_), to)
+    counts = (here >= least) & (there >= least) & (from_ < to)
+    with np.errstate(over="ignore", invalid="ignore"):
+        first, last = (
+            there + (here - there) * ((place - begin) / (end - begin)).astype(np.float32) for place in (from_, to)
+        )
+    return np.where(counts, first, there), np.where(counts, last, here)
+
+
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, look, sign, absorbs, matt, gloss, thinning, mist, least, pixels, half, filled
+    tables, sheets, rays, box, lookup, sign, absorbs, light, mist, least, pixels, half, filled
 ):
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
     does."""
     height, width = half.shape
+    matt, gloss, thinning = light
     half[...] = np.inf
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
@@ -180,28 +195,28 @@ def splat_scalar_sheets_numpy(
         if sign is not None:
             place = first + sheets.slice_weights[sheet, 1]
             place = place if sheets.begin[sheet] <= place <= sheets.end[sheet] else -place
-            _gather_numpy(here[..., 0], in_slab, sign, look[2], look[4], place, (enter, leave), state, half)
+            _gather_numpy(here[..., 0], in_slab, sign, lookup[2], lookup[4], place, (enter, leave), state, half)
             continue
         if sheets.kind[sheet] == OWN:
-            looks, counted, light = _own_looks(here, look)
+            sampled, counted, shine = _own_samples(here, lookup)
         else:
             first_value, last_value = there[..., 0], here[..., 0]
             if rays.limits is not None:
                 slab_ends = sheets.begin[sheet], sheets.end[sheet]
                 first_value, last_value = cut_ends_numpy(
-                    rays.limits, *slab_ends, last_value, first_value, look[4]
+                    rays.limits, *slab_ends, last_value, first_value, lookup[4]
                 )
-            looks, counted, light = _looks_between(here, there, look, first_value, last_value)
+            sampled, counted, shine = _samples_between(here, there, lookup, first_value, last_value)
         if thinning:
-            in_slab = in_slab * light[..., -1]
+            in_slab = in_slab * shine[..., -1]
         if absorbs is not None:
-            _add_depths_numpy(looks[..., 0] * (in_slab * counted), slab, state, half)
+            _add_depths_numpy(sampled[..., 0] * (in_slab * counted), slab, state, half)
             continue
-        color, sigma = looks[..., :3], looks[..., 3]
+        color, sigma = sampled[..., :3], sampled[..., 3]
         if matt:
-            color = color * light[..., [plane - 1 for plane in matt]]
+            color = color * shine[..., [plane - 1 for plane in matt]]
         if gloss:
-            color = color + sigma[..., None] * light[..., [plane - 1 for plane in gloss]]
+            color = color + sigma[..., None] * shine[..., [plane - 1 for plane in gloss]]
         depth = in_slab * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
         kept = None if mist is None else state.copy()

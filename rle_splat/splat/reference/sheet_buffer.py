@@ -1,4 +1,4 @@
-"""The sheet-buffer loop without numba: whole sheets at a time, the same sums.  Slow, for machines without numba."""
+"""Reference implementation of ``sheet_buffer``, in numpy: whole sheets at a time, the same sums."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from ...view.footprints import FOOTPRINTS, TENT, footprint_weights
 from ..intermediate_image import note_filled
-from ..mist_block import fade_added_numpy
+from ..mist_block import LINEAR, QUADRATIC, MistRays
 from ..pixel_block import BLOCK, accumulator
 
 ONE = np.float32(1.0)
-TINY = np.float32(1e-37)  # keeps 0/0 out of colour = associated colour / extinction
+TINY = np.float32(1e-37)  # keeps 0/0 out of color = associated color / extinction
 ALMOST_ONE = np.float32(1.0 - 2.0**-24)
 LONGEST = np.float32(1e30)  # reference distances; keeps infinity times log1p(-0) out of transparent pixels
 
@@ -51,7 +51,7 @@ def _spread(voxels, count: int, scale: float, offset: float, footprint, widen: b
 
 
 def slab_numpy(samples, depth):
-    """What homogeneous slabs absorb and let pass, and what their colour is weighted by: extinction."""
+    """What homogeneous slabs absorb and let pass, and what their color is weighted by: extinction."""
     sigma = samples[..., 3]
     tau = sigma * depth
     absorbed = -np.expm1(-tau)
@@ -68,16 +68,16 @@ def _opacity(samples, exponent):
 
 
 def composite_numpy(absorb, samples, depth, least, state, slab, half):
-    """One sheet (H, W, 4) of associated colour and density over ``state``, by ``absorb(samples, depth)``.
+    """One sheet (H, W, 4) of associated color and density over ``state``, by ``absorb(samples, depth)``.
 
     ``slab``: where it begins and ends along the viewing direction, numbers or (H, W); ``half`` as in ``splat_rows``.
     """
     before = state[..., 3].copy()
     alive = before >= least
-    opacity, clear, divisor = absorb(samples, depth)
+    opacity, transmittance, divisor = absorb(samples, depth)
     weight = np.where(alive, before * opacity / divisor, 0.0).astype(state.dtype)
     state[..., :3] += weight[..., None] * samples[..., :3]
-    state[..., 3] = np.where(alive, before * clear, before)
+    state[..., 3] = np.where(alive, before * transmittance, before)
     crossed = (before >= 0.5) & (state[..., 3] < 0.5)
     if crossed.any():
         ahead, behind = before[crossed].astype(np.float64), state[..., 3][crossed].astype(np.float64)
@@ -86,6 +86,18 @@ def composite_numpy(absorb, samples, depth, least, state, slab, half):
         part[some] = np.log(2.0 * ahead[some]) / np.log(ahead[some] / behind[some])
         begin, end = (np.broadcast_to(side, half.shape)[crossed] for side in slab)
         half[crossed] = begin + part * (end - begin)
+
+
+def fade_added_numpy(mist: MistRays, state, ahead, middle) -> None:
+    """Fade what a slab added to ``state`` (H, W, 4) since it was ``ahead``; see ``mist_block.fade_added``."""
+    share = np.clip(mist.place[0] + mist.place[1] * np.float32(middle), 0.0, 1.0)
+    if mist.falloff == QUADRATIC:
+        share = share * share
+    elif mist.falloff != LINEAR:
+        share = np.sqrt(share)
+    fog = (share * (ahead[..., 3] - state[..., 3]))[..., None] * np.array(mist[2:], np.float32)
+    added = state[..., :3] - ahead[..., :3]
+    state[..., :3] = ahead[..., :3] + (1.0 - share)[..., None] * added + fog
 
 
 def within_holes(limits, begin, end):
@@ -97,7 +109,7 @@ def within_holes(limits, begin, end):
 
 
 def leave_unseen(rays, pixels, half):
-    """Blocks of which nothing is seen as ``band.begin_band`` leaves them: no colour, all light."""
+    """Blocks of which nothing is seen as ``band.begin_band`` leaves them: no color, all light."""
     unseen = rays.unseen(BLOCK)
     pixels[unseen] = 0.0, 0.0, 0.0, 1.0
     half[unseen] = np.inf

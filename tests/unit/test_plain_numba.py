@@ -1,0 +1,98 @@
+"""numba of a version that is not known, and the settings of the process: neither changes a picture, nor is changed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rle_splat.runtime.jit import PLAIN_NUMBA, compiled
+
+if not compiled() or PLAIN_NUMBA:
+    pytest.skip("there is no numba of a known version here", allow_module_level=True)
+
+ROOT = Path(__file__).resolve().parents[2]
+PICTURE = """
+import json, os, sys
+import numba
+config = {name: str(value) for name, value in vars(numba.config).items() if name.isupper()}
+environ = dict(os.environ)
+if sys.argv[2] == "other":
+    numba.__version__ = "9.0.0"
+elif sys.argv[2] == "lacking":
+    import numba.core.caching
+    del numba.core.caching.UserProvidedCacheLocator
+import numpy as np
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline.render import render
+from rle_splat.runtime import jit
+from rle_splat.scene import Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+voxels = np.random.default_rng(0).integers(0, 255, (20, 18, 16)).astype(np.uint8)
+volume = Volume(voxels, np.eye(4))
+camera, matrix = turntable(volume, 20, 10, width=24, height=24)
+tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),))
+report = {"remarks": []}
+if sys.argv[2] != "lacking":
+    rendering = render(Scene(volume, tf, camera, 24, 24, matrix), Quality.preset("draft", classification="pre"))
+    report = rendering.report
+    np.save(sys.argv[1], rendering.rgba)
+after = {name: str(value) for name, value in vars(numba.config).items() if name.isupper()}
+print(json.dumps({
+    "compiled": jit.compiled(), "plain": jit.PLAIN_NUMBA, "remarks": report["remarks"],
+    "threads": jit.available_threads(),
+    "kept": jit.KERNELS.exists(), "threads used": report.get("threads"),
+    "changed": [name for name in config if after.get(name) != config[name]],
+    "environ": dict(os.environ) == environ,
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """A function that returns a picture, where one is rendered, and a report, by a process with numba as named."""
+    folder, done = tmp_path_factory.mktemp("plain"), {}
+
+    def render(numba):
+        if numba not in done:
+            out = folder / f"{numba}.npy"
+            told = subprocess.run(
+                [sys.executable, "-c", PICTURE, str(out), numba], cwd=ROOT, capture_output=True, text=True,
+                check=False, env={**os.environ, "NUMBA_CACHE_DIR": ""},
+            )  # fmt: skip
+            assert told.returncode == 0, told.stderr
+            done[numba] = np.load(out) if out.exists() else None, json.loads(told.stdout.splitlines()[-1])
+        return done[numba]
+
+    return render
+
+
+def test_a_known_numba_keeps_kernels_and_says_nothing(rendered):
+    told = rendered("known")[1]
+    assert told["compiled"] and told["plain"] == "" and told["kept"]
+    assert not any("kernels" in remark for remark in told["remarks"])
+
+
+def test_another_numba_makes_the_same_picture_and_it_is_said(rendered):
+    picture, told = rendered("other")
+    reason = "numba 9.0.0 is not a version that RLE Splat knows"
+    assert told["compiled"] and told["plain"].startswith(reason)
+    assert told["threads"] == told["threads used"] == 1 and not told["kept"]
+    assert sum(reason in remark and "not kept on disk" in remark for remark in told["remarks"]) == 1
+    np.testing.assert_array_equal(picture, rendered("known")[0])
+
+
+def test_a_numba_that_lacks_an_internal_part_is_used_plainly(rendered):
+    told = rendered("lacking")[1]
+    assert told["compiled"] and "UserProvidedCacheLocator" in told["plain"] and not told["kept"]
+
+
+@pytest.mark.parametrize("numba", ("known", "other"))
+def test_no_setting_of_the_process_is_changed(rendered, numba):
+    told = rendered(numba)[1]
+    assert told["changed"] == [] and told["environ"]
