@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import signal
 import subprocess
@@ -11,6 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from rle_splat.classify.default import default_transfer_function
+from rle_splat.classify.presets import fit_preset
+from rle_splat.read.formats import read_volume
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "rle_splat")
@@ -110,20 +115,47 @@ def test_ctrl_c_leaves_nothing_half_made(tmp_path):
     assert sorted(tmp_path.iterdir()) == before and output.read_bytes() == b"old"
 
 
+def projected_alpha(voxels, function, spacing, azimuth, size):
+    """(size, size) alpha of voxels (nz, ny, nx) seen along a horizontal direction, by adding up the optical depths of
+    all voxels whose centre falls on a pixel: no ray, no run and no sheet has a part in it."""
+    alpha = function.alpha_at(np.arange(int(voxels.max()) + 1.0))[voxels]
+    at = np.nonzero(alpha)
+    depth = -np.log1p(-np.minimum(alpha[at], 1.0 - 2.0**-24))
+    lengths = np.multiply(voxels.shape[::-1], spacing)
+    z, y, x = ((at[2 - i] + 0.5) * spacing[i] - 0.5 * lengths[i] for i in (2, 1, 0))
+    pixel = 1.25 * lengths.max() / size
+    column = (x * np.cos(azimuth) + y * np.sin(azimuth)) / pixel + 0.5 * size
+    row = 0.5 * size - z / pixel
+    depths = np.zeros((size, size))
+    np.add.at(depths, (row.astype(int), column.astype(int)), depth * np.prod(spacing) / (min(spacing) * pixel**2))
+    return -np.expm1(-depths)
+
+
 @pytest.mark.parametrize(
-    "name, options",
+    "name, shape, kind, spacing, preset",
     [
-        ("bonsai_256x256x256_uint8.raw.gz", ("--shape", 256, 256, 256, "--dtype", "uint8", "--preset", "ct-plant")),
-        ("cthead_256x256x113_uint16be.raw.gz", ("--spacing", 1, 1, 2)),
-        ("lobster_120x120x34_uint16le.raw.gz", ()),
+        ("bonsai_256x256x256_uint8.raw.gz", (256, 256, 256), "u1", (1, 1, 1), "ct-plant"),
+        ("cthead_256x256x113_uint16be.raw.gz", (113, 256, 256), ">u2", (1, 1, 2), None),
+        ("lobster_120x120x34_uint16le.raw.gz", (34, 120, 120), "<u2", (1, 1, 1), None),
     ],
 )
-def test_real_scans(data, tmp_path, name, options):
+def test_real_scans(data, tmp_path, name, shape, kind, spacing, preset):
+    """Pictures of real scans against a projection of their voxels: mirrored or turned ones are far from it."""
     output = tmp_path / "p.npy"
-    code, _, err = run("render", data / name, *options, "--size", 96, "--azimuth", 30, "-o", output)
+    options = ("--spacing", *spacing, *(("--preset", preset) if preset else ()), "--size", 96, "--azimuth", 30)
+    code, _, err = run("render", data / name, *options, "-o", output)
     assert (code, err) == (0, ""), err
     alpha = np.load(output)[..., 3]
-    assert alpha.max() > 0.5 and 0.01 < (alpha > 0.1).mean() < 0.9
+    voxels = np.frombuffer(gzip.decompress((data / name).read_bytes()), kind).reshape(shape)
+    volume = read_volume(data / name, spacing=spacing)
+    function = (fit_preset(preset, volume) if preset else default_transfer_function(volume))[0]
+    expected = projected_alpha(voxels, function, spacing, np.radians(30), 96)
+    seen, wanted = alpha > 0.1, expected > 0.1
+    # Measured: shares of 0.549, 0.270 and 0.085 of the pixels, off by 0.038, 0.009 and 0.001; of what either of the two
+    # shows 0.934, 0.950 and 0.968 in both; and a mean error of alpha of 0.044, 0.011 and 0.005.
+    assert abs(seen.mean() - wanted.mean()) < 0.045
+    assert (seen & wanted).sum() > 0.92 * (seen | wanted).sum()
+    assert np.abs(alpha - expected).mean() < 0.05
 
 
 def test_the_facade_means_the_verbs_whoever_came_first():

@@ -44,7 +44,6 @@ from rle_splat.scene.clip import CLIP_SIDES
 from rle_splat.volume.volume import Volume
 from tests.stability.effect_strategies import GIVEN, pose_near, reach_of, with_meshes
 from tests.stability.strategies import (
-    DTYPES,
     MATTER,
     SEEDS,
     affines,
@@ -57,6 +56,9 @@ from tests.stability.strategies import (
 
 WIDTH, HEIGHT, MOST_VOXELS = 24, 20, 12
 BLUR = 2.5  # pixels, at most: a wider one takes more pictures than a search has time for
+# Integers have a table of values, floats have none, and doubles are kept as singles. Each stored type of scalar needs
+# its own variants of the sheet loop compiled. So int16, which has the stages of uint8, is left to the other searches.
+DTYPES = ("uint8", "float32", "float64")
 # Evenly spread, where hypothesis' own floats are mostly ends: of black nothing is to be seen.
 UNIT = st.sampled_from([number / 10 for number in range(11)])
 COLORS = st.tuples(*[st.sampled_from((0.2, 0.4, 0.6, 0.8, 1.0))] * 3)
@@ -88,7 +90,7 @@ class Shot:
 
 
 def drawn_volume(draw, shape, affine) -> Volume:
-    """Any matter in any stored type; NaN and infinities among floats at times."""
+    """Any matter in one of DTYPES; NaN and infinities among floats at times."""
     random = np.random.default_rng(draw(SEEDS))
     voxels = stored(field_of(draw(st.sampled_from(MATTER)), shape, random), draw(st.sampled_from(DTYPES)))
     if voxels.dtype.kind == "f" and draw(st.integers(0, 3)) == 0:

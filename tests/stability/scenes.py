@@ -10,11 +10,13 @@ import numpy as np
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render, warp
-from rle_splat.scene import Camera, Quality, Scene
+from rle_splat.scene import CLASSIFICATIONS, Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 BACKENDS = ("numba", "numpy")
+# Where what is interpolated is the scalar: sheet pixels, or the voxels of a finer grid, are classified.
+FINER = tuple(name for name in CLASSIFICATIONS if name != "pre")
 # One sheet per slice, one sheet pixel per voxel, nothing mixed: a pixel is its own column of voxels.
 EXACT = Quality(
     classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", termination=0.0, name="exact"
@@ -58,6 +60,11 @@ def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knob
     (u, v), (nx, ny, _) = image.base_plane.origin, scene.volume.shape_xyz
     assert tuple(image.base_plane.density) == (1.0, 1.0) and image.base_plane.axis == 2
     return image.pixels[-v : ny - v, -u : nx - u]
+
+
+def drawn(scene: Scene, classification: str, backend: str = "auto", **knobs) -> np.ndarray:
+    """A picture at standard quality."""
+    return render(scene, Quality.preset("standard", classification=classification, backend=backend, **knobs)).rgba
 
 
 def matter(opacity, color=WHITE, distance=1.0, shade=None, **more) -> TransferFunction:

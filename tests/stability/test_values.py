@@ -1,5 +1,5 @@
-"""Values, V1 to V5, V14 and V15 of the catalogue: opacities at both ends, colours and extinctions of any size.  What is
-stored, and how it is read: test_values_stored.py; however else it is classified: test_values_classified.py."""
+"""Values, V1 to V5, V14 and V15 of the catalogue: opacities at both ends, colours and extinctions of any size, under
+every classification.  What is stored, and how it is read: test_values_stored.py."""
 
 import math
 from dataclasses import replace
@@ -10,16 +10,18 @@ import pytest
 from rle_splat.accuracy.metrics import difference
 from rle_splat.classify.classification import classify, optical_depth
 from rle_splat.classify.limits import BRIGHTEST, LEAST_DISTANCE
-from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline.render import render
-from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
+from rle_splat.scene import CLASSIFICATIONS, LIGHT_TYPES, NO_DEPTH, Light, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 from tests.stability.scenes import (
     BACKENDS,
     EXACT,
+    FINER,
     WHITE,
     columns,
+    drawn,
     from_above,
     matter,
     noise,
@@ -28,6 +30,8 @@ from tests.stability.scenes import (
 )
 
 every_backend = pytest.mark.parametrize("backend", BACKENDS)
+every_classification = pytest.mark.parametrize("classification", CLASSIFICATIONS)
+every_finer = pytest.mark.parametrize("classification", FINER)
 
 
 # --- opacities at both ends -----------------------------------------------------------------------------------
@@ -51,6 +55,15 @@ def test_V1_nothing_visible(record, dtype, backend):
 
 
 @every_backend
+@every_classification
+def test_V1_nothing_visible_however_classified(record, classification, backend):
+    volume = Volume(noise(), np.eye(4))
+    for points in (((0, 0.0),), ((500, 0.0), (501, 0.7)), ((-501, 0.7), (-500, 0.0))):
+        picture = drawn(turned(volume, TransferFunction(opacity=points, color=WHITE)), classification, backend)
+        record("V1", "largest channel of the picture", np.abs(picture).max(), 0, "either", "exactly 0 in any width")
+
+
+@every_backend
 @pytest.mark.parametrize("termination", (0.0, 1 / 1024))
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
 def test_V2_all_opaque(record, width, model, termination, backend):
@@ -69,6 +82,16 @@ def test_V2_all_opaque(record, width, model, termination, backend):
     # The camera is 10 before the first slice, whose sheet is a voxel thick: light is gone before the second.
     behind = picture.depth.max() - 10.0 - 1.0
     record("V2", "voxels behind the first slice at which half the light is left", max(behind, 0.0), 0.5, width)
+
+
+@every_backend
+@every_finer
+def test_V2_all_opaque_however_classified(record, width, classification, backend):
+    scene = from_above(np.ones((6, 8, 9), np.float32), matter(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
+    picture = drawn(scene, classification, backend, termination=0.0)
+    assert np.isfinite(picture).all()
+    alpha = picture[2:-2, 2:-2, 3]
+    record("V2", "1 - alpha over max(T_min, 2^-24)", (1.0 - alpha).max() * 2.0**24, 1.0, width)
 
 
 @every_backend
@@ -221,13 +244,31 @@ def test_V14_the_brightest_there_may_be(record, width, record_bytes, backend):
         width,
     )
     for channels in ((2 * BRIGHTEST, 0, 0), (0, 1e39, 0), (0, 0, 1e300)):
-        with pytest.raises(RleSplatError, match=r"brighter.*darker\.$"):
+        with pytest.raises(RleSplatError, match=r"above 1e\+09.*darker\.$"):
             TransferFunction(opacity=((0, 0.5),), color=((0, *channels),))
 
 
 @every_backend
-@pytest.mark.parametrize("kind", ("SUN", "POINT", "SPOT", "AREA"))
-def test_V14_lights_of_any_energy(record, kind, backend):
+@every_finer
+@pytest.mark.parametrize("distance", (1e-300, 1e-30, 1e30, 1e300))
+def test_V14_V15_the_brightest_and_the_densest_however_classified(record, width, distance, classification, backend):
+    function = TransferFunction(
+        opacity=((0, 0.0), (120, 1.0)), color=((0, BRIGHTEST, 0.0, 1.0),), opacity_unit_distance=distance, shade=None
+    )
+    picture = drawn(turned(Volume(noise(), np.eye(4)), function), classification, backend)
+    assert (picture[..., 3].max() > 0.9) == (distance < 1.0)
+    case = "V14" if distance < 1.0 else "V15"
+    record(case, "pixels that are not finite at the limits", (~np.isfinite(picture)).sum(), 0, width)
+    error = np.abs(picture[..., 0] / BRIGHTEST - picture[..., 3]).max()
+    record(case, "relative error of the colour at the limits, finer classifications", error, 1e-5, width)
+
+
+@every_backend
+@pytest.mark.parametrize(
+    ("classification", "kind"),
+    [*(("pre", kind) for kind in LIGHT_TYPES), *((name, kind) for name in FINER for kind in ("SUN", "POINT"))],
+)
+def test_V14_lights_of_any_energy(record, classification, kind, backend):
     """As bright as it may be, or refused in one sentence; never a pixel that is no number."""
     function = TransferFunction(opacity=((0, 0.0), (120, 1.0)), color=((0, 1.0, 0.0, 0.5),))
     pose = np.eye(4)
@@ -237,12 +278,42 @@ def test_V14_lights_of_any_energy(record, kind, backend):
         light = Light(kind, (1.0, 0.5, 1e-300), energy, pose)
         scene = turned(Volume(noise("float32"), np.eye(4)), function, 24, lights=(light,))
         try:
-            bad += (~np.isfinite(render(scene, Quality(backend=backend, classification="pre")).rgba)).sum()
+            bad += (~np.isfinite(drawn(scene, classification, backend))).sum()
         except RleSplatError as problem:
             assert "brighter" in str(problem) and str(problem).endswith(".")
             refused += 1
     assert 1 <= refused <= 3
     record("V14", "pixels that are not finite under lights of 1e-300 to 1e300 W", bad, 0, "either", "whole numbers")
+
+
+@every_classification
+@pytest.mark.parametrize("away", (0.003, 1.0, 50.0))
+def test_V14_a_lamp_lights_small_volumes_at_any_distance(record, away, classification):
+    """Voxels of a fifth of a millimetre in a world of metres: however strong the lamp would be half a voxel away, what
+    arrives is what counts."""
+    z, y, x = np.indices((12, 12, 12)) - 5.5
+    ball = (200.0 - 16.0 * np.sqrt(x * x + y * y + z * z)).clip(0, 255).astype(np.uint8)
+    volume = Volume(ball, np.diag((2e-4, 2e-4, 2e-4, 1.0)), unit="m")
+    matt = TransferFunction(opacity=((100, 0.0), (150, 0.5)), color=WHITE, shade=Shade(0.0, 1.0, 0.0, 1.0))
+    pose = np.eye(4)
+    pose[:3, 3] = 0.001, 0.001, away
+
+    def seen(energy):
+        scene = turned(volume, matt, 24, lights=(Light("POINT", energy=energy, matrix_world=pose),), headlight=False)
+        return drawn(scene, classification)[..., 0].astype(np.float64)
+
+    # The light is as far off, to two parts in a thousand or less, for every voxel that is seen; 10 W twice is 20 W.
+    weak, strong = seen(1.0), seen(1e6 * away**2)
+    assert weak.max() > 0.0
+    share = np.abs(strong / (1e6 * away**2) - weak).max() / weak.max()
+    record(
+        "V14",
+        "light of a lamp that does not grow with its energy, relative",
+        share,
+        2e-3,
+        "float32",
+        "light is kept in 16 bits where sheets are classified",
+    )
 
 
 @every_backend
@@ -273,18 +344,19 @@ def test_V15_extinction_of_any_size(record, width, model, backend):
 
 
 @every_backend
-def test_V15_the_world_may_be_of_any_size(record, width, backend):
+@every_classification
+def test_V15_the_world_may_be_of_any_size(record, width, classification, backend):
     function = matter(((0, 0.0), (120, 0.6)), ((0, 0.2, 0.5, 1.0), (120, 1.0, 0.3, 0.0)), None)
-    pictures = [columns(from_above(noise(), function, scale), backend) for scale in (1e-12, 1.0, 1e12)]
+    scenes = [from_above(noise(), function, scale) for scale in (1e-12, 1.0, 1e12)]
+    if classification == "pre":
+        finer, bound, pictures = "", 1e-3, [columns(scene, backend) for scene in scenes]
+    else:
+        finer, bound = ", finer classifications", 0.01
+        pictures = [drawn(scene, classification, backend) for scene in scenes]
     assert pictures[1][..., 3].max() > 0.5
     for picture in pictures[::2]:
-        record(
-            "V15",
-            "world scaled by 1e-12 and 1e12: difference, levels",
-            difference(picture, pictures[1]).largest,
-            1e-3,
-            width,
-        )
+        worst = difference(picture, pictures[1]).largest
+        record("V15", f"world scaled by 1e-12 and 1e12{finer}: difference, levels", worst, bound, width)
 
 
 def test_every_value_is_told_from_its_neighbours():

@@ -214,5 +214,5 @@ def test_windows_move_offsets_by_whole_pixels_exactly():
     (0.0, 0.0, 5.0, 5.0),
 ])
 def test_a_crop_that_is_none_is_refused_in_a_sentence(crop):
-    with pytest.raises(RleSplatError, match=r"A crop must be four whole numbers .*within 0 to 90 .*within 0 to 74"):
+    with pytest.raises(RleSplatError, match=r"whole numbers .*0 <= left < right <= 90 and 0 <= top < bottom <= 74"):
         scene_of("ortho", crop=crop)

@@ -36,6 +36,26 @@ def kept_share(volume, function):
     return counts[function.alpha_at(volume.physical(np.arange(counts.size))) > 0.0].sum() / volume.voxels.size
 
 
+def shown_from(volume, choice):
+    """The stored value above which the preset ``choice`` shows voxels, reckoned by hand: its last transparent point,
+    on the percentiles of the voxels where its points are relative.  None: without a preset, half way from the air to
+    the threshold that parts the voxels into two classes, each nearer to its own mean."""
+    if choice is not None:
+        function = preset(choice)
+        first = max(value for value, alpha in function.opacity if alpha == 0.0)
+        if function.unit == volume.value_unit is not None:
+            return (first - volume.intercept) / volume.slope
+        (low, high), (start, end) = np.percentile(volume.voxels, (1.0, 99.9)), function.span
+        return low + (first - start) / (end - start) * (high - low)
+    values = volume.voxels.ravel().astype(np.float64)
+    means = np.percentile(values, (5.0, 99.9))
+    for _ in range(40):
+        above = values > means.mean()
+        means = np.array((values[~above].mean(), values[above].mean()))
+    faces = [np.take(volume.voxels, end, axis).ravel() for axis in range(3) for end in (0, -1)]
+    return 0.5 * (np.median(np.concatenate(faces)) + means.mean())
+
+
 def test_the_table_and_the_files_are_one():
     assert set(REQUIRED) <= set(PRESETS)
     assert {path.stem for path in FOLDER.glob("*.json")} == set(PRESETS)
@@ -92,7 +112,8 @@ def test_fitting_survives_values_that_are_nearly_all_alike():
 )
 def test_presets_keep_a_plausible_share_of_real_scans(name, options, choice, low, high):
     volume = scan(name, **options)
-    assert low < kept_share(volume, fit_preset(choice, volume)[0]) < high
+    share = kept_share(volume, fit_preset(choice, volume)[0])
+    assert share == (volume.voxels > shown_from(volume, choice)).mean() and low < share < high
 
 
 @pytest.mark.parametrize("choice", ["xa-limb", "ct-bone", "x-ray", "ct-skin"])
@@ -176,17 +197,21 @@ def test_a_volume_that_a_preset_would_leave_blank_gets_the_histogram():
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "choice"),
     [
-        "bonsai_256x256x256_uint8.raw.gz", "cthead_256x256x113_uint16be.raw.gz", "engine_256x256x110_uint8.raw.gz",
-        "foot_256x256x256_uint8_fromjpeg.raw.gz", "lobster_301x324x56_uint8.raw.gz",
-        "lobster_120x120x34_uint16le.raw.gz", "mrbrain_256x256x99_uint8.raw.gz",
-        "cthead_128x128x113_uint8_derived.raw.gz",
+        ("bonsai_256x256x256_uint8.raw.gz", "ct-plant"), ("cthead_256x256x113_uint16be.raw.gz", "ct-bone"),
+        ("engine_256x256x110_uint8.raw.gz", None), ("foot_256x256x256_uint8_fromjpeg.raw.gz", None),
+        ("lobster_301x324x56_uint8.raw.gz", None), ("lobster_120x120x34_uint16le.raw.gz", None),
+        ("mrbrain_256x256x99_uint8.raw.gz", "mr-head"), ("cthead_128x128x113_uint8_derived.raw.gz", "ct-bone"),
     ],
 )  # fmt: skip
-def test_no_real_scan_is_blank_or_a_block(name):
+def test_no_real_scan_is_blank_or_a_block(name, choice):
+    """What is shown is what lies above the preset's first value, or above the noise of the air."""
     volume = scan(name)
-    assert 0.04 < kept_share(volume, default_transfer_function(volume)[0]) < 0.4
+    share = kept_share(volume, default_transfer_function(volume)[0])
+    expected = (volume.voxels > shown_from(volume, choice)).mean()
+    assert share == pytest.approx(expected, rel=0.03 if choice is None else 0.0)
+    assert 0.04 < share < 0.4
 
 
 def test_otsu_lies_in_the_gap_between_two_heaps():
