@@ -92,7 +92,7 @@ class Turn:
             (sign,) = (sign for one, sign, _ in axis_shares(view, 45.0) if one == axis)
             return [(axis, sign, 1.0)]
 
-        with patch("rle_splat.pipeline.render.axis_shares", axis_shares if axis is None else alone):
+        with patch("rle_splat.pipeline.views.axis_shares", axis_shares if axis is None else alone):
             return render(self._scene(azimuth), quality, cache=self._kept).rgba
 
     def round(self, step: float) -> list[dict]:

@@ -45,7 +45,7 @@ def test_steps_write_table_and_report(tmp_path, capsys):
 
 def test_a_full_disk_is_said_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr(scaling.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 1000}))
-    with pytest.raises(RleSplatError, match="no room for 24"):
+    with pytest.raises(RleSplatError, match="not enough space for 24"):
         scaling.main(["--sizes", "24", "--scratch", str(tmp_path)])
 
 

@@ -139,5 +139,5 @@ def test_a_fade_is_cropped_and_kept_apart_as_any_picture_is(stage):
 def leading_alone(name, scene):
     """The picture from one axis alone, by its name in a report."""
     only = ("xyz".index(name[1]), 1 if name[0] == "+" else -1, 1.0)
-    with patch("rle_splat.pipeline.render.axis_shares", lambda view, band: [only]):
+    with patch("rle_splat.pipeline.views.axis_shares", lambda view, band: [only]):
         return render(scene, Quality())
