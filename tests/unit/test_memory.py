@@ -390,7 +390,7 @@ def counted_in_rows(volume, shown):
     return counts, counts // 5
 
 
-@pytest.mark.parametrize("share, words", ((0.6, "their neighbours counted, would fit"), (0.001, "crop or downsample")))
+@pytest.mark.parametrize("share, words", ((0.6, "their neighbors counted, would fit"), (0.001, "crop or downsample")))
 def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     """There are no voxel records to make smaller; what a narrower function leaves is counted in scalars."""
     volume = blobs()
@@ -399,7 +399,7 @@ def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
     with pytest.raises(RleSplatError, match=words) as problem:
         estimate.refuse_too_much(wanted)
-    assert "record" not in str(problem.value) and "shown, and their neighbours, need" in str(problem.value)
+    assert "record" not in str(problem.value) and "shown, and their neighbors, need" in str(problem.value)
 
 
 def test_the_estimate_of_scalars_counts_voxels_and_axes():

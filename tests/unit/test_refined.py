@@ -1,6 +1,7 @@
 """Proves the finer grid of the classification refined: that its voxels, made a few planes at a time, are those of the
 whole grid; which of them are shown and where; the light between the scan's voxels; what is kept; and what it costs."""
 
+import sys
 import tracemalloc
 from dataclasses import replace
 
@@ -297,7 +298,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
     for name in ("classify.visible", "classify.sizes"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
-    monkeypatch.setattr("rle_splat.encode.sizes.VOXELS_AT_ONCE", 1000)
+    monkeypatch.setattr(sys.modules["rle_splat.encode.sizes"], "VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
     monkeypatch.setattr("rle_splat.pipeline.source.scratch_bytes", lambda *_: 0)
     scene, quality = scene_of(noise(32), size=8), refined_quality(4, record=record)
