@@ -29,7 +29,7 @@ def test_what_is_no_crop_is_refused_before_anything_is_read(refused, tmp_path, c
     sentence = refused(
         "render", tmp_path / "missing.raw", "--size", "60x50", "--crop", *crop.split(), "-o", tmp_path / "x.npy"
     )
-    assert "within 0 to 60" in sentence and "within 0 to 50" in sentence
+    assert "right <= 60" in sentence and "bottom <= 50" in sentence
 
 
 def test_a_crop_is_four_whole_numbers(refused, tmp_path):
