@@ -183,7 +183,7 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     def wanted(meshes: bool):
         limited = meshes or finer > 1
-        scratch = scratch_bytes(plane, shape, quality, limited)
+        scratch = scratch_bytes(plane, shape, quality, quality.classification == "post", limited)
         picture = picture_bytes(
             (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch,
             traced=quality.rays > 0.0 and not meshes)  # single rays are not used with meshes

@@ -108,7 +108,7 @@ def test_B61_every_grid_of_one_name_can_be_read(formats, refusal, tmp_path, capf
                               ("heat", 99.0, "heat")):  # fmt: skip
         volume = formats.read_volume(path, grid=grid)
         assert (volume.voxels.max(), volume.name) == (value, name)
-        assert f"density[10], density[11], heat; {name} was read." in volume.remarks[0]
+        assert f"density[10], density[11], heat); {name} was read." in volume.remarks[0]
     assert "more than one grid" not in "".join(capfd.readouterr()), "OpenVDB warns where it is not told which"
     assert formats.read_volume(path, grid="density[1]").modality == "SMOKE"
     with pytest.raises(refusal, match=r"no grid 'density\[12\]'.*density \(float\), density\[1\] \(float\)"):
