@@ -56,7 +56,7 @@ except ValueError:
     layer = "none"
 store, wrong, done = StageCache(), [], []
 
-def background(names, kept, times):
+def background(names, cache, times):
     try:
         for n in range(times):
             for name in names:
