@@ -15,7 +15,7 @@ The loops are parts of the kernels ``splat_rows`` and ``splat_scalar_rows``, whi
 
 Measured against a loop written out for each kind of sheet (64 rows: CT engine and MRI head at 400 x 400, draft to
 strict, pre and post, orthographic and perspective, shaded or not; one thread, frames in turns, the best of 21 each): a
-frame takes 0.999 of its time in the median, pre 1.01 and post 0.98; single rows 0.92 to 1.07, nine of them above 1.03.
+frame takes 0.999 of its time in the median, pre 1.02 and post 0.98; single rows 0.92 to 1.07, nine of them above 1.03.
 The first compilation takes longer: 9.7 s of processor time against 6.8 s for classified sheets, 11.2 s against 8.9 s
 for sheets of the scalar.
 
