@@ -32,8 +32,8 @@ REPORTS = OUT / "test"
 FIGURES = REPORTS / "catalogue.json"
 
 # A stage that takes longer hangs: bpy 4.5 can deadlock when the interpreter ends.
-CORE_SECONDS = 1500
-BPY_SECONDS = 600
+CORE_SECONDS = 2400
+BPY_SECONDS = 900
 EXTRAS_SECONDS = 600
 
 AT_ONCE = 2  # stages; more would keep each other's kernels from their threads
