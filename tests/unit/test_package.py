@@ -186,9 +186,12 @@ def test_wheels_are_the_same_everywhere():
     assert {"numba", "llvmlite", "pydicom", "pylibjpeg_openjpeg", "nibabel", "pynrrd", "tifffile"} <= set(
         wheels.packages()
     )
-    for path in (environments.REQUIREMENTS / name for name in ("core.txt", *(f"bpy-{v}.txt" for v in environments.BPY))):
-        pins = {name.replace("-", "_"): version for name, version in re.findall(
-            r"^([\w.-]+)==(\S+)", path.read_text(), re.MULTILINE)}
+    for name in ("core.txt", *(f"bpy-{version}.txt" for version in environments.BPY)):
+        path = environments.REQUIREMENTS / name
+        pins = {
+            name.replace("-", "_"): version
+            for name, version in re.findall(r"^([\w.-]+)==(\S+)", path.read_text(), re.MULTILINE)
+        }
         assert {package: pins.get(package) for package in wheels.packages()} == wheels.packages(), path.name
 
 
