@@ -109,7 +109,7 @@ def _facts(path: Path) -> _Facts:
     shape = checked_grid(source, lengths[:3])
     try:
         dtype = header.get_data_dtype()
-    except nibabel.spatialimages.HeaderDataError:
+    except (KeyError, nibabel.spatialimages.HeaderDataError):
         raise damaged(source, f"its number type {int(header['datatype'])} does not exist") from None
     offset = float(header["vox_offset"])
     if not (math.isfinite(offset) and 0.0 <= offset < 2.0**40):

@@ -175,8 +175,6 @@ def bad_files(tmp_path):
     yield saved(tmp_path / "complex.nii", values.astype(np.complex64), affine), "complex numbers.*magnitude"
     colors = np.zeros(SHAPE, dtype=[("R", "u1"), ("G", "u1"), ("B", "u1")])
     yield saved(tmp_path / "colors.nii", colors, affine), "are colors"
-    wide = saved(tmp_path / "wide.nii", values.astype(np.longdouble), affine)
-    yield wide, "which cannot be read; export it as float32"
     yield saved(tmp_path / "flat.nii", values[:, :, :1], affine), r"single picture \(9 x 7 x 1 voxels\)"
     flat = nibabel.Nifti1Image(values, np.eye(4))
     flat.header.set_sform(np.diag((1.0, 1.0, 0.0, 1.0)), code=1)
@@ -194,7 +192,7 @@ def test_each_bad_file_gets_its_sentence(tmp_path):
             read_volume(path)
         assert "\n" not in str(refusal.value) and str(refusal.value).endswith("."), path.name
         count += 1
-    assert count == 12
+    assert count == 11
 
 
 def table(*labels):
