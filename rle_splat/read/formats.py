@@ -18,6 +18,7 @@ from ..volume.volume import Volume
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
+from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
 from .vdb import lost_in_vdb, read_vdb_steps, recognizes_vdb, write_vdb_steps
 
@@ -38,6 +39,11 @@ FORMATS = (
     Format(
         "Analyze", (".hdr", ".img", ".hdr.gz", ".img.gz"), "Analyze 7.5 and NIfTI in two files", ("frame",),
         read_nifti_steps, is_dropped=False,
+    ),
+    Format(
+        "NRRD", (".nrrd", ".seg.nrrd", ".nhdr"),
+        "NRRD in one file or several, with its place in the patient; Slicer's segmentations with their names",
+        ("frame",), read_nrrd_steps, recognizes_nrrd, write_steps=write_nrrd_steps, lost=lost_in_nrrd,
     ),
 )  # fmt: skip
 RAW = FORMATS[0]
