@@ -17,6 +17,7 @@ from ..scene import RleSplatError
 from ..volume.volume import Volume
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale
+from .metaimage import read_metaimage_steps, recognizes_metaimage
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
@@ -44,6 +45,10 @@ FORMATS = (
         "NRRD", (".nrrd", ".seg.nrrd", ".nhdr"),
         "NRRD in one file or several, with its place in the patient; Slicer's segmentations with their names",
         ("frame",), read_nrrd_steps, recognizes_nrrd, write_steps=write_nrrd_steps, lost=lost_in_nrrd,
+    ),
+    Format(
+        "MetaImage", (".mha", ".mhd"), "MetaImage of ITK, in one file or several, with its place in the patient",
+        ("frame",), read_metaimage_steps, recognizes_metaimage,
     ),
 )  # fmt: skip
 RAW = FORMATS[0]

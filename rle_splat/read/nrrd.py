@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import math
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import PATIENT, NamedLabel, Volume
 from .color import linear
+from .datafiles import named_files, part_of
 from .format import Head
 from .header import (
     MILLIMETERS,
@@ -168,45 +168,13 @@ def _data_parts(path: Path, header: dict, names: list, end: int, size: int) -> l
         raise RleSplatError(f"{path.name} is encoded as {encoding}, which cannot be read; save it as raw or gzip.")
     packing = PACKINGS[encoding]
     given = header.get("data file", header.get("datafile"))
-    if given is None:
-        files = [path]
-    elif given.upper().startswith("LIST"):
-        files = [path.parent / name for name in names]
-    else:
-        files = [path.parent / name for name in _pattern_names(path, given)]
-    missing = next((file for file in files if not file.is_file()), None)
-    if missing is not None or not files:
-        gone = missing.name if missing is not None else "a list of files"
-        raise RleSplatError(f"{path.name} needs {gone} beside it, which is not there; copy all its files.")
+    files = [path] if given is None else named_files(path, given, names)
     lines = int(header.get("line skip", header.get("lineskip", 0)))
     skip = int(header.get("byte skip", header.get("byteskip", 0)))
     if skip < -1 or not 0 <= lines <= MOST_HEADER:
         raise damaged(path, "it says to skip an impossible number of bytes")
-    parts = []
-    for file in files:
-        offset = _after_lines(file, end if file == path else 0, lines)
-        if skip == -1 and packing is None:  # the voxels are the file's last bytes
-            offset, skip_here = max(0, os.path.getsize(file) - size // len(files)), 0
-        else:
-            skip_here = max(0, skip)
-        parts.append(Part(file, offset, packing, skip_here))
-    return parts
-
-
-def _pattern_names(path, given: str) -> list[str]:
-    """The file names of a data file field: one name, or a pattern such as ``a%03d.raw 1 20 1``."""
-    words = given.split()
-    if (
-        len(words) not in (4, 5)
-        or not re.search(r"%0?\d*d", words[0])
-        or not all(re.fullmatch(r"-?\d{1,6}", word) for word in words[1:])
-    ):
-        return [given]
-    first, last, step = (int(word) for word in words[1:4])
-    if step == 0:
-        raise damaged(path, "the pattern of its data files has no step")
-    numbers = range(first, last + (1 if step > 0 else -1), step)
-    return [re.sub(r"%(0?\d*)d", lambda found, n=n: format(n, f"{found[1]}d"), words[0]) for n in numbers]
+    each = size // len(files)
+    return [part_of(file, _after_lines(file, end if file == path else 0, lines), skip, packing, each) for file in files]
 
 
 def _after_lines(file: Path, offset: int, lines: int) -> int:

@@ -12,6 +12,7 @@ from rle_splat.scene import RleSplatError
 from rle_splat.volume.orientation import oblique_degrees
 from rle_splat.volume.volume import PATIENT, STORED_TYPES, Volume
 
+from .judges import affine_by_itk
 from .phantoms import AFFINES, LEAST_ERROR, SHAPE, coordinates, ras, worst_error
 
 SPACES = {
@@ -25,14 +26,6 @@ def header_of(affine, space="left-posterior-superior", **fields):
     there = SPACES[space] @ affine
     return {"space": space, "space directions": there[:3, :3].T, "space origin": there[:3, 3],
             "kinds": ["domain"] * 3, **fields}  # fmt: skip
-
-
-def affine_by_itk(image) -> np.ndarray:
-    """Voxel indices to LPS, as ITK understands an image."""
-    affine = np.eye(4)
-    affine[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) @ np.diag(image.GetSpacing())
-    affine[:3, 3] = image.GetOrigin()
-    return affine
 
 
 @pytest.mark.parametrize("space", SPACES)
