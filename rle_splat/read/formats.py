@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError
+from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale
@@ -118,7 +119,20 @@ def read_steps(path, **options):
     scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
     checked = dict(zip(scale, checked_scale(*scale.values())))
     volume = yield from chosen.read_steps(path, **given)
-    return replace(volume, **{name: checked.get(name, value) for name, value in meaning.items()}) if meaning else volume
+    if meaning:
+        volume = replace(volume, **{name: checked.get(name, value) for name, value in meaning.items()})
+    return _with_guessed_unit(volume)
+
+
+def _with_guessed_unit(volume: Volume) -> Volume:
+    """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
+    if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
+        return volume
+    remark = (
+        "The histogram has the peaks of air (-1000) and water (0), so the values are taken as Hounsfield units of a "
+        "CT; give the value unit and the modality if they are not."
+    )
+    return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
 
 
 def read_volume(path, **options) -> Volume:
