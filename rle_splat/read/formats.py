@@ -17,7 +17,8 @@ from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
 from .format import MEANING_OPTIONS, Format, head_of
-from .layout import checked_scale
+from .layout import checked_scale, unreadable
+from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
@@ -54,6 +55,10 @@ FORMATS = (
         ("frame",), read_metaimage_steps, recognizes_metaimage,
     ),
     Format(
+        "masks", (), "a folder of masks, one NIfTI file for each organ (TotalSegmentator), as one label map",
+        (), read_masks_steps, reads_folder=reads_mask_folder,
+    ),
+    Format(
         "TIFF", TIFF_SUFFIXES, "stacks of pages or of numbered files, OME-TIFF, ImageJ; gray values alone",
         ("spacing", "frame", "unit"), read_tiff_steps, recognizes_tiff, reads_tiff_folder, is_dropped=False,
     ),
@@ -78,7 +83,10 @@ def format_of(path) -> Format | None:
     """The format of a file or folder: by its content if that tells, else by its suffix; None if neither tells."""
     path = Path(path)
     if path.is_dir():
-        return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)
+        try:
+            return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)
+        except OSError as problem:
+            raise unreadable(path, problem) from None
     head = head_of(path)
     told = next((entry for entry in FORMATS if entry.recognizes and entry.recognizes(head)), None)
     return told or format_named(path)
