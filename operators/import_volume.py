@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge import facts, new_volume, source_options, volumes
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
-from ..rle_splat.read.formats import FORMATS, format_of, suffixes
+from ..rle_splat.read.formats import RAW, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
@@ -17,7 +17,6 @@ from .refusal import refuse
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
-RAW = FORMATS[0]
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to find a file's size while the dialog opens; about a second
 

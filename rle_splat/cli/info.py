@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from .options import (
     add_transfer_function_options,
     add_volume_argument,
     add_volume_options,
-    volume_options,
+    read_input,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
@@ -43,12 +42,10 @@ def add_arguments(parser) -> None:
 def run(args) -> None:
     outputs = [args.json] if args.json else []
     check_outputs(outputs, inputs=(args.volume, args.transfer_function))
-    from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:
         given_function = read_transfer_function(args)
-        line.show(None, f"reading {Path(args.volume).name}")
-        volume = read_volume(args.volume, **volume_options(args))
+        volume = read_input(args, line)
         line.show(None, "counting values")
         choice = choose_transfer_function(args, volume, given_function)
         line.show(None, "counting visible voxels")

@@ -311,7 +311,7 @@ def test_no_memory_and_our_own_failures(refused, raw, raw_options, monkeypatch):
         def read(*_, **__):
             raise problem
 
-        monkeypatch.setattr("rle_splat.read.formats.read_volume", read)
+        monkeypatch.setattr("rle_splat.read.formats.read_steps", read)
 
     fail(MemoryError("Unable to allocate 8 TiB"))
     assert "memory" in refused("info", raw, *raw_options, code=1)
