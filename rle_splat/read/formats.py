@@ -15,6 +15,7 @@ from pathlib import Path
 from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
@@ -29,6 +30,10 @@ FORMATS = (
     Format(
         "OpenVDB", (".vdb",), "one grid of numbers of an OpenVDB file, with its transform and background",
         ("grid",), read_vdb_steps, recognizes_vdb, write_steps=write_vdb_steps, lost=lost_in_vdb,
+    ),
+    Format(
+        "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
+        ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
     ),
 )  # fmt: skip
 RAW = FORMATS[0]

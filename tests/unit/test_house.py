@@ -50,6 +50,10 @@ BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu"
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
+    "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
+    "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
+    "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},
+    "rle_splat.read.dicom.decode_child": {"openjpeg", "libjpeg"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
 }
 
@@ -62,6 +66,8 @@ FORBIDDEN_MODULES = {
 EXCEPTIONS = {
     # Kernels are compiled ahead by Blender's own Python: numba holds the window up, which no timer can help.
     "bridge.kernel_preparation": {"subprocess"},
+    # A damaged frame can end the process that decodes it.
+    "rle_splat.read.dicom.decoders": {"subprocess"},
 }
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
 

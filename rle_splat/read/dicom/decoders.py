@@ -77,7 +77,9 @@ def decoded_frames(orders, limit: int):
                 for child in children:
                     child.end()
     except OSError as problem:
-        raise Refused(f"Compressed files cannot be decoded: {problem.strerror or 'no process can be started'}.") from None
+        raise Refused(
+            f"Compressed files cannot be decoded: {problem.strerror or 'no process can be started'}."
+        ) from None
 
 
 def _run(children, waiting: list, left: int):

@@ -173,7 +173,9 @@ def _listed(folder: Path, names) -> Path | None:
             return None
         inner = folder / name
         if not inner.exists():
-            same = [other for other in folder.iterdir() if other.name.lower() == name.lower()] if folder.is_dir() else []
+            same = (
+                [other for other in folder.iterdir() if other.name.lower() == name.lower()] if folder.is_dir() else []
+            )
             inner = same[0] if same else inner
         folder = inner
     return folder if folder.is_file() else None

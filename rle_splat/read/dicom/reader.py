@@ -18,7 +18,13 @@ from .pixels import stored_planes, voxel_hash
 from .stacking import Stack
 from .titles import group_title, volume_name
 from .values import (
-    between, common_mapping, lower_padding, lowest_real, padding_of, physical, stored_dtype,
+    between,
+    common_mapping,
+    lower_padding,
+    lowest_real,
+    padding_of,
+    physical,
+    stored_dtype,
 )  # fmt: skip
 
 HEADERS = 0.2  # share of the time that finding pictures takes
