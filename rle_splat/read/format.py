@@ -9,6 +9,7 @@ from pathlib import Path
 
 MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # meaning of values, for every format
 HEAD_BYTES = 4096  # bytes of a file that are looked at, packed and unpacked
+PIECE = 16  # bytes unpacked at a time
 GZIP_MAGIC = b"\x1f\x8b"
 GZIP_WINDOW = 31  # zlib's window bits for data with a gzip header
 
@@ -44,13 +45,20 @@ def head_of(path) -> Head:
             stored = stream.read(HEAD_BYTES)
     except OSError:
         stored = b""
-    content = stored
-    if stored.startswith(GZIP_MAGIC):
-        try:
-            content = zlib.decompressobj(GZIP_WINDOW).decompress(stored, HEAD_BYTES)
-        except zlib.error:
-            content = b""
-    return Head(path, stored, content)
+    return Head(path, stored, _unpacked(stored) if stored.startswith(GZIP_MAGIC) else stored)
+
+
+def _unpacked(stored: bytes) -> bytes:
+    """What the beginning of a gzip file unpacks to, up to damage: small pieces, since an error loses a whole piece."""
+    decoder, content = zlib.decompressobj(GZIP_WINDOW), b""
+    try:
+        for start in range(0, len(stored), PIECE):
+            content += decoder.decompress(stored[start : start + PIECE], HEAD_BYTES - len(content))
+            if len(content) >= HEAD_BYTES:
+                break
+    except zlib.error:
+        pass
+    return content
 
 
 @dataclass(frozen=True)

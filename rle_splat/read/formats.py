@@ -18,6 +18,7 @@ from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale
+from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
 from .vdb import lost_in_vdb, read_vdb_steps, recognizes_vdb, write_vdb_steps
 
@@ -28,12 +29,20 @@ FORMATS = (
         (*LAYOUT_OPTIONS, "spacing", "unit"), read_raw_steps, write_steps=write_raw_steps, lost=lost_in_raw,
     ),
     Format(
+        "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
+        ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
+    ),
+    Format(
         "OpenVDB", (".vdb",), "one grid of numbers of an OpenVDB file, with its transform and background",
         ("grid",), read_vdb_steps, recognizes_vdb, write_steps=write_vdb_steps, lost=lost_in_vdb,
     ),
     Format(
-        "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
-        ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
+        "NIfTI", (".nii", ".nii.gz"), "NIfTI-1 and -2, one file, with its place in the patient and its label table",
+        ("frame",), read_nifti_steps, recognizes_nifti, write_steps=write_nifti_steps, lost=lost_in_nifti,
+    ),
+    Format(
+        "Analyze", (".hdr", ".img", ".hdr.gz", ".img.gz"), "Analyze 7.5 and NIfTI in two files", ("frame",),
+        read_nifti_steps, is_dropped=False,
     ),
 )  # fmt: skip
 RAW = FORMATS[0]

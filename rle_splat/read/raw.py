@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from .streaming import (
     storable_steps,
     voxel_steps,
     write_voxel_steps,
+    written,
 )
 
 LAYOUT_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes")
@@ -156,8 +156,7 @@ def write_raw_steps(volume: Volume, path):
     dict
         Options of ``read_volume`` that are needed to read the file back, since a raw file stores none of them.
     """
-    opener = gzip.open if is_gzip(path) else open
-    with opener(path, "wb") as stream:
+    with written(path) as stream:
         yield from write_voxel_steps(volume.voxels, stream)
     options = dict(
         shape=volume.shape_xyz, dtype=volume.voxels.dtype.name, byte_order="little",

@@ -16,7 +16,7 @@ from ..runtime.memory import bytes_text, refuse_beyond
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from .format import GZIP_MAGIC, GZIP_WINDOW
-from .layout import CHUNK_BYTES, DEFLATE_LIMIT, EDGE_LIMIT, UNREADABLE, unreadable
+from .layout import CHUNK_BYTES, DEFLATE_LIMIT, UNREADABLE, is_gzip, unreadable
 
 ZLIB_WINDOW = 15  # zlib's window bits for data with a zlib header
 BZIP2_LIMIT = 1 << 20  # bzip2 cannot expand data more than about this many times
@@ -73,19 +73,13 @@ def opened(path, offset: int = 0, packing: str | None = None):
         raise unreadable(path, problem) from None
 
 
-def breaks_off(path, found: int, wanted: int) -> RleSplatError:
+class EndsEarly(RleSplatError):
+    """A file holds fewer bytes than its header says."""
+
+
+def breaks_off(path, found: int, wanted: int) -> EndsEarly:
     """The error for a file that holds fewer bytes of voxels than its header says."""
-    return RleSplatError(f"{Path(path).name} breaks off: {found} of {wanted} bytes of voxels are there; copy it again.")
-
-
-def checked_grid(path, shape) -> tuple:
-    """Check the shape (nx, ny, nz) in a file's header; return it as ints."""
-    shape = tuple(int(n) for n in shape)
-    if not all(1 <= n <= EDGE_LIMIT for n in shape):
-        raise RleSplatError(
-            f"The header of {Path(path).name} is damaged: it says {' x '.join(map(str, shape))} voxels; copy it again."
-        )
-    return shape
+    return EndsEarly(f"{Path(path).name} breaks off: {found} of {wanted} bytes of voxels are there; copy it again.")
 
 
 def grid_text(shape, dtype) -> str:
@@ -161,6 +155,14 @@ def skip_steps(path, source, count: int, doing: str):
         yield Progress(0.0, doing)
 
 
+def bytes_steps(path, count: int, packing: str | None = None):
+    """Generator of Progress: the first ``count`` bytes of a file, unpacked."""
+    content = np.empty(count, dtype=np.uint8)
+    with opened(path, 0, packing) as source:
+        yield from fill_steps(path, source, content, f"reading {Path(path).name}")
+    return content.tobytes()
+
+
 def voxel_steps(path, shape, dtype, offset: int = 0, packing: str | None = None, skip: int = 0):
     """Generator of Progress: read the voxels of one file, x fastest.
 
@@ -191,6 +193,8 @@ def voxel_steps(path, shape, dtype, offset: int = 0, packing: str | None = None,
     with opened(path, offset, packing) as source:
         yield from skip_steps(path, source, skip, doing)
         yield from fill_steps(path, source, voxels, doing)
+        if packing is not None:
+            source.readinto(memoryview(bytearray(1)))  # at its end a packed stream compares its checksum
     return (yield from storable_steps(voxels, doing))
 
 
@@ -224,6 +228,20 @@ def _converted_steps(voxels: np.ndarray, dtype, doing: str):
         target[...] = plane
         yield Progress(1.0, doing)
     return converted
+
+
+@contextmanager
+def written(path):
+    """Context manager: a stream that writes a file, packed with gzip if its name ends in .gz.
+
+    The gzip header has neither a name nor a time, so that equal volumes give equal files.
+    """
+    with open(path, "wb") as stream:
+        if not is_gzip(path):
+            yield stream
+            return
+        with gzip.GzipFile(filename="", mode="wb", fileobj=stream, mtime=0, compresslevel=6) as packed:
+            yield packed
 
 
 def write_voxel_steps(voxels: np.ndarray, stream):

@@ -49,12 +49,12 @@ BLENDER_ROOMS = ("", "bridge", "operators", "panels")
 BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
-    "rle_splat.read": {"numpy", "openvdb", "pyopenvdb"},
+    "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "nibabel", "nrrd", "tifffile"},
+    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
     "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
     "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
     "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},
     "rle_splat.read.dicom.decode_child": {"openjpeg", "libjpeg"},
-    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.

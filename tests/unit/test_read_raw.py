@@ -175,7 +175,7 @@ def test_a_failed_write_leaves_nothing_and_says_why(tmp_path):
     with pytest.raises(RleSplatError, match="Cannot write"):
         write_volume(volume, tmp_path / "no folder" / "out.raw")
     with pytest.raises(RleSplatError, match="no suffix of a writable format"):
-        write_volume(volume, tmp_path / "out.nii")
+        write_volume(volume, tmp_path / "out.png")
     assert os.listdir(tmp_path) == []
 
 
