@@ -6,10 +6,10 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...runtime.steps import Progress
+from ...runtime.steps import Progress, mapped
 from . import elements as read
 from .pictures import pictures_of
-from .refusals import Refused, damaged, no_images
+from .refusals import Damaged, Refused, damaged, no_images, unreadable
 
 MOST_FILES = 20_000
 DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
@@ -102,7 +102,7 @@ def _scan(paths):
             own = yield from _pictures_in(path)
             others += own is None
             pictures += own or ()
-        except _Unreadable:
+        except Damaged:
             broken.append(path.name)
         except Refused as problem:
             refused.append(problem)
@@ -111,28 +111,16 @@ def _scan(paths):
     return Found(tuple(pictures), tuple(refused), tuple(broken), others)
 
 
-class _Unreadable(Refused):
-    """A DICOM file that cannot be parsed at all."""
-
-
 def _pictures_in(path: Path):
     """Generator of Progress: the pictures of one file; None if it is not DICOM."""
-    steps = read.read_elements(path)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as finished:
-            found = finished.value
-            break
-        except Refused as problem:
-            raise _Unreadable(str(problem)) from None
-        yield Progress(0.0, f"Reading the header of {path.name}")
+    doing = Progress(0.0, f"Reading the header of {path.name}")
+    found = yield from mapped(read.read_elements(path), lambda _: doing)
     if found is None or _is_directory(found):
         return None
     try:
         return pictures_of(found)
     except read.PROBLEMS:
-        raise _Unreadable(str(damaged(path))) from None
+        raise damaged(path) from None
 
 
 def _is_directory(found: read.Elements) -> bool:
@@ -149,7 +137,7 @@ def _directory_files(path: Path):
         dataset = read.quietly(dcmread, path, specific_tags=[DIRECTORY_RECORDS], stop_before_pixels=True, force=True)
         records = read.items(dataset, "DirectoryRecordSequence")
     except OSError as problem:
-        raise Refused(f"{path.name} cannot be read: {problem.strerror or 'the disk reports an error'}.") from None
+        raise unreadable(path, problem) from None
     except read.PROBLEMS:
         return None
     if not records:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .refusals import Refused, damaged
+from .refusals import damaged, unreadable
 
 TAGS = {
     "ImageType": 0x00080008, "SOPClassUID": 0x00080016, "SOPInstanceUID": 0x00080018, "AcquisitionTime": 0x00080032,
@@ -194,7 +194,7 @@ def read_elements(path):
 
     Raises
     ------
-    Refused
+    Damaged
         If the file cannot be read or is damaged.
     """
     path = Path(path)
@@ -210,7 +210,7 @@ def read_elements(path):
                 stream = pieces.stream
             return (yield from _parsed(path, stream, syntax, implicit, little_endian, size))
     except OSError as problem:
-        raise Refused(f"{path.name} cannot be read: {problem.strerror or 'the disk reports an error'}.") from None
+        raise unreadable(path, problem) from None
     except PROBLEMS:
         raise damaged(path) from None
 

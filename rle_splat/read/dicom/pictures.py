@@ -18,6 +18,9 @@ JPEG = tuple(f"1.2.840.10008.1.2.4.{number}" for number in (50, 51, 57, 70, 80, 
 JPEG_2000 = tuple(f"1.2.840.10008.1.2.4.{number}" for number in (90, 91, 201, 202, 203))  # 201 on: HTJ2K
 VIDEO = tuple(f"1.2.840.10008.1.2.4.{number}" for number in range(100, 110))
 SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
+# Classes of computed radiography, CT, ultrasound, MR, X-ray, nuclear medicine, PET and dose: a file breaks off before
+# its voxels if it has none.
+IMAGES = re.compile(r"1\.2\.840\.10008\.5\.1\.4\.1\.1\.(1|2|3|4|6|7|12|13|14|20|128|130|481\.2)(\.[0-9.]+)?")
 ALLOCATED = {"integer": (8, 16, 32), "float": (32,), "double": (64,)}
 LARGEST_SIDE = 1 << 16
 PET_UNITS = {"BQML": "Bq/ml", "GML": "g/ml", "CNTS": "counts", "SUV": "SUV"}
@@ -146,6 +149,8 @@ def _refuse_other_objects(found: read.Elements) -> None:
         raise Refused(f"{name} holds contours (RTSTRUCT), no image; choose the series of images that they belong to.")
     if found.syntax in VIDEO:
         raise Refused(f"{name} is a video; choose a series of slices.")
+    if not found.kind and IMAGES.fullmatch(kind):
+        raise damaged(found.path)
     if not found.kind:
         raise Refused(f"{name} is no image but a report, a plan, a waveform or the like; choose a series of slices.")
     color = read.text(dataset, "PhotometricInterpretation")
@@ -161,7 +166,7 @@ def _refuse_other_objects(found: read.Elements) -> None:
 
 
 def _storage(found: read.Elements) -> Storage:
-    """How the voxels of a file are stored, checked against the file's size."""
+    """How the voxels of a file are stored."""
     dataset = found.dataset
     rows, columns = read.whole(dataset, "Rows", 0), read.whole(dataset, "Columns", 0)
     frames = read.whole(dataset, "NumberOfFrames", 1) or 1
@@ -178,16 +183,20 @@ def _storage(found: read.Elements) -> Storage:
         rows, columns, frames, allocated, stored, high, read.whole(dataset, "PixelRepresentation", 0) == 1,
         tables if all(tables) else None,
     )  # fmt: skip
-    if storage.native and (found.length == read.UNDEFINED or found.syntax in read.DEFLATED):
-        if found.length < frames * storage.frame_bytes or found.length == read.UNDEFINED:
-            raise damaged(found.path)
-    elif storage.native:
-        there = max(min(found.size - found.offset, found.length), 0)
-        if there < frames * storage.frame_bytes:
-            raise breaks_off(found.path, there, frames * storage.frame_bytes)
-    elif frames > found.size // 8:  # each frame has an item of at least eight bytes
+    if frames > found.size or (storage.native and found.length == read.UNDEFINED):
         raise damaged(found.path)
     return storage
+
+
+def check_size(storage: Storage) -> None:
+    """Refuse a file that holds fewer voxels than it states. Compressed ones are checked when they are read."""
+    if not storage.native:
+        return
+    there = storage.length
+    if storage.syntax not in read.DEFLATED:  # offsets count in the inflated data
+        there = max(min(storage.size - storage.offset, there), 0)
+    if there < storage.frames * storage.frame_bytes:
+        raise breaks_off(storage.path, there, storage.frames * storage.frame_bytes)
 
 
 def _bytes(dataset, name: str) -> bytes:

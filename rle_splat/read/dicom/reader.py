@@ -14,7 +14,9 @@ from ...volume.volume import PATIENT, Volume
 from . import elements
 from .discovery import MOST_FILES, find_pictures
 from .grouping import Group, chosen, groups_of, has_geometry
+from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
+from .refusals import damaged
 from .stacking import Stack
 from .titles import group_title, volume_name
 from .values import (
@@ -60,7 +62,8 @@ def series_steps(path):
     -------
     groups : list of grouping.Group
         The number of a series, from 1, is its place in this list.
-    remarks : tuple of str
+    broken : tuple of str
+        Names of files that cannot be parsed.
 
     Raises
     ------
@@ -77,11 +80,7 @@ def series_steps(path):
         return hashes[id(a)] == hashes[id(b)] != ""
 
     groups = groups_of(found.pictures, same_voxels)
-    remarks = ()
-    if found.broken:
-        names = ", ".join(found.broken[:3]) + (" and others" if len(found.broken) > 3 else "")
-        remarks = (f"{len(found.broken)} damaged DICOM files were left out: {names}.",)
-    return groups, remarks
+    return groups, found.broken
 
 
 def read_dicom_steps(path, series=None, frame=None, spacing=None):
@@ -109,11 +108,15 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     RleSplatError
         If the path holds no volume, or several and none is chosen.
     """
-    groups, remarks = yield from part(series_steps(path), 0.0, HEADERS)
+    groups, broken = yield from part(series_steps(path), 0.0, HEADERS)
     group = chosen(groups, series, group_title)
     number = _frame_index(group, frame)
     stack = group.stack(number, spacing)
     pictures = group.frames[number]
+    if broken and stack.kind != "even":  # a damaged file may well be one of the slices that are missing
+        raise damaged(broken[0])
+    for storage in {picture.storage.path: picture.storage for picture in pictures}.values():
+        check_size(storage)
     mapping = common_mapping(pictures)
     voxels, padded = yield from part(_voxel_steps(pictures, stack, mapping), HEADERS, 1.0)
     slope, intercept = mapping or (1.0, 0.0)
@@ -122,7 +125,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
         value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames),
-        remarks=(*remarks, *group.remarks, *_remarks(group, stack, mapping, padded)),
+        remarks=(*_broken_remark(broken), *group.remarks, *_remarks(group, stack, mapping, padded)),
     )  # fmt: skip
 
 
@@ -170,6 +173,7 @@ def _fits_in_place(stack: Stack, count: int) -> bool:
 def _stored_steps(pictures, target: np.ndarray, mapping):
     """Generator of Progress: decode pictures into ``target``; returns how many padding voxels were lowered."""
     done, lowest, paddings = 0, None, {}
+    has_padding = any(padding_of(picture) is not None for picture in pictures)
     for answer in stored_planes(pictures):
         yield Progress(done / len(pictures), "")
         if answer is None:
@@ -185,7 +189,7 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
         target[i] = plane
         if padding is not None:
             paddings[i] = padding
-        if padding is not None or paddings:
+        if has_padding:
             here = lowest_real(plane, padding)
             lowest = here if lowest is None or (here is not None and here < lowest) else lowest
         done += 1
@@ -195,6 +199,13 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
             lowered += lower_padding(target[i], padding, lowest)
             yield Progress(1.0, "")
     return lowered
+
+
+def _broken_remark(broken) -> tuple:
+    if not broken:
+        return ()
+    names = ", ".join(broken[:3]) + (" and others" if len(broken) > 3 else "")
+    return (f"{len(broken)} damaged DICOM file{'s were' if len(broken) > 1 else ' was'} left out: {names}.",)
 
 
 def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:

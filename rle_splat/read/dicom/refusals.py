@@ -11,9 +11,19 @@ class Refused(RleSplatError):
     """Bad DICOM input; its text is one sentence that says what is wrong and what to do."""
 
 
-def damaged(path) -> Refused:
+class Damaged(Refused):
+    """A file that cannot be parsed."""
+
+
+def damaged(path) -> Damaged:
     """The file cannot be parsed."""
-    return Refused(f"{Path(path).name} is damaged and cannot be read; copy it again.")
+    return Damaged(f"{Path(path).name} is damaged and cannot be read; copy it again.")
+
+
+def unreadable(path, problem: OSError) -> Damaged:
+    """The system does not let the file be read."""
+    reason = problem.strerror or "the disk reports an error"
+    return Damaged(f"{Path(path).name} cannot be read: {reason}; check its permissions or copy it again.")
 
 
 def breaks_off(path, there: int, needed: int) -> Refused:
