@@ -54,7 +54,6 @@ THIRD_PARTY = {
     "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
     "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
     "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},
-    "rle_splat.read.dicom.decode_child": {"openjpeg", "libjpeg"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.

@@ -2,40 +2,41 @@
 
     python -P -s decode_child.py
 
-Orders come as lines of standard input: CODEC SLOT LIMIT COUNT PATH-IN-HEX OFFSET LENGTH [OFFSET LENGTH ...]. The
+CODEC is the name of the module that decodes. Orders come as lines of standard input: CODEC SLOT LIMIT PATH-IN-HEX OFFSET LENGTH [OFFSET LENGTH ...]. The
 frame's fragments are read from the file, and its decoded bytes are written to standard output at SLOT * LIMIT; standard
 output and standard error are ordinary files that the parent reads. A line on standard error says "SLOT BYTES", with
 -1 bytes for a frame that cannot be decoded. Nothing is printed that comes from a file.
 """
 
+import importlib
 import os
 import sys
+from pathlib import Path
 
-ADDRESS_SPACE = 1 << 32  # bytes; more is never needed for one frame
+# Memory of a decoder beyond what the process has; measured: four times a decoded frame of 16 bits, half of LIMIT.
+SPARE_BYTES, TIMES_FRAME = 64 << 20, 8
+ADDRESS_SPACE_USED = Path("/proc/self/statm")  # Linux
 
 
-def limit_memory() -> None:
-    """Let an allocation that a damaged frame asks for fail; on systems that have such limits."""
+def limit_memory(frame: int) -> None:
+    """Let an allocation fail that a damaged frame asks for; on systems that have such limits."""
     try:
         import resource
     except ImportError:  # Windows
         return
-    for name, most in (("RLIMIT_AS", ADDRESS_SPACE), ("RLIMIT_CORE", 0)):
-        if hasattr(resource, name):
-            try:
-                resource.setrlimit(getattr(resource, name), (most, resource.getrlimit(getattr(resource, name))[1]))
-            except (OSError, ValueError):  # macOS refuses some limits
-                continue
-
-
-def decode(codec: str, data: bytes, limit: int):
-    """Decoded bytes of one frame; None if it cannot be decoded."""
-    if codec == "openjpeg":
-        from openjpeg import decode_pixel_data
-    else:
-        from libjpeg import decode_pixel_data
     try:
-        found = decode_pixel_data(data, version=2)
+        used = int(ADDRESS_SPACE_USED.read_text().split()[0]) * resource.getpagesize()
+        most = used + SPARE_BYTES + TIMES_FRAME * frame
+        resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+    except (OSError, ValueError):  # macOS has no such file
+        return
+
+
+def decode(codec, data: bytes, limit: int):
+    """Decoded bytes of one frame, by the module ``codec``; None if it cannot be decoded."""
+    try:
+        found = codec.decode_pixel_data(data, version=2)
     except (ArithmeticError, LookupError, MemoryError, RuntimeError, TypeError, ValueError):
         return None
     return found if len(found) <= limit else None
@@ -55,15 +56,18 @@ def main() -> None:
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)  # a decoder may print
     os.dup2(silence, 2)
-    limit_memory()
+    codecs = {}
     with open(pixels, "wb", buffering=0) as output, open(answers, "wb", buffering=0) as report:
         for line in sys.stdin.buffer:
             codec, slot, limit, path, *places = line.decode("ascii").split()
+            if codec not in codecs:
+                codecs[codec] = importlib.import_module(codec)
+                limit_memory(int(limit))
             try:
                 data = read_fragments(os.fsdecode(bytes.fromhex(path)), [int(place) for place in places])
             except OSError:
                 data = b""
-            found = decode(codec, data, int(limit)) if data else None
+            found = decode(codecs[codec], data, int(limit)) if data else None
             if found is not None:
                 output.seek(int(slot) * int(limit))
                 view = memoryview(found)

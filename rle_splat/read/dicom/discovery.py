@@ -13,7 +13,7 @@ from .refusals import Damaged, Refused, damaged, no_images, unreadable
 
 MOST_FILES = 20_000
 DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
-REFERENCED_FILE, DIRECTORY_RECORDS = 0x00041500, 0x00041220
+DIRECTORY_RECORDS = 0x00041220
 YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
 
 
@@ -115,16 +115,19 @@ def _pictures_in(path: Path):
     """Generator of Progress: the pictures of one file; None if it is not DICOM."""
     doing = Progress(0.0, f"Reading the header of {path.name}")
     found = yield from mapped(read.read_elements(path), lambda _: doing)
-    if found is None or _is_directory(found):
+    if found is None:
         return None
     try:
-        return pictures_of(found)
-    except read.PROBLEMS:
+        return read.quietly(_pictures_or_none, found)
+    except read.problems():
         raise damaged(path) from None
 
 
-def _is_directory(found: read.Elements) -> bool:
-    return not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS
+def _pictures_or_none(found: read.Elements):
+    """The pictures of a parsed file; None for a DICOMDIR."""
+    if not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS:
+        return None
+    return pictures_of(found)
 
 
 def _directory_files(path: Path):
@@ -135,16 +138,16 @@ def _directory_files(path: Path):
         if not read.is_dicom(path):
             return None
         dataset = read.quietly(dcmread, path, specific_tags=[DIRECTORY_RECORDS], stop_before_pixels=True, force=True)
-        records = read.items(dataset, "DirectoryRecordSequence")
+        records = read.quietly(read.items, dataset, "DirectoryRecordSequence")
     except OSError as problem:
         raise unreadable(path, problem) from None
-    except read.PROBLEMS:
+    except read.problems():
         return None
     if not records:
         return None
     found = []
     for record in records:
-        names = read.texts(record, "ReferencedFileID")
+        names = read.quietly(read.texts, record, "ReferencedFileID")
         file = _listed(path.parent, names) if names else None
         if file is not None:
             found.append(file)

@@ -13,6 +13,7 @@ import warnings
 import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from .refusals import damaged, unreadable
@@ -45,11 +46,6 @@ INFLATE_PIECE = 1 << 20
 INFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
 LARGEST_INFLATED = 1 << 32
 LONG_LENGTHS = (b"OB", b"OW", b"OF", b"OD", b"OL", b"OV", b"UN")
-# What pydicom raises on damaged files, by mutating files.
-PROBLEMS = (
-    ArithmeticError, AssertionError, AttributeError, EOFError, ImportError, LookupError, MemoryError, OSError,
-    RuntimeError, TypeError, ValueError, struct.error, zlib.error,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,6 +83,17 @@ class Elements:
     length: int
     words: bool
     size: int
+
+
+@cache
+def problems() -> tuple:
+    """Classes of what pydicom raises on damaged files, found by damaging files."""
+    from pydicom.errors import BytesLengthException, InvalidDicomError
+
+    return (
+        ArithmeticError, AssertionError, AttributeError, BytesLengthException, EOFError, InvalidDicomError, LookupError,
+        MemoryError, OSError, RuntimeError, TypeError, ValueError, struct.error, zlib.error,
+    )  # fmt: skip
 
 
 class Bounded(io.BufferedReader):
@@ -211,7 +218,7 @@ def read_elements(path):
             return (yield from _parsed(path, stream, syntax, implicit, little_endian, size))
     except OSError as problem:
         raise unreadable(path, problem) from None
-    except PROBLEMS:
+    except problems():
         raise damaged(path) from None
 
 
@@ -276,12 +283,13 @@ def _items(stream, implicit: bool, little_endian: bool, length: int):
 
 
 def quietly(function, *arguments, **options):
-    """Call a function of pydicom without its warnings, which may quote values."""
+    """Call a function without the warnings of pydicom, which may quote values."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments, **options)
 
 
+# The functions below convert values, about which pydicom may warn: call them by way of ``quietly``.
 def text(dataset, name: str) -> str:
     """A named element as text, stripped; "" if it is absent or unreadable."""
     found = _value(dataset, name)
@@ -295,7 +303,7 @@ def texts(dataset, name: str) -> tuple[str, ...]:
         found = [found] if found else []
     try:
         return tuple(str(part).strip() for part in found)
-    except PROBLEMS:
+    except problems():
         return ()
 
 
@@ -307,7 +315,7 @@ def numbers(dataset, name: str, count: int | None = None) -> tuple[float, ...] |
     several = hasattr(found, "__len__") and not isinstance(found, str)
     try:
         values = tuple(float(part) for part in (found if several else [found]))
-    except PROBLEMS:
+    except problems():
         return None
     wrong = not values or (count is not None and len(values) != count) or not all(map(math.isfinite, values))
     return None if wrong else values
@@ -342,6 +350,15 @@ def _value(dataset, name: str):
     if dataset is None:
         return None
     try:
-        return quietly(dataset.get, name)
-    except PROBLEMS:
+        found = dataset.get(_tag(name))  # by keyword it takes three times as long
+        return None if found is None else found.value
+    except problems():
         return None
+
+
+@cache
+def _tag(name: str):
+    """Tag of an element by its keyword."""
+    from pydicom.tag import Tag
+
+    return Tag(name)

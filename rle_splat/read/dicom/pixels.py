@@ -66,7 +66,7 @@ def _native_planes(pictures, chosen):
                         yield None
                 for i in numbers:
                     yield i, _native_plane(stream, storage, pictures[i].number)
-        except read.PROBLEMS:
+        except read.problems():
             raise damaged(storage.path) from None
 
 
@@ -115,7 +115,7 @@ def _rle_plane(picture: Picture, places) -> np.ndarray:
             photometric_interpretation="MONOCHROME2", pixel_representation=0, bits_allocated=storage.allocated,
             bits_stored=storage.allocated, pixel_keyword="PixelData",
         )[0]  # fmt: skip
-    except read.PROBLEMS:
+    except read.problems():
         raise damaged_frame(storage.path, picture.number) from None
     return _plane(np.ascontiguousarray(words).reshape(-1), storage, storage.stored, storage.high)
 
@@ -208,7 +208,7 @@ def _fragments(storage: Storage) -> list[tuple]:
             if storage.tables is not None:
                 table = list(struct.unpack(f"<{len(storage.tables[0]) // 8}Q", storage.tables[0]))
             frames = _frames_of(items, [start + offset + 8 for offset in table], storage, stream)
-    except read.PROBLEMS:
+    except read.problems():
         raise damaged(storage.path) from None
     last = items[-1][0] + items[-1][1] if items else 0
     if last > storage.size:
@@ -238,7 +238,7 @@ def voxel_hash(picture: Picture) -> str:
     """Hash of a picture's voxels as they are stored, and of what they mean; "" if they cannot be read."""
     storage = picture.storage
     digest = hashlib.blake2b(repr((picture.slope, picture.intercept, storage.syntax)).encode(), digest_size=16)
-    with suppress(*read.PROBLEMS):
+    with suppress(*read.problems()):
         if storage.native:
             (plane,) = (found[1] for found in _native_planes([picture], [0]) if found is not None)
             digest.update(np.ascontiguousarray(plane))

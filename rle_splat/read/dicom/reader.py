@@ -158,7 +158,7 @@ def _voxel_steps(pictures, stack: Stack, mapping):
         refuse_beyond(2 * needed, f"{what} with irregular distances need", "choose a smaller series")
     read = np.empty((len(pictures), *shape[1:]), dtype=dtype) if apart else voxels[stack.slices - len(pictures) :]
     padded = yield from part(_stored_steps(pictures, read, mapping), 0.0, 0.9, f"Reading {what}")
-    for k in range(stack.slices if stack.slices > len(pictures) or apart else 0):
+    for k in range(stack.slices if stack.kind != "even" else 0):
         j, weight = int(stack.below[k]), float(stack.weight[k])
         voxels[k] = between(read[j], read[j + 1], weight) if weight > 0.0 else read[j]
         yield Progress(0.9 + 0.1 * k / stack.slices, "Filling missing slices")
