@@ -111,11 +111,8 @@ def test_damaged_files(tmp_path: Path):
         (folder / original.name).write_bytes(mutated(original.read_bytes(), chance))
         answer = reader.read(folder / original.name if number % 3 else folder)
         outcomes[answer["outcome"]] = outcomes.get(answer["outcome"], 0) + 1
-        sentence = answer["outcome"] == "read" or (
-            answer["outcome"] == "refused"
-            and SENTENCE.fullmatch(answer["text"])
-            and phantoms.PERSON not in answer["text"]
-        )
+        is_sentence = SENTENCE.fullmatch(answer["text"]) and phantoms.PERSON not in answer["text"]
+        sentence = answer["outcome"] == "read" or (answer["outcome"] == "refused" and is_sentence)
         if not sentence or answer["seconds"] > SECONDS or answer["peak"] > most + MEMORY:
             kept = tmp_path / f"wrong{number}"
             shutil.copytree(folder, kept)

@@ -2,10 +2,10 @@
 
     python -P -s decode_child.py
 
-CODEC is the name of the module that decodes. Orders come as lines of standard input: CODEC SLOT LIMIT PATH-IN-HEX OFFSET LENGTH [OFFSET LENGTH ...]. The
-frame's fragments are read from the file, and its decoded bytes are written to standard output at SLOT * LIMIT; standard
-output and standard error are ordinary files that the parent reads. A line on standard error says "SLOT BYTES", with
--1 bytes for a frame that cannot be decoded. Nothing is printed that comes from a file.
+Orders come as lines of standard input: CODEC SLOT LIMIT PATH-IN-HEX OFFSET LENGTH [OFFSET LENGTH ...], where CODEC is
+the module that decodes. The frame's fragments are read from the file, and its decoded bytes are written to standard
+output at SLOT * LIMIT; standard output and standard error are ordinary files that the parent reads. A line on standard
+error says "SLOT BYTES", with -1 bytes for a frame that cannot be decoded. Nothing is printed that comes from a file.
 """
 
 import importlib
