@@ -10,6 +10,8 @@ from ..pipeline.memory_estimate import estimate, likely_sides, picture_bytes
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
+from ..volume.orientation import axis_letters, orientation_text
+from ..volume.volume import PATIENT
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
     DEFAULT_SIZE,
@@ -86,6 +88,11 @@ def describe(volume, choice) -> dict:
         "spacing": volume.spacing,
         "affine": volume.affine,
         "unit": volume.unit,
+        "space": volume.space,
+        "orientation": orientation_text(volume.affine) if volume.space == PATIENT else None,
+        "axis_letters": axis_letters(volume.affine) if volume.space == PATIENT else None,
+        "frames": volume.frames,
+        "labels": [{"label": one.label, "name": one.name, "color": one.color} for one in volume.named_labels],
         "extent": (np.array(volume.shape_xyz) - 1) * volume.spacing,
         "slope": volume.slope,
         "intercept": volume.intercept,
@@ -142,6 +149,7 @@ def text_lines(report: dict) -> list[str]:
         ("type", f"{report['type']}, {bytes_text(memory['voxels'])}"),
         ("spacing", f"{_times(report['spacing'])} {report['unit']}"),
         ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centers"),
+        ("orientation", report["orientation"] or "not stated"),
         ("modality", report["modality"] or "not known"),
         ("values", f"{number_text(report['range'][0])} to {number_text(report['range'][1])} ({unit})"),
         ("scaling", f"value = {number_text(report['slope'])} * stored + {number_text(report['intercept'])}"),
@@ -152,6 +160,10 @@ def text_lines(report: dict) -> list[str]:
         ("", f"{bytes_text(memory['voxels'])} of it are the voxels"),
         ("", f"{_records_text(report['records'])}; {bytes_text(memory['available'])} are free"),
     ]
+    if report["frames"] > 1:
+        facts.insert(1, ("frames", f"{report['frames']}; --frame chooses one"))
+    if report["labels"]:
+        facts.append(("labels", ", ".join(f"{one['label']} {one['name']}" for one in report["labels"])))
     lines = [str(report["input"])]
     lines += [f"  {name:<12}{text}" for name, text in facts]
     lines += [f"  {'affine' if row == 0 else '':<12}{_row(values)}" for row, values in enumerate(report["affine"])]

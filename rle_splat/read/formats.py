@@ -18,8 +18,12 @@ from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale
+from .metaimage import read_metaimage_steps, recognizes_metaimage
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
+from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
+from .tiff import SUFFIXES as TIFF_SUFFIXES
+from .tiff import read_tiff_steps, reads_tiff_folder, recognizes_tiff
 from .vdb import lost_in_vdb, read_vdb_steps, recognizes_vdb, write_vdb_steps
 
 FORMATS = (
@@ -43,6 +47,19 @@ FORMATS = (
     Format(
         "Analyze", (".hdr", ".img", ".hdr.gz", ".img.gz"), "Analyze 7.5 and NIfTI in two files", ("frame",),
         read_nifti_steps, is_dropped=False,
+    ),
+    Format(
+        "NRRD", (".nrrd", ".seg.nrrd", ".nhdr"),
+        "NRRD in one file or several, with its place in the patient; Slicer's segmentations with their names",
+        ("frame",), read_nrrd_steps, recognizes_nrrd, write_steps=write_nrrd_steps, lost=lost_in_nrrd,
+    ),
+    Format(
+        "MetaImage", (".mha", ".mhd"), "MetaImage of ITK, in one file or several, with its place in the patient",
+        ("frame",), read_metaimage_steps, recognizes_metaimage,
+    ),
+    Format(
+        "TIFF", TIFF_SUFFIXES, "stacks of pages or of numbered files, OME-TIFF, ImageJ; gray values alone",
+        ("spacing", "frame", "unit"), read_tiff_steps, recognizes_tiff, reads_tiff_folder, is_dropped=False,
     ),
 )  # fmt: skip
 RAW = FORMATS[0]

@@ -19,6 +19,7 @@ from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.orientation import lps_from_ras
 from ..volume.volume import PATIENT, NamedLabel, Volume
+from .color import linear
 from .format import Head, head_of
 from .header import (
     MILLIMETERS,
@@ -30,7 +31,7 @@ from .header import (
     frame_remark,
     sensible_spacing,
 )
-from .streaming import EndsEarly, bytes_steps, plain_name, voxel_steps, write_voxel_steps, written
+from .streaming import EndsEarly, Part, bytes_steps, plain_name, voxel_steps, write_voxel_steps, written
 
 MAGICS = {b"n+1\0": 1, b"ni1\0": 1, b"n+2\0": 2, b"ni2\0": 2}  # at byte 344 of version 1, at byte 4 of version 2
 SINGLE = (b"n+1\0", b"n+2\0")  # voxels in the same file
@@ -189,8 +190,9 @@ def read_nifti_steps(path, frame=None):
             labels = named_labels((yield from bytes_steps(path, facts.offset, packing))[facts.header_bytes + 4 :])
         except EndsEarly:
             labels = ()  # reading the voxels says so
-    skip = facts.offset + (frame - 1) * math.prod(facts.shape) * facts.dtype.itemsize
-    voxels = yield from voxel_steps(facts.data, facts.shape, facts.dtype, packing=packing, skip=skip)
+    begin = (frame - 1) * math.prod(facts.shape) * facts.dtype.itemsize
+    part = Part(facts.data, packing=packing, skip=facts.offset)
+    voxels = yield from voxel_steps(facts.data, facts.shape, facts.dtype, [part], begin)
     return Volume(
         voxels=voxels, affine=facts.affine, unit=facts.unit, slope=facts.slope, intercept=facts.intercept,
         name=plain_name(path), space=facts.space, frames=facts.frames, named_labels=labels,
@@ -215,13 +217,6 @@ def named_labels(extension: bytes) -> tuple[NamedLabel, ...]:
         name = (quoted or plain).decode("utf-8", "replace")
         found[label] = NamedLabel(label, (name if quoted else unescape(name)).strip(), linear(color))
     return tuple(found.values())
-
-
-def linear(color) -> tuple | None:
-    """An sRGB color, three numbers from 0 to 1, as scene-linear RGB; None stays None."""
-    if color is None:
-        return None
-    return tuple(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color)
 
 
 def write_nifti_steps(volume: Volume, path):

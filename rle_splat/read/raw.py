@@ -23,6 +23,7 @@ from .layout import (
     unreadable,
 )  # fmt: skip
 from .streaming import (
+    Part,
     allocated,
     bytes_held,
     grid_text,
@@ -120,7 +121,7 @@ def _plain_steps(path, layout: RawLayout, doing: str):
         mapped = np.memmap(
             path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=layout.shape[::-1])
         return np.asarray(mapped)  # a plain array; it keeps the mapping alive
-    return (yield from voxel_steps(path, layout.shape, layout.file_dtype, layout.header_bytes))
+    return (yield from voxel_steps(path, layout.shape, layout.file_dtype, [Part(path, layout.header_bytes)]))
 
 
 def _gzip_steps(path, layout: RawLayout, doing: str):

@@ -8,12 +8,14 @@ import math
 import os
 import zlib
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..runtime.memory import bytes_text, refuse_beyond
 from ..runtime.steps import Progress
+from ..runtime.steps import part as share_of
 from ..scene import RleSplatError
 from .format import GZIP_MAGIC, GZIP_WINDOW
 from .layout import CHUNK_BYTES, DEFLATE_LIMIT, UNREADABLE, is_gzip, unreadable
@@ -163,39 +165,77 @@ def bytes_steps(path, count: int, packing: str | None = None):
     return content.tobytes()
 
 
-def voxel_steps(path, shape, dtype, offset: int = 0, packing: str | None = None, skip: int = 0):
-    """Generator of Progress: read the voxels of one file, x fastest.
+@dataclass(frozen=True)
+class Part:
+    """One of the files that hold the voxels of a volume one after the other.
 
-    Parameters
+    Attributes
     ----------
-    path : str or Path
-    shape : (nx, ny, nz)
-    dtype : numpy.dtype
-        In the byte order of the file.
+    path : Path
     offset : int
         Bytes of the file before the data, or before the packed stream.
     packing : str or None
         None, "gzip", "zlib" or "bzip2".
     skip : int
-        Bytes of the unpacked data before the first voxel.
+        Bytes of the unpacked data before the voxels.
+    """
+
+    path: Path
+    offset: int = 0
+    packing: str | None = None
+    skip: int = 0
+
+    @property
+    def held(self) -> int:
+        """The most bytes of voxels that it can hold."""
+        return max(0, bytes_held(self.path, self.offset, self.packing) - self.skip)
+
+
+def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | None = None):
+    """Generator of Progress: read voxels, x fastest.
+
+    Parameters
+    ----------
+    path : str or Path
+        Named in messages.
+    shape : (nx, ny, nz)
+    dtype : numpy.dtype
+        In the byte order of the files.
+    parts : sequence of Part
+    begin : int
+        Bytes of voxels, over all parts, before the first that is wanted.
+    part_bytes : int or None
+        Bytes of voxels in each part; None if there is one part.
 
     Returns
     -------
     (nz, ny, nx) ndarray
         In native byte order; one of STORED_TYPES.
     """
-    name, dtype = Path(path).name, np.dtype(dtype)
-    doing = f"reading {name} ({grid_text(shape, dtype)})"
-    if packing is None:
-        offset, skip = offset + skip, 0
-    voxels = allocated(path, shape, dtype, max(0, bytes_held(path, offset, packing) - skip))
+    dtype = np.dtype(dtype)
+    doing = f"reading {Path(path).name} ({grid_text(shape, dtype)})"
+    size = math.prod(shape) * dtype.itemsize
+    each = size + begin if part_bytes is None else part_bytes
+    voxels = allocated(path, shape, dtype, max(0, sum(min(part.held, each) for part in parts) - begin))
     yield Progress(0.0, doing)
-    with opened(path, offset, packing) as source:
-        yield from skip_steps(path, source, skip, doing)
-        yield from fill_steps(path, source, voxels, doing)
-        if packing is not None:
-            source.readinto(memoryview(bytearray(1)))  # at its end a packed stream compares its checksum
+    target = voxels.reshape(-1).view(np.uint8)
+    for number, part in enumerate(parts):
+        first, last = max(number * each, begin), min((number + 1) * each, begin + size)
+        if first < last:
+            filled = target[first - begin : last - begin]
+            share = (first - begin) / size, (last - begin) / size
+            yield from share_of(_part_steps(part, first - number * each, filled, doing), *share)
     return (yield from storable_steps(voxels, doing))
+
+
+def _part_steps(part: Part, begin: int, target: np.ndarray, doing: str):
+    """Generator of Progress: fill an array with the bytes of a part from ``begin`` on."""
+    before = part.skip + begin
+    with opened(part.path, part.offset + (0 if part.packing else before), part.packing) as source:
+        yield from skip_steps(part.path, source, before if part.packing else 0, doing)
+        yield from fill_steps(part.path, source, target, doing)
+        if part.packing:
+            source.readinto(memoryview(bytearray(1)))  # at its end a packed stream compares its checksum
 
 
 def storable_steps(voxels: np.ndarray, doing: str):
