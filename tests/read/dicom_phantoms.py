@@ -270,17 +270,17 @@ def write_enhanced(
     order = [(i, time) for time in range(times) for i in range(len(where.positions))]
     random.Random(5).shuffle(order)
     shared = Dataset()
-    shared.PlaneOrientationSequence = _one(ImageOrientationPatient=[*where.row, *where.column])
-    shared.PixelMeasuresSequence = _one(PixelSpacing=list(where.spacing), SliceThickness=77.0)
+    shared.PlaneOrientationSequence = one(ImageOrientationPatient=[*where.row, *where.column])
+    shared.PixelMeasuresSequence = one(PixelSpacing=list(where.spacing), SliceThickness=77.0)
     frames = []
     for i, time in order:
         frame = Dataset()
-        frame.PlanePositionSequence = _one(ImagePositionPatient=where.positions[i].round(6).tolist())
-        frame.PixelValueTransformationSequence = _one(
+        frame.PlanePositionSequence = one(ImagePositionPatient=where.positions[i].round(6).tolist())
+        frame.PixelValueTransformationSequence = one(
             RescaleSlope=encoding.slopes[i % len(encoding.slopes)],
             RescaleIntercept=encoding.intercepts[i % len(encoding.intercepts)], RescaleType="HU",
         )  # fmt: skip
-        frame.FrameContentSequence = _one(
+        frame.FrameContentSequence = one(
             TemporalPositionIndex=time + 1, InStackPositionNumber=i + 1, StackID="1",
             FrameAcquisitionDateTime="20210304101112",
         )  # fmt: skip
@@ -296,7 +296,7 @@ def write_enhanced(
     return save(dataset, Path(path))
 
 
-def _one(**values) -> Sequence:
+def one(**values) -> Sequence:
     """A sequence of one item."""
     item = Dataset()
     for name, value in values.items():

@@ -19,6 +19,7 @@ pytest.importorskip("pydicom")
 from pydicom.uid import JPEGBaseline8Bit, JPEGLosslessSV1, JPEGLSLossless
 
 from . import dicom_phantoms as phantoms
+from .test_dicom_segmentation import truth, write_seg
 
 COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "120"))
 SEED = int(os.environ.get("RLE_SPLAT_FUZZ_SEED", "1"))
@@ -29,7 +30,7 @@ WHERE = phantoms.geometry("short", (1, 0, 0), (0, 1, 0), [0.0, 1.0, 2.0, 3.5])
 
 
 def honest_files(folder: Path) -> list[Path]:
-    """One series for each transfer syntax that can be written here, classic and enhanced: the file to damage."""
+    """The files to damage: of a series for each transfer syntax that can be written here, and two segmentations."""
     syntaxes = list(phantoms.WRITABLE)
     try:
         import imagecodecs  # noqa: F401
@@ -44,7 +45,8 @@ def honest_files(folder: Path) -> list[Path]:
             encoding = phantoms.Encoding(syntax, 8, 8, slopes=(1.0,), intercepts=(2000.0,))
         found.append(phantoms.write_classic(folder / f"{number}c", WHERE, 1, encoding)[1])
         found.append(phantoms.write_enhanced(folder / f"{number}e" / "a.dcm", WHERE, 1, encoding))
-    return found
+    masks = truth(WHERE, 3)
+    return [*found, *(write_seg(folder / kind / "a.dcm", WHERE, masks, kind) for kind in ("BINARY", "LABELMAP"))]
 
 
 def mutated(data: bytes, chance: random.Random) -> bytes:
@@ -100,7 +102,7 @@ def test_damaged_files(tmp_path: Path):
     honest = honest_files(tmp_path / "honest")
     most = 0
     for path in honest:
-        answer = reader.read(path.parent)
+        answer = reader.read(path)
         assert answer["outcome"] == "read", answer
         most = max(most, answer["peak"])
     for number in range(COUNT):

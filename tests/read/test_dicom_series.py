@@ -180,7 +180,7 @@ def test_a_directory_file(tmp_path: Path):
 
 def test_the_chooser(tmp_path: Path):
     two_series(tmp_path)
-    groups, _ = drain(series_steps(tmp_path))
+    groups = drain(series_steps(tmp_path))
     first, second = (series_info(group, number) for number, group in enumerate(groups, 1))
     assert (first.modality, first.body_part, first.slices, first.size) == ("CT", "HEAD", SLICES, (36, 33))
     np.testing.assert_allclose(first.spacing, (0.6, 0.6, 1.5), atol=1e-6)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...runtime.steps import Progress, mapped
 from . import elements as read
-from .pictures import pictures_of
+from .pictures import is_segmentation, pictures_of
 from .refusals import Damaged, Refused, damaged, no_images, unreadable
 
 MOST_FILES = 20_000
@@ -32,6 +32,8 @@ class Found:
         Number of files that are not DICOM.
     series : str
         Hash of the series of the file that the path names; "" if it names several.
+    segmentation : elements.Elements or None
+        The path's file, if it is a DICOM SEG.
     """
 
     pictures: tuple
@@ -39,6 +41,7 @@ class Found:
     broken: tuple
     others: int
     series: str = ""
+    segmentation: read.Elements | None = None
 
 
 def find_pictures(path):
@@ -68,9 +71,12 @@ def find_pictures(path):
     if listed is not None:
         found = yield from _scan(listed)
         return _checked(found, path)
-    own = yield from _pictures_in(path)
+    parsed = yield from _parsed(path)
+    own = None if parsed is None else _pictures(parsed, segmentations=True)
     if own is None:
         raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
+    if is_segmentation(parsed):
+        return Found((), (), (), 0, segmentation=parsed)
     series = own[0].series.key
     if own[0].storage.frames > 1:
         return Found(own, (), (), 0, series)
@@ -99,7 +105,8 @@ def _scan(paths):
     pictures, refused, broken, others = [], [], [], 0
     for i, path in enumerate(paths):
         try:
-            own = yield from _pictures_in(path)
+            parsed = yield from _parsed(path)
+            own = None if parsed is None else _pictures(parsed)
             others += own is None
             pictures += own or ()
         except Damaged:
@@ -111,23 +118,22 @@ def _scan(paths):
     return Found(tuple(pictures), tuple(refused), tuple(broken), others)
 
 
-def _pictures_in(path: Path):
-    """Generator of Progress: the pictures of one file; None if it is not DICOM."""
+def _parsed(path: Path):
+    """Generator of Progress: the elements of one file; None if it is not DICOM."""
     doing = Progress(0.0, f"Reading the header of {path.name}")
-    found = yield from mapped(read.read_elements(path), lambda _: doing)
-    if found is None:
-        return None
-    try:
-        return read.quietly(_pictures_or_none, found)
-    except read.problems():
-        raise damaged(path) from None
+    return (yield from mapped(read.read_elements(path), lambda _: doing))
 
 
-def _pictures_or_none(found: read.Elements):
-    """The pictures of a parsed file; None for a DICOMDIR."""
+def _pictures(found: read.Elements, segmentations: bool = False):
+    """The pictures of a parsed file; None for a DICOMDIR, and nothing for a segmentation if they are wanted."""
     if not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS:
         return None
-    return pictures_of(found)
+    if segmentations and is_segmentation(found):
+        return ()
+    try:
+        return read.quietly(pictures_of, found)
+    except read.problems():
+        raise damaged(found.path) from None
 
 
 def _directory_files(path: Path):

@@ -30,7 +30,8 @@ TAGS = {
     "PixelPaddingValue": 0x00280120, "PixelPaddingRangeLimit": 0x00280121, "WindowCenter": 0x00281050,
     "WindowWidth": 0x00281051, "RescaleIntercept": 0x00281052, "RescaleSlope": 0x00281053, "RescaleType": 0x00281054,
     "ModalityLUTSequence": 0x00283000, "Units": 0x00541001, "SegmentationType": 0x00620001,
-    "SegmentSequence": 0x00620002, "DoseUnits": 0x30040002, "GridFrameOffsetVector": 0x3004000C,
+    "SegmentSequence": 0x00620002,
+    "MaximumFractionalValue": 0x0062000E, "DoseUnits": 0x30040002, "GridFrameOffsetVector": 0x3004000C,
     "DoseGridScaling": 0x3004000E, "SharedFunctionalGroupsSequence": 0x52009229,
     "ExtendedOffsetTable": 0x7FE00001, "ExtendedOffsetTableLengths": 0x7FE00002,
 }  # fmt: skip

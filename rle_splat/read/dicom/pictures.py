@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import elements as read
-from .refusals import Refused, breaks_off, damaged
+from .refusals import Refused, breaks_off, damaged, segmentation_alone
 from .stacking import axes
 
 NATIVE = ("", "1.2.840.10008.1.2", "1.2.840.10008.1.2.1", read.BIG_ENDIAN, *read.DEFLATED)
@@ -21,7 +21,7 @@ SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
 # Classes of computed radiography, CT, ultrasound, MR, X-ray, nuclear medicine, PET and dose: a file breaks off before
 # its voxels if it has none.
 IMAGES = re.compile(r"1\.2\.840\.10008\.5\.1\.4\.1\.1\.(1|2|3|4|6|7|12|13|14|20|128|130|481\.2)(\.[0-9.]+)?")
-ALLOCATED = {"integer": (8, 16, 32), "float": (32,), "double": (64,)}
+ALLOCATED = {"integer": (1, 8, 16, 32), "float": (32,), "double": (64,)}
 LARGEST_SIDE = 1 << 16
 PET_UNITS = {"BQML": "Bq/ml", "GML": "g/ml", "CNTS": "counts", "SUV": "SUV"}
 # What may tell pictures at one place apart, in this order, and what the choice of a frame is called then.
@@ -63,9 +63,14 @@ class Storage:
         return self.syntax in NATIVE
 
     @property
-    def frame_bytes(self) -> int:
-        """Bytes of one frame that is not compressed."""
-        return self.rows * self.columns * self.allocated // 8
+    def frame_bits(self) -> int:
+        """Bits of one frame that is not compressed."""
+        return self.rows * self.columns * self.allocated
+
+    @property
+    def total_bytes(self) -> int:
+        """Bytes of all frames that are not compressed."""
+        return -(-self.frames * self.frame_bits // 8)
 
 
 @dataclass(frozen=True)
@@ -124,8 +129,18 @@ def pictures_of(found: read.Elements) -> tuple[Picture, ...]:
     Refused
         If the file has no voxels, or voxels that make no volume.
     """
-    dataset = found.dataset
     _refuse_other_objects(found)
+    return frames_of(found)
+
+
+def is_segmentation(found: read.Elements) -> bool:
+    """Whether a file is a DICOM SEG."""
+    return read.text(found.dataset, "SOPClassUID") in SEGMENTATIONS
+
+
+def frames_of(found: read.Elements) -> tuple[Picture, ...]:
+    """The frames of one file, whatever they show. Raises Refused if it is damaged."""
+    dataset = found.dataset
     storage = _storage(found)
     shared = read.item(dataset, "SharedFunctionalGroupsSequence")
     if found.frames and len(found.frames) != storage.frames:
@@ -143,8 +158,8 @@ def _refuse_other_objects(found: read.Elements) -> None:
     dataset, name = found.dataset, found.path.name
     kind = read.text(dataset, "SOPClassUID")
     modality = read.text(dataset, "Modality")
-    if kind in SEGMENTATIONS:
-        raise Refused(f"{name} is a segmentation; read the series of its images first, then add it as labels.")
+    if is_segmentation(found):
+        raise segmentation_alone(found.path)
     if modality == "RTSTRUCT":
         raise Refused(f"{name} holds contours (RTSTRUCT), no image; choose the series of images that they belong to.")
     if found.syntax in VIDEO:
@@ -158,16 +173,16 @@ def _refuse_other_objects(found: read.Elements) -> None:
         raise Refused(f"{name} is a color picture; choose a series with one gray value in each voxel.")
     if "MOSAIC" in read.texts(dataset, "ImageType"):
         raise Refused(f"{name} is a mosaic of slices in one picture; convert it with dcm2niix.")
-    if not (found.syntax in NATIVE or found.syntax == RLE or found.syntax in JPEG + JPEG_2000):
-        raise Refused(
-            f"{name} is compressed in a way that cannot be read here; export it uncompressed, as Explicit VR Little "
-            "Endian."
-        )
 
 
 def _storage(found: read.Elements) -> Storage:
     """How the voxels of a file are stored."""
     dataset = found.dataset
+    if not (found.syntax in NATIVE or found.syntax == RLE or found.syntax in JPEG + JPEG_2000):
+        raise Refused(
+            f"{found.path.name} is compressed in a way that cannot be read here; export it uncompressed, as Explicit "
+            "VR Little Endian."
+        )
     rows, columns = read.whole(dataset, "Rows", 0), read.whole(dataset, "Columns", 0)
     frames = read.whole(dataset, "NumberOfFrames", 1) or 1
     allocated = read.whole(dataset, "BitsAllocated", {"float": 32, "double": 64}.get(found.kind, 0))
@@ -195,8 +210,8 @@ def check_size(storage: Storage) -> None:
     there = storage.length
     if storage.syntax not in read.DEFLATED:  # offsets count in the inflated data
         there = max(min(storage.size - storage.offset, there), 0)
-    if there < storage.frames * storage.frame_bytes:
-        raise breaks_off(storage.path, there, storage.frames * storage.frame_bytes)
+    if there < storage.total_bytes:
+        raise breaks_off(storage.path, there, storage.total_bytes)
 
 
 def _bytes(dataset, name: str) -> bytes:

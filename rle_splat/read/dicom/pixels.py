@@ -72,19 +72,23 @@ def _native_planes(pictures, chosen):
 
 def _native_plane(stream, storage: Storage, frame: int) -> np.ndarray:
     """Stored voxels (rows, columns) of one frame that is not compressed."""
-    count = storage.frame_bytes
-    start = frame * count
-    swapped = not storage.little_endian and storage.allocated == 8 and storage.words
-    skipped = start % 2 if swapped else 0  # two bytes of a word are in reverse order
-    stream.seek(storage.offset + start - skipped)
-    wanted = count + skipped
-    data = bytearray(wanted + wanted % 2) if swapped else bytearray(wanted)
+    start, end = (k * storage.frame_bits for k in (frame, frame + 1))
+    first, last = start // 8, -(-end // 8)
+    swapped = not storage.little_endian and storage.allocated <= 8 and storage.words
+    if swapped:  # the two bytes of a word are in reverse order
+        first, last = first - first % 2, last + last % 2
+    data = bytearray(last - first)
+    stream.seek(storage.offset + first)
     there = stream.readinto(data)
-    if there < wanted:
-        raise breaks_off(storage.path, start + there, storage.frames * count)
+    if there < -(-end // 8) - first:
+        raise breaks_off(storage.path, first + there, storage.total_bytes)
     if swapped:
-        data = np.frombuffer(data, np.uint16).byteswap().view(np.uint8)[skipped : skipped + count]
-    return _plane(np.frombuffer(data, _file_dtype(storage)), storage, storage.stored, storage.high)
+        data = np.frombuffer(data, np.uint16).byteswap().view(np.uint8)
+    if storage.allocated == 1:
+        bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
+        return bits[start - 8 * first : end - 8 * first].reshape(storage.rows, storage.columns)
+    words = np.frombuffer(data, np.uint8)[start // 8 - first : end // 8 - first]
+    return _plane(words.view(_file_dtype(storage)), storage, storage.stored, storage.high)
 
 
 def _file_dtype(storage: Storage) -> np.dtype:
@@ -107,6 +111,8 @@ def _rle_plane(picture: Picture, places) -> np.ndarray:
     from pydicom.pixels import get_decoder
 
     storage = picture.storage
+    if storage.allocated == 1:
+        raise damaged(storage.path)  # bytes are encoded, no bits
     data = _frame_data(storage, places[storage.path][picture.number])
     try:
         words = read.quietly(
@@ -154,7 +160,7 @@ def _check_compressed(picture: Picture, places) -> None:
     """Compare what a compressed file states with what its frames say, before memory is taken for them."""
     storage = picture.storage
     if storage.syntax == RLE:
-        if sum(length for frame in places for _, length in frame) * RLE_RATIO < storage.frames * storage.frame_bytes:
+        if sum(length for frame in places for _, length in frame) * RLE_RATIO < storage.total_bytes:
             raise damaged(storage.path)
         return
     for number, fragments in enumerate(places):

@@ -12,11 +12,12 @@ from ...runtime.steps import Progress, part
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
 from . import elements
-from .discovery import MOST_FILES, find_pictures
+from .discovery import MOST_FILES, Found, find_pictures
 from .grouping import Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
-from .refusals import damaged
+from .refusals import damaged, segmentation_alone
+from .segmentation import read_segmentation_steps
 from .stacking import Stack
 from .titles import group_title, volume_name
 from .values import (
@@ -51,7 +52,7 @@ def reads_dicom_folder(path) -> bool:
 
 
 def series_steps(path):
-    """Generator of Progress: find the series at a path.
+    """Generator of Progress: find the series at a path, for a chooser.
 
     Parameters
     ----------
@@ -60,10 +61,8 @@ def series_steps(path):
 
     Returns
     -------
-    groups : list of grouping.Group
-        The number of a series, from 1, is its place in this list.
-    broken : tuple of str
-        Names of files that cannot be parsed.
+    list of grouping.Group
+        The number of a series, from 1, is its place in this list. ``titles`` describes them.
 
     Raises
     ------
@@ -71,6 +70,13 @@ def series_steps(path):
         If there is no usable picture.
     """
     found = yield from find_pictures(path)
+    if found.segmentation is not None:
+        raise segmentation_alone(path)
+    return groups_in(found)
+
+
+def groups_in(found: Found) -> list[Group]:
+    """The groups of the pictures that were found."""
     hashes = {}
 
     def same_voxels(a, b) -> bool:
@@ -79,8 +85,7 @@ def series_steps(path):
                 hashes[id(picture)] = voxel_hash(picture)
         return hashes[id(a)] == hashes[id(b)] != ""
 
-    groups = groups_of(found.pictures, same_voxels)
-    return groups, found.broken
+    return groups_of(found.pictures, same_voxels)
 
 
 def read_dicom_steps(path, series=None, frame=None, spacing=None):
@@ -89,7 +94,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     Parameters
     ----------
     path : str or Path
-        A folder, a DICOMDIR, a multi-frame file, or any one file of a series.
+        A folder, a DICOMDIR, a multi-frame file, or any one file of a series. A segmentation (DICOM SEG) is read as a
+        label map.
     series : int or None
         Number of the series, from 1, where there are several.
     frame : int or None
@@ -108,13 +114,15 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     RleSplatError
         If the path holds no volume, or several and none is chosen.
     """
-    groups, broken = yield from part(series_steps(path), 0.0, HEADERS)
-    group = chosen(groups, series, group_title)
+    found = yield from part(find_pictures(path), 0.0, HEADERS)
+    if found.segmentation is not None:
+        return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
+    group = chosen(groups_in(found), series, group_title)
     number = _frame_index(group, frame)
     stack = group.stack(number, spacing)
     pictures = group.frames[number]
-    if broken and stack.kind != "even":  # a damaged file may well be one of the slices that are missing
-        raise damaged(broken[0])
+    if found.broken and stack.kind != "even":  # a damaged file may well be one of the slices that are missing
+        raise damaged(found.broken[0])
     for storage in {picture.storage.path: picture.storage for picture in pictures}.values():
         check_size(storage)
     mapping = common_mapping(pictures)
@@ -125,7 +133,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
         value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames),
-        remarks=(*_broken_remark(broken), *group.remarks, *_remarks(group, stack, mapping, padded)),
+        remarks=(*_broken_remark(found.broken), *group.remarks, *_remarks(group, stack, mapping, padded)),
     )  # fmt: skip
 
 

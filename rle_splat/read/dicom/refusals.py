@@ -49,6 +49,13 @@ def no_images(folder, others: int) -> Refused:
     return Refused(f"{Path(folder).name} holds no medical images, only {files}; choose the folder of the series.")
 
 
+def segmentation_alone(path) -> Refused:
+    """A DICOM SEG where images are wanted."""
+    return Refused(
+        f"{Path(path).name} is a segmentation, no image; choose the series of its images, and read the file as labels."
+    )
+
+
 def single_picture() -> Refused:
     return Refused("This series is a single picture; a volume needs at least two slices.")
 
