@@ -72,10 +72,10 @@ def find_pictures(path):
         found = yield from _scan(listed)
         return _checked(found, path)
     parsed = yield from _parsed(path)
-    own = None if parsed is None else _pictures(parsed, segmentations=True)
+    own = _pictures(parsed, segmentations=True)
     if own is None:
         raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
-    if is_segmentation(parsed):
+    if not own:
         return Found((), (), (), 0, segmentation=parsed)
     series = own[0].series.key
     if own[0].storage.frames > 1:
@@ -106,7 +106,7 @@ def _scan(paths):
     for i, path in enumerate(paths):
         try:
             parsed = yield from _parsed(path)
-            own = None if parsed is None else _pictures(parsed)
+            own = _pictures(parsed)
             others += own is None
             pictures += own or ()
         except Damaged:
@@ -124,14 +124,16 @@ def _parsed(path: Path):
     return (yield from mapped(read.read_elements(path), lambda _: doing))
 
 
-def _pictures(found: read.Elements, segmentations: bool = False):
-    """The pictures of a parsed file; None for a DICOMDIR, and nothing for a segmentation if they are wanted."""
-    if not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS:
-        return None
-    if segmentations and is_segmentation(found):
-        return ()
+def _pictures(found: read.Elements | None, segmentations: bool = False):
+    """The pictures of a parsed file; None if it is none of DICOM's images, () for a segmentation if they are wanted."""
+
+    def sort_out():
+        if found is None or (not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS):
+            return None
+        return () if segmentations and is_segmentation(found) else pictures_of(found)
+
     try:
-        return read.quietly(pictures_of, found)
+        return read.quietly(sort_out)
     except read.problems():
         raise damaged(found.path) from None
 

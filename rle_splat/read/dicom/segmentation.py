@@ -44,11 +44,12 @@ def read_segmentation_steps(found: read.Elements):
     RleSplatError
         If the file is damaged, or does not say where its frames lie.
     """
-    pictures, segments = read.quietly(_frames, found)
+    try:
+        pictures, segments, labels, threshold = read.quietly(_facts, found)
+        stacked, at = read.quietly(_stack, pictures, found)
+    except read.problems():
+        raise damaged(found.path) from None
     check_size(pictures[0].storage)
-    labels = read.quietly(named_labels, found.dataset)
-    stacked, at = _stack(pictures, found)
-    threshold = _threshold(found)
     storage = pictures[0].storage
     highest = max([label.label for label in labels] + [s or 0 for s in segments])
     if highest > LARGEST_LABEL:
@@ -77,11 +78,18 @@ def read_segmentation_steps(found: read.Elements):
     )  # fmt: skip
 
 
+def _facts(found: read.Elements):
+    """(pictures, number of the segment of each, labels, threshold) of a segmentation."""
+    return (*_frames(found), named_labels(found.dataset), _threshold(found))
+
+
 def _frames(found: read.Elements):
     """The frames of a segmentation and the number of the segment of each; None for all in a label map."""
     pictures = frames_of(found)
     if not found.frames:
         raise damaged(found.path)
+    if not all(has_geometry(picture) for picture in pictures):
+        raise no_positions()
     if read.text(found.dataset, "SegmentationType") == "LABELMAP":
         return pictures, [None] * len(pictures)
     shared = read.item(found.dataset, "SharedFunctionalGroupsSequence")
@@ -92,8 +100,6 @@ def _frames(found: read.Elements):
         if number is None or number < 1:
             raise damaged(found.path)
         segments.append(number)
-    if not all(has_geometry(picture) for picture in pictures):
-        raise no_positions()
     return pictures, segments
 
 
