@@ -16,6 +16,7 @@ from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
+from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
@@ -32,6 +33,10 @@ FORMATS = (
         "raw", (".raw", ".raw.gz", ".bin", ".bin.gz", ".dat", ".dat.gz"),
         "bare voxels, x fastest, any number type and byte order, gzip if the name ends in .gz",
         (*LAYOUT_OPTIONS, "spacing", "unit"), read_raw_steps, write_steps=write_raw_steps, lost=lost_in_raw,
+    ),
+    Format(
+        "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
+        ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
     ),
     Format(
         "OpenVDB", (".vdb",), "one grid of numbers of an OpenVDB file, with its transform and background",

@@ -1,0 +1,191 @@
+"""Which files a path stands for, and the pictures in them. The content of a file decides, not its suffix."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...runtime.steps import Progress, mapped
+from . import elements as read
+from .pictures import is_segmentation, pictures_of
+from .refusals import Damaged, Refused, damaged, no_images, unreadable
+
+MOST_FILES = 20_000
+DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
+DIRECTORY_RECORDS = 0x00041220
+YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a path holds.
+
+    Attributes
+    ----------
+    pictures : tuple of pictures.Picture
+    refused : tuple of Refused
+        Of DICOM files that hold no usable picture.
+    broken : tuple of str
+        Names of DICOM files that cannot be parsed.
+    others : int
+        Number of files that are not DICOM.
+    series : str
+        Hash of the series of the file that the path names; "" if it names several.
+    segmentation : elements.Elements or None
+        The path's file, if it is a DICOM SEG.
+    """
+
+    pictures: tuple
+    refused: tuple
+    broken: tuple
+    others: int
+    series: str = ""
+    segmentation: read.Elements | None = None
+
+
+def find_pictures(path):
+    """Generator of Progress: find the pictures that a path stands for.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, searched with its folders; a DICOMDIR; a multi-frame file; or any one file of a series, which stands
+        for its folder.
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    Refused
+        If there is no usable picture, or the named file holds none.
+    """
+    path = Path(path)
+    yield Progress(0.0, f"Looking for images in {path.name}")
+    if path.is_dir():
+        found = yield from _scan((yield from _files_below(path)))
+        return _checked(found, path)
+    listed = yield from _directory_files(path)
+    if listed is not None:
+        found = yield from _scan(listed)
+        return _checked(found, path)
+    parsed = yield from _parsed(path)
+    own = _pictures(parsed, segmentations=True)
+    if own is None:
+        raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
+    if not own:
+        return Found((), (), (), 0, segmentation=parsed)
+    series = own[0].series.key
+    if own[0].storage.frames > 1:
+        return Found(own, (), (), 0, series)
+    siblings = sorted(other for other in path.parent.iterdir() if other.is_file())[:MOST_FILES]
+    found = yield from _scan(siblings)
+    mine = tuple(picture for picture in found.pictures if picture.series.key == series)
+    return Found(mine, (), found.broken, found.others, series)
+
+
+def _files_below(folder: Path):
+    """Generator: files of a folder and its folders, sorted; hidden ones and those of macOS's archives left out."""
+    found = []
+    for here, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and name != "__MACOSX")
+        found += [Path(here, name) for name in sorted(names) if not name.startswith(".")]
+        if len(found) > MOST_FILES:
+            raise Refused(
+                f"{folder.name} holds more than {MOST_FILES} files; choose the folder of one study or series."
+            )
+        yield Progress(0.0, f"Looking for images in {folder.name}")
+    return found
+
+
+def _scan(paths):
+    """Generator of Progress: read the headers of files; returns Found."""
+    pictures, refused, broken, others = [], [], [], 0
+    for i, path in enumerate(paths):
+        try:
+            parsed = yield from _parsed(path)
+            own = _pictures(parsed)
+            others += own is None
+            pictures += own or ()
+        except Damaged:
+            broken.append(path.name)
+        except Refused as problem:
+            refused.append(problem)
+        if i % YIELD_FILES == 0 or pictures:
+            yield Progress(i / len(paths), f"Reading headers: {i} of {len(paths)} files")
+    return Found(tuple(pictures), tuple(refused), tuple(broken), others)
+
+
+def _parsed(path: Path):
+    """Generator of Progress: the elements of one file; None if it is not DICOM."""
+    doing = Progress(0.0, f"Reading the header of {path.name}")
+    return (yield from mapped(read.read_elements(path), lambda _: doing))
+
+
+def _pictures(found: read.Elements | None, segmentations: bool = False):
+    """The pictures of a parsed file; None if it is none of DICOM's images, () for a segmentation if they are wanted."""
+
+    def sort_out():
+        if found is None or (not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS):
+            return None
+        return () if segmentations and is_segmentation(found) else pictures_of(found)
+
+    try:
+        return read.quietly(sort_out)
+    except read.problems():
+        raise damaged(found.path) from None
+
+
+def _directory_files(path: Path):
+    """Generator: files that a DICOMDIR lists and that exist; None if the file is no DICOMDIR."""
+    from pydicom.filereader import dcmread
+
+    try:
+        if not read.is_dicom(path):
+            return None
+        dataset = read.quietly(dcmread, path, specific_tags=[DIRECTORY_RECORDS], stop_before_pixels=True, force=True)
+        records = read.quietly(read.items, dataset, "DirectoryRecordSequence")
+    except OSError as problem:
+        raise unreadable(path, problem) from None
+    except read.problems():
+        return None
+    if not records:
+        return None
+    found = []
+    for record in records:
+        names = read.quietly(read.texts, record, "ReferencedFileID")
+        file = _listed(path.parent, names) if names else None
+        if file is not None:
+            found.append(file)
+        yield Progress(0.0, f"Reading {path.name}")
+    if not found:
+        raise Refused(f"The files that {path.name} lists are not beside it; choose the folder that holds them.")
+    return found
+
+
+def _listed(folder: Path, names) -> Path | None:
+    """The file that a DICOMDIR names below its folder, in any case of letters; None if it is not there."""
+    for name in names:
+        if name in ("", ".", "..") or "/" in name or "\\" in name:
+            return None
+        inner = folder / name
+        if not inner.exists():
+            same = (
+                [other for other in folder.iterdir() if other.name.lower() == name.lower()] if folder.is_dir() else []
+            )
+            inner = same[0] if same else inner
+        folder = inner
+    return folder if folder.is_file() else None
+
+
+def _checked(found: Found, path: Path) -> Found:
+    """Refuse a path without pictures, by the reason that fits."""
+    if found.pictures:
+        return found
+    if found.refused:
+        raise found.refused[0]
+    if found.broken:
+        raise damaged(found.broken[0])
+    raise no_images(path, found.others)
