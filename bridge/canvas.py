@@ -79,3 +79,13 @@ def redraw(context) -> None:
         for area in window.screen.areas:
             if area.type in SHOWN_IN:
                 area.tag_redraw()
+
+
+def redraw_sidebars(context) -> None:
+    """Redraw the sidebars of 3D views alone, which show progress, and not the views."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()

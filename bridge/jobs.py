@@ -14,10 +14,12 @@ import bpy
 from ..rle_splat.pipeline.previews import Preview
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import Cancelled, RleSplatError
-from .canvas import redraw
+from .canvas import redraw, redraw_sidebars
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
+READ_BUDGET = 0.03  # the same while a file is read
 TICK = 0.01  # seconds between ticks
+REDRAW = 0.2  # seconds between redraws of the progress bars in panels
 
 
 class StepwiseOperator:
@@ -30,14 +32,19 @@ class StepwiseOperator:
     - ``commit(context, result)``: write the result of the generator into the .blend.
     - ``show_preview(context, preview)`` and ``put_back(context)``, if the generator may yield a Preview: show it, and
       undo everything that was shown.
+    - ``refused(context, problem)``, to do more about a RleSplatError than to report it.
     """
 
     bl_options = set()  # without REGISTER: Adjust Last Operation (F9) would repeat the work; for undo see ``is_new``
 
     wants_previews = False  # whether there is a window for previews, and the user has them on
     is_new = True  # whether ``commit`` changed more than pixels, so that it becomes an undo step
+    time_budget = TIME_BUDGET
+    out_of_memory = "There is not enough memory for this picture; make the image smaller."
 
     _running = False  # one job at a time for all operators, because they share the stage cache
+    _progress = None  # the last Progress of the job that runs in a window, for panels
+    _drawn = 0.0  # time of the last redraw of panels, on the performance counter
     _generator = None
     _timer = None
     _shown = ""  # description of the preview that is shown, for the status bar
@@ -47,16 +54,29 @@ class StepwiseOperator:
         """Whether a job is in progress in a window."""
         return StepwiseOperator._running
 
+    @classmethod
+    def progress(cls):
+        """The last Progress of the job that runs in a window; None if none runs."""
+        return StepwiseOperator._progress
+
     def execute(self, context):
         return self._guarded(context, self._run_through)
 
     def invoke(self, context, _event):
+        return self.begin(context)
+
+    def begin(self, context) -> set:
+        """Start the work in a window; without one, do it at once."""
         if bpy.app.background or context.window is None:
-            return self.execute(context)
+            return self._guarded(context, self._run_through)
         if StepwiseOperator._running:
-            self.report({"WARNING"}, "Another picture is in progress; wait for it, or press Esc to cancel it.")
+            self.report({"WARNING"}, "Other work is in progress; wait for it, or press Esc to cancel it.")
             return {"CANCELLED"}
         return self._guarded(context, self._start)
+
+    def refused(self, _context, problem) -> None:
+        """Report why there is no result; everything is as it was before."""
+        self.report({"ERROR"}, str(problem))
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
@@ -80,13 +100,13 @@ class StepwiseOperator:
             return action(context)
         except RleSplatError as problem:
             self._abandon(context)
-            self.report({"ERROR"}, str(problem))
+            self.refused(context, problem)
         except Cancelled:
             self._abandon(context)
             self.report({"INFO"}, "Canceled; nothing was changed.")
         except MemoryError:
             self._abandon(context)
-            self.report({"ERROR"}, "There is not enough memory for this picture; make the image smaller.")
+            self.report({"ERROR"}, self.out_of_memory)
         except BaseException:
             self._abandon(context)
             raise
@@ -107,7 +127,7 @@ class StepwiseOperator:
         return {"RUNNING_MODAL"}
 
     def _work_a_while(self, context):
-        stop = time.perf_counter() + TIME_BUDGET
+        stop = time.perf_counter() + self.time_budget
         progress = None
         while time.perf_counter() < stop:
             try:
@@ -118,8 +138,12 @@ class StepwiseOperator:
                 self._show(context, progress)
                 return {"RUNNING_MODAL"}  # let Blender draw it
         if progress is not None:
+            StepwiseOperator._progress = progress
             context.window_manager.progress_update(progress.fraction)
             self._say(context, f"{progress.message} ({progress.fraction:.0%})")
+            if time.perf_counter() - self._drawn > REDRAW:
+                self._drawn = time.perf_counter()
+                redraw_sidebars(context)
         return {"RUNNING_MODAL"}
 
     def _show(self, context, preview):
@@ -158,4 +182,5 @@ class StepwiseOperator:
             self._timer = None
             context.window_manager.progress_end()
             context.workspace.status_text_set(None)
-            StepwiseOperator._running = False
+            StepwiseOperator._running, StepwiseOperator._progress = False, None
+            redraw_sidebars(context)

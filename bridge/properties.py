@@ -26,6 +26,7 @@ from .overridable import (
     StringProperty,
 )
 from .pictures import PictureProperties
+from .playback import Playback
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
@@ -102,7 +103,7 @@ def _items(names):
     return [(name, name.replace("_", " ").title(), "") for name in names]
 
 
-class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
+class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     """The source, facts, transfer function and shading of one volume object."""
 
     is_volume: BoolProperty(

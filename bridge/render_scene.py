@@ -77,7 +77,7 @@ def read_scene(
             "update its place; enable it in the Outliner."
         )
     view, width, height = read_camera(depsgraph, camera)
-    volume = volumes.load_volume(volume_object, warn)
+    volume = volumes.load_volume(volume_object, warn, depsgraph)
     transfer_function = transfer.read_transfer(volume_object, depsgraph)
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()

@@ -43,6 +43,8 @@ class PlainOptions:
     intercept: float = 0.0
     value_unit: str = ""
     grid: str = ""
+    series: int = 0
+    use_sequence: bool = False
     modality: str = "AUTO"
 
 
@@ -73,6 +75,12 @@ class SourceOptions:
     grid: StringProperty(
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
         "the grid density, or else the first grid of numbers")
+    series: IntProperty(
+        name="Series", description="Number of the series where there are several, as Import lists them; 0 if there is "
+        "one", default=0, min=0)
+    use_sequence: BoolProperty(
+        name="Sequence", description="Read files whose names differ in their last number alone, such as "
+        "smoke_0001.vdb, as volumes in time", default=False)
     modality: EnumProperty(name="Modality", description="Kind of scanner or simulation", items=MODALITY_ITEMS)
 
 
@@ -101,7 +109,7 @@ def read_options(source) -> dict:
     for name in ("dtype", "byte_order", "modality"):
         if getattr(source, name) != "AUTO":
             options[name] = getattr(source, name)
-    for name in ("grid", "value_unit"):
+    for name in ("grid", "value_unit", "series"):
         if getattr(source, name):
             options[name] = getattr(source, name)
     return options

@@ -1,19 +1,38 @@
 """Volume objects and their voxels.
 
 Voxels stay outside the .blend.  They are read when first needed and cached in memory.  The key of the cache is the
-file, its size, its modification time and the options.  No reference to a Blender datablock is stored.
+file, its size, its modification time and the options, the frame among them.  Of the frames of a volume object, the
+last one that was asked for is cached, and one that was read ahead.  No reference to a Blender datablock is stored.
 """
 
 import os
+from dataclasses import dataclass
 
 import bpy
 
-from ..rle_splat.read.formats import read_volume
+from ..rle_splat.read.formats import read_steps
+from ..rle_splat.read.sequence import sequence_of
+from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.volume.measure import measured_steps
+from .playback import shown_frame
 from .source_options import read_options
 from .source_paths import resolved_path
 
-_kept: dict = {}  # source key -> (Volume, hash of its voxels)
+READING = 0.9  # share of the time until a file is read; the rest is for measuring its values
+
+_kept: dict = {}  # source key -> Volume
+_in_use: dict = {}  # session id of a volume object -> the source key that it asked for last
+_ahead: list = []  # the source key that was read ahead, if any
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the voxels of a volume object are at a time: file or folder, options of reading, and key of the cache."""
+
+    path: str
+    options: dict
+    key: tuple
 
 
 def volume_objects(scene) -> list:
@@ -45,13 +64,98 @@ def volume_object(context):
     return None
 
 
+def file_steps(path: str, options: dict):
+    """Generator of Progress: read a volume and measure its values; return the Volume.
+
+    Parameters
+    ----------
+    path : str
+        Absolute path.
+    options : dict
+        Keyword arguments of ``read_volume``.
+    """
+    bpy.utils.expose_bundled_modules()  # OpenVDB, and OpenImageIO for some TIFF files
+    volume = yield from part(read_steps(path, **options), 0.0, READING)
+    yield from part(measured_steps(volume), READING, 1.0)
+    return volume
+
+
 def read_file(path: str, options: dict):
-    """``read_volume`` with Blender's bundled OpenVDB module made importable."""
-    bpy.utils.expose_bundled_modules()
-    return read_volume(path, **options)
+    """``file_steps`` without the steps."""
+    return drain(file_steps(path, options))
 
 
-def load_volume(owner, warn=None):
+def source_of(owner, frame: int) -> Source:
+    """Where the voxels of a volume object are.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    frame : int
+        Which of the volumes in time, from 1.
+
+    Raises
+    ------
+    RleSplatError
+        If the object is no volume, or its file is missing.
+    """
+    properties = owner.rle_splat
+    if not properties.is_volume:
+        raise RleSplatError(f"{owner.name!r} is not a volume; import one with File > Import > Volume (RLE Splat).")
+    path, options = resolved_path(owner), read_options(properties)
+    try:
+        if properties.use_sequence:
+            path = file_of_frame(path, frame)
+        elif properties.frame_count > 1:
+            options["frame"] = frame
+        status = os.stat(path)
+    except OSError:
+        raise RleSplatError(
+            f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
+        ) from None
+    return Source(path, options, (path, status.st_size, status.st_mtime_ns, tuple(sorted(options.items()))))
+
+
+def file_of_frame(path: str, frame: int) -> str:
+    """The file of a frame of numbered files, of which ``path`` is one; FileNotFoundError without any such file."""
+    found = sequence_of(path)
+    if found is None:
+        raise FileNotFoundError(path)
+    return str(found.file(frame))
+
+
+def load_steps(owner, depsgraph=None):
+    """Generator of Progress: load the voxels of a volume object as ``load_volume`` does; return the Volume."""
+    source = source_of(owner, shown_frame(owner, depsgraph))
+    if source.key not in _kept:
+        _ahead.clear()
+        forget_unused()
+        _kept[source.key] = yield from file_steps(source.path, source.options)
+    _in_use[owner.session_uid] = source.key
+    volume = _kept[source.key]
+    forget_unused()
+    return volume
+
+
+def load_ahead_steps(owner):
+    """Generator of Progress: read the voxels of the next frame of the timeline; they are cached until another is read.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    """
+    source = source_of(owner, shown_frame(owner, ahead=1))
+    if source.key not in _kept:
+        _ahead.clear()
+        forget_unused()
+        volume = yield from file_steps(source.path, source.options)
+        _ahead[:] = [source.key]
+        _kept[source.key] = volume
+
+
+def load_volume(owner, warn=None, depsgraph=None):
     """The voxels of a volume object, from memory or from its file.
 
     Parameters
@@ -60,6 +164,8 @@ def load_volume(owner, warn=None):
         The volume object.
     warn : callable, optional
         Called with one sentence if the voxels differ from those that were imported.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time of a volume in time; without it that of the current scene.
 
     Returns
     -------
@@ -71,55 +177,51 @@ def load_volume(owner, warn=None):
     RleSplatError
         If the object is no volume, or its file is missing or cannot be read.
     """
+    volume = drain(load_steps(owner, depsgraph))
     properties = owner.rle_splat
-    if not properties.is_volume:
-        raise RleSplatError(f"{owner.name!r} is not a volume; import one with File > Import > Volume (RLE Splat).")
-    path = resolved_path(owner)
-    try:
-        status = os.stat(path)
-    except OSError:
-        raise RleSplatError(
-            f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
-        ) from None
-    options = read_options(properties)
-    key = _source_key(path, status, options)
-    if key not in _kept:
-        volume = read_file(path, options)
-        _forget_unused()
-        _kept[key] = (volume, volume.voxel_key)
-    volume, voxel_hash = _kept[key]
-    if warn is not None and properties.data_key and voxel_hash != properties.data_key:
-        warn(f"The voxels of {owner.name!r} are not those that were imported, because {path} has changed; import it "
-             "again, or press Relocate to choose the original file.")
+    is_known = properties.data_key and shown_frame(owner, depsgraph) == properties.data_frame
+    if warn is not None and is_known and volume.voxel_key != properties.data_key:
+        warn(f"The voxels of {owner.name!r} are not those that were imported, because {resolved_path(owner)} has "
+             "changed; import it again, or press Relocate to choose the original file.")
     return volume
 
 
-def is_at_hand(owner) -> bool:
-    """Whether the voxels of a volume object are in memory, so that ``load_volume`` returns at once."""
-    path = resolved_path(owner)
+def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
+    """Whether the voxels of a volume object are in memory, so that ``load_volume`` returns at once.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        As for ``load_volume``.
+    ahead : int
+        Frames of the timeline after that time.
+    """
     try:
-        return _source_key(path, os.stat(path), read_options(owner.rle_splat)) in _kept
-    except OSError:
+        return source_of(owner, shown_frame(owner, depsgraph, ahead)).key in _kept
+    except RleSplatError:
         return False
 
 
 def keep_volume(owner, volume) -> None:
-    """Cache a volume that was read for an object."""
-    path = resolved_path(owner)
-    _kept[_source_key(path, os.stat(path), read_options(owner.rle_splat))] = (volume, owner.rle_splat.data_key)
+    """Cache a volume that was read for an object as its frame ``data_frame``."""
+    key = source_of(owner, owner.rle_splat.data_frame).key
+    _kept[key], _in_use[owner.session_uid] = volume, key
 
 
 def forget_all() -> None:
     """Clear the cache."""
     _kept.clear()
+    _in_use.clear()
+    _ahead.clear()
 
 
-def _source_key(path: str, status, options: dict) -> tuple:
-    return path, status.st_size, status.st_mtime_ns, tuple(sorted(options.items()))
-
-
-def _forget_unused() -> None:
-    """Remove the voxels of files that no object uses any more."""
-    used = {resolved_path(o) for o in bpy.data.objects if o.rle_splat.is_volume}
-    for key in [key for key in _kept if key[0] not in used]:
+def forget_unused() -> None:
+    """Remove the voxels that no object asked for last and that were not read ahead."""
+    existing = {one.session_uid for one in bpy.data.objects if one.rle_splat.is_volume}
+    for uid in set(_in_use) - existing:
+        del _in_use[uid]
+    used = {*_in_use.values(), *_ahead}
+    for key in [key for key in _kept if key not in used]:
         del _kept[key]

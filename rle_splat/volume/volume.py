@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
 from .counts import count_values, counts_values, stored_values
 
@@ -123,19 +124,7 @@ class Volume:
     @cached_property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest finite physical value; (0, 0) if no voxel is finite."""
-        if counts_values(self.voxels.dtype):
-            seen = stored_values(self.voxels.dtype)[self.value_counts > 0]
-            return self._range(seen[0], seen[-1])
-        low, high = np.inf, -np.inf
-        for stored in self.voxels:  # slice by slice, so that a large volume is not copied
-            if stored.dtype.kind == "f":
-                stored = stored[np.isfinite(stored)]
-                if stored.size == 0:
-                    continue
-            low, high = min(low, stored.min()), max(high, stored.max())
-        if low > high:
-            return 0.0, 0.0
-        return self._range(low, high)
+        return drain(range_steps(self))
 
     def _range(self, low, high) -> tuple[float, float]:
         """Physical (smallest, largest) of a stored range; a negative slope swaps the ends."""
@@ -150,10 +139,7 @@ class Volume:
     @cached_property
     def voxel_key(self) -> str:
         """Hash of the stored voxels, their type and shape. The first use reads the whole volume."""
-        digest = hashlib.blake2b(f"{self.voxels.dtype.str}{self.voxels.shape}".encode(), digest_size=16)
-        for plane in self.voxels:
-            digest.update(plane)
-        return digest.hexdigest()
+        return drain(key_steps(self))
 
     @cached_property
     def key(self) -> str:
@@ -164,3 +150,28 @@ class Volume:
     def physical(self, stored) -> np.ndarray:
         """Convert stored values to physical values, float64."""
         return np.asarray(stored, dtype=np.float64) * self.slope + self.intercept
+
+
+def range_steps(volume: Volume):
+    """Generator of fractions done: ``Volume.value_range``."""
+    if counts_values(volume.voxels.dtype):
+        seen = stored_values(volume.voxels.dtype)[volume.value_counts > 0]
+        return volume._range(seen[0], seen[-1])
+    low, high = np.inf, -np.inf
+    for z, stored in enumerate(volume.voxels):  # slice by slice, so that a large volume is not copied
+        yield z / len(volume.voxels)
+        if stored.dtype.kind == "f":
+            stored = stored[np.isfinite(stored)]
+            if stored.size == 0:
+                continue
+        low, high = min(low, stored.min()), max(high, stored.max())
+    return (0.0, 0.0) if low > high else volume._range(low, high)
+
+
+def key_steps(volume: Volume):
+    """Generator of fractions done: ``Volume.voxel_key``."""
+    digest = hashlib.blake2b(f"{volume.voxels.dtype.str}{volume.voxels.shape}".encode(), digest_size=16)
+    for z, plane in enumerate(volume.voxels):
+        digest.update(plane)
+        yield (z + 1) / len(volume.voxels)
+    return digest.hexdigest()

@@ -1,0 +1,76 @@
+"""Volumes in time: which frame of its source a volume object shows.
+
+The source is a file or a series that holds several volumes, or numbered files that hold one each.  A frame is numbered
+from 1, as on the command line.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import bpy
+
+from .decimals import typed
+from .overridable import EnumProperty, FloatProperty, IntProperty
+
+FIXED, HOLD, LOOP = "FIXED", "HOLD", "LOOP"
+PLAYBACK_ITEMS = [
+    (FIXED, "Fixed", "Show the volume that Frame names, which can be keyframed"),
+    (HOLD, "Hold", "Follow the timeline; before the first volume and after the last one, show that one"),
+    (LOOP, "Loop", "Follow the timeline, and begin again after the last volume"),
+]
+NEAR = 1e-6  # of a frame; 3 frames at a step of 1/3 are one volume, not a little less
+
+
+def _evaluate_anew(group, _context):
+    group.id_data.update_tag()
+
+
+LiveEnum, LiveFloat, LiveInt = (partial(k, update=_evaluate_anew) for k in (EnumProperty, FloatProperty, IntProperty))
+
+
+class Playback:
+    """Mix-in for the property group of a volume object."""
+
+    frame_count: IntProperty(
+        name="Frames", description="Number of volumes in time that the source holds", default=1, min=1)
+    data_frame: IntProperty(
+        name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
+        options={"HIDDEN"})
+    playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
+    frame: LiveInt(name="Frame", description="Volume to show, from 1", default=1, min=1)
+    frame_offset: LiveInt(
+        name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 of the timeline "
+        "shows the first volume", default=0)
+    frame_step: LiveFloat(
+        name="Step", description="Volumes to go on by in each frame of the timeline. With 0.5 each is shown twice; a "
+        "negative step plays backward", default=1.0, precision=3)
+
+
+def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:
+    """The frame that a volume object shows.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time and animated values; without it those of the current scene.
+    ahead : int
+        Frames of the timeline after that time.
+
+    Returns
+    -------
+    int
+        From 1 to the number of frames.
+    """
+    properties = owner.rle_splat if depsgraph is None else owner.evaluated_get(depsgraph).rle_splat
+    scene = bpy.context.scene if depsgraph is None else depsgraph.scene_eval
+    count, frame = properties.frame_count, properties.frame
+    if properties.playback != FIXED:
+        time = scene.frame_current + ahead * scene.frame_step + properties.frame_offset - 1
+        frame = 1 + math.floor(time * typed(properties.frame_step) + NEAR)
+    if properties.playback == LOOP:
+        return (frame - 1) % count + 1
+    return min(max(frame, 1), count)
