@@ -105,8 +105,8 @@ def run(args) -> None:
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
         prepared = _prepare_tables(args, quality) if is_encoded else _prepare_voxels(args, quality, line)
-        scene = mixed(args, moving(prepared.scene, poses), *looks)
-        prepared = replace(prepared, scene=replace(scene, crop=crop))
+        scene, noticed = mixed(args, moving(prepared.scene, poses), *looks, line)
+        prepared = replace(prepared, scene=replace(scene, crop=crop), remarks=(*prepared.remarks, *noticed))
         line.show(0.1, "loading the renderer")
         with line.compiling():
             rendering, taken = line.follow(_steps(args, prepared), start=0.1)

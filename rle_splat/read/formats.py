@@ -14,10 +14,12 @@ from pathlib import Path
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError
+from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .format import MEANING_OPTIONS, Format, head_of
-from .layout import checked_scale
+from .layout import checked_scale, unreadable
+from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
@@ -58,6 +60,10 @@ FORMATS = (
         ("frame",), read_metaimage_steps, recognizes_metaimage,
     ),
     Format(
+        "masks", (), "a folder of masks, one NIfTI file for each organ (TotalSegmentator), as one label map",
+        (), read_masks_steps, reads_folder=reads_mask_folder,
+    ),
+    Format(
         "TIFF", TIFF_SUFFIXES, "stacks of pages or of numbered files, OME-TIFF, ImageJ; gray values alone",
         ("spacing", "frame", "unit"), read_tiff_steps, recognizes_tiff, reads_tiff_folder, is_dropped=False,
     ),
@@ -82,7 +88,10 @@ def format_of(path) -> Format | None:
     """The format of a file or folder: by its content if that tells, else by its suffix; None if neither tells."""
     path = Path(path)
     if path.is_dir():
-        return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)
+        try:
+            return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)
+        except OSError as problem:
+            raise unreadable(path, problem) from None
     head = head_of(path)
     told = next((entry for entry in FORMATS if entry.recognizes and entry.recognizes(head)), None)
     return told or format_named(path)
@@ -123,7 +132,20 @@ def read_steps(path, **options):
     scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
     checked = dict(zip(scale, checked_scale(*scale.values())))
     volume = yield from chosen.read_steps(path, **given)
-    return replace(volume, **{name: checked.get(name, value) for name, value in meaning.items()}) if meaning else volume
+    if meaning:
+        volume = replace(volume, **{name: checked.get(name, value) for name, value in meaning.items()})
+    return _with_guessed_unit(volume)
+
+
+def _with_guessed_unit(volume: Volume) -> Volume:
+    """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
+    if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
+        return volume
+    remark = (
+        "The histogram has the peaks of air (-1000) and water (0), so the values are taken as Hounsfield units of a "
+        "CT; give the value unit and the modality if they are not."
+    )
+    return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
 
 
 def read_volume(path, **options) -> Volume:
