@@ -39,7 +39,7 @@ class Playback:
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
         options={"HIDDEN"})
     playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
-    frame: LiveInt(name="Frame", description="Volume to show, from 1", default=1, min=1)
+    frame: LiveInt(name="Frame", description="Volume to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
         name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 of the timeline "
         "shows the first volume", default=0)

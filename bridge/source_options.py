@@ -44,6 +44,7 @@ class PlainOptions:
     value_unit: str = ""
     grid: str = ""
     series: int = 0
+    frame: int = 0
     use_sequence: bool = False
     modality: str = "AUTO"
 
@@ -76,8 +77,11 @@ class SourceOptions:
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
         "the grid density, or else the first grid of numbers")
     series: IntProperty(
-        name="Series", description="Number of the series where there are several, as Import lists them; 0 if there is "
-        "one", default=0, min=0)
+        name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
+        min=0)
+    frame: IntProperty(
+        name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
+        "the first", default=0, min=0)
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "
         "smoke_0001.vdb, as volumes in time", default=False)
@@ -109,7 +113,7 @@ def read_options(source) -> dict:
     for name in ("dtype", "byte_order", "modality"):
         if getattr(source, name) != "AUTO":
             options[name] = getattr(source, name)
-    for name in ("grid", "value_unit", "series"):
+    for name in ("grid", "value_unit", "series", "frame"):
         if getattr(source, name):
             options[name] = getattr(source, name)
     return options

@@ -64,6 +64,11 @@ def volume_object(context):
     return None
 
 
+def expose_modules() -> None:
+    """Make the modules that Blender bundles importable, such as OpenVDB and OpenImageIO, which readers use."""
+    bpy.utils.expose_bundled_modules()
+
+
 def file_steps(path: str, options: dict):
     """Generator of Progress: read a volume and measure its values; return the Volume.
 
@@ -74,7 +79,7 @@ def file_steps(path: str, options: dict):
     options : dict
         Keyword arguments of ``read_volume``.
     """
-    bpy.utils.expose_bundled_modules()  # OpenVDB, and OpenImageIO for some TIFF files
+    expose_modules()
     volume = yield from part(read_steps(path, **options), 0.0, READING)
     yield from part(measured_steps(volume), READING, 1.0)
     return volume
@@ -107,6 +112,7 @@ def source_of(owner, frame: int) -> Source:
     try:
         if properties.use_sequence:
             path = file_of_frame(path, frame)
+            options.pop("frame", None)
         elif properties.frame_count > 1:
             options["frame"] = frame
         status = os.stat(path)

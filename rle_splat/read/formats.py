@@ -21,6 +21,7 @@ from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
+from .mgh import read_mgh_steps, recognizes_mgh
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
@@ -49,6 +50,10 @@ FORMATS = (
     Format(
         "Analyze", (".hdr", ".img", ".hdr.gz", ".img.gz"), "Analyze 7.5 and NIfTI in two files", ("frame",),
         read_nifti_steps, is_dropped=False,
+    ),
+    Format(
+        "MGH", (".mgh", ".mgz"), "volumes of FreeSurfer, with their place in the patient",
+        ("frame",), read_mgh_steps, recognizes_mgh,
     ),
     Format(
         "NRRD", (".nrrd", ".seg.nrrd", ".nhdr"),

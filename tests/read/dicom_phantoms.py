@@ -160,8 +160,8 @@ def _common(encoding: Encoding, series: str, kind: str) -> Dataset:
     dataset.PatientName, dataset.PatientID, dataset.PatientBirthDate = PERSON, NUMBER, BIRTH
     dataset.StudyDate, dataset.AcquisitionDate, dataset.StudyTime = "20210304", "20210304", "101112"
     dataset.StudyID = "S-0815"
-    dataset.StudyInstanceUID, dataset.SeriesInstanceUID = generate_uid(), series
-    dataset.FrameOfReferenceUID = generate_uid()
+    dataset.StudyInstanceUID, dataset.SeriesInstanceUID = f"{series[:60]}.1", series
+    dataset.FrameOfReferenceUID = f"{series[:60]}.2"
     dataset.ReferringPhysicianName, dataset.InstitutionName = "ROE^RICHARD", "General Hospital"
     dataset.Modality, dataset.BodyPartExamined, dataset.SeriesNumber = "CT", "HEAD", 3
     dataset.SeriesDescription = f"{PERSON} thin"
@@ -323,6 +323,13 @@ ENCODINGS = {
     # for the y coordinate of axial slices
     "8 bit": Encoding(allocated=8, stored=8, slopes=(1.0,), intercepts=(2020.0,)),
     "8 bit signed": Encoding(allocated=8, stored=8, signed=True, slopes=(1.0,), intercepts=(2148.0,)),
+}
+
+
+# JPEG keeps 8 and 12 bits, and a level of error; steps are as small as its range allows, 0.065 and 0.01 mm.
+LOSSY = {
+    JPEGBaseline8Bit: Encoding(allocated=8, stored=8, slopes=(0.65,), intercepts=(2040.0,)),
+    JPEGExtended12Bit: Encoding(stored=12, slopes=(0.1,), intercepts=(2000.0,)),
 }
 
 

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pydicom")
 
-from pydicom.uid import JPEGBaseline8Bit, JPEGExtended12Bit, JPEGLSNearLossless
+from pydicom.uid import JPEGLSNearLossless
 
 from rle_splat.read.formats import read_volume
 from rle_splat.volume.volume import PATIENT
@@ -61,20 +61,17 @@ def test_transfer_syntax(tmp_path: Path, syntax: str, kind: str, name: str):
         assert error_of(tmp_path / key, 1) <= BOUND, key
 
 
-# JPEG keeps 8 and 12 bits, and a level of error; steps are as small as its range allows, 0.065 and 0.01 mm.
-LOSSY = {
-    JPEGBaseline8Bit: phantoms.Encoding(allocated=8, stored=8, slopes=(0.65,), intercepts=(2040.0,)),
-    JPEGExtended12Bit: phantoms.Encoding(stored=12, slopes=(0.1,), intercepts=(2000.0,)),
-}
-
-
 @pytest.mark.parametrize("syntax", phantoms.BY_IMAGECODECS, ids=lambda uid: uid.keyword)
 @pytest.mark.parametrize("kind", ["classic", "enhanced"])
 def test_transfer_syntax_of_other_encoders(tmp_path: Path, syntax: str, kind: str):
     pytest.importorskip("imagecodecs")
     twelve = phantoms.Encoding(stored=12, intercepts=(200.0,))
     signed = phantoms.Encoding(stored=12, signed=True, intercepts=(2000.0,))
-    encodings = [LOSSY[syntax]] if syntax in LOSSY else [twelve, signed, phantoms.PLAIN, phantoms.ENCODINGS["8 bit"]]
+    encodings = (
+        [phantoms.LOSSY[syntax]]
+        if syntax in phantoms.LOSSY
+        else [twelve, signed, phantoms.PLAIN, phantoms.ENCODINGS["8 bit"]]
+    )
     for i, encoding in enumerate(encodings):
         folder = tmp_path / str(i)
         write(kind, folder, GEOMETRIES["non-square"], 1, phantoms.with_syntax(encoding, syntax))
