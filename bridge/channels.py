@@ -107,4 +107,6 @@ def read_channels(owner, depsgraph) -> tuple[Channel, ...]:
     rows = owner.evaluated_get(depsgraph).rle_splat.channels
     sources = [row.source.original for row in rows if row.show and row.source is not None]
     sources = [one for one in sources if not presence.is_deleted(one)]
-    return tuple(Channel(volumes.load_volume(one, depsgraph=depsgraph), transfer.read_transfer(one, depsgraph)) for one in sources)
+    return tuple(
+        Channel(volumes.load_volume(one, depsgraph=depsgraph), transfer.read_transfer(one, depsgraph))
+        for one in sources)

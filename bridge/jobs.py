@@ -12,13 +12,15 @@ import time
 import bpy
 
 from ..rle_splat.pipeline.previews import Preview
-from ..rle_splat.runtime.steps import drain
+from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import Cancelled, RleSplatError
+from . import volumes
 from .canvas import redraw, redraw_sidebars
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
 READ_BUDGET = 0.03  # the same while a file is read
 TICK = 0.01  # seconds between ticks
+LOADING = 0.5  # share of the progress bar for voxels that are not in memory yet
 REDRAW = 0.2  # seconds between redraws of the progress bars in panels
 
 
@@ -32,6 +34,7 @@ class StepwiseOperator:
     - ``commit(context, result)``: write the result of the generator into the .blend.
     - ``show_preview(context, preview)`` and ``put_back(context)``, if the generator may yield a Preview: show it, and
       undo everything that was shown.
+    - ``loading(context)``: a generator that reads what ``prepare`` would wait for, or None. Only a window asks for it.
     - ``refused(context, problem)``, to do more about a RleSplatError than to report it.
     """
 
@@ -54,6 +57,11 @@ class StepwiseOperator:
         """Whether a job is in progress in a window."""
         return StepwiseOperator._running
 
+    @property
+    def is_in_window(self) -> bool:
+        """Whether the work is done in steps in a window."""
+        return self._timer is not None
+
     @classmethod
     def progress(cls):
         """The last Progress of the job that runs in a window; None if none runs."""
@@ -73,6 +81,11 @@ class StepwiseOperator:
             self.report({"WARNING"}, "Other work is in progress; wait for it, or press Esc to cancel it.")
             return {"CANCELLED"}
         return self._guarded(context, self._start)
+
+    def loading(self, context):
+        """Steps that load the voxels of the volume that the operator works on; None if they are in memory."""
+        owner = volumes.volume_object(context)
+        return None if owner is None else volumes.missing_steps(owner)
 
     def refused(self, _context, problem) -> None:
         """Report why there is no result; everything is as it was before."""
@@ -118,13 +131,19 @@ class StepwiseOperator:
 
     def _start(self, context):
         self.wants_previews = context.scene.rle_splat.use_previews
-        self._generator = self.prepare(context)
+        steps = self.loading(context)
+        self._generator = self.prepare(context) if steps is None else self._prepared_after(steps)
         StepwiseOperator._running = True
         window_manager = context.window_manager
         window_manager.progress_begin(0.0, 1.0)
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
+
+    def _prepared_after(self, loading):
+        """Generator: load voxels, then read everything else and do the work."""
+        yield from part(loading, 0.0, LOADING)
+        return (yield from self.prepare(bpy.context))
 
     def _work_a_while(self, context):
         stop = time.perf_counter() + self.time_budget
@@ -156,7 +175,7 @@ class StepwiseOperator:
         context.workspace.status_text_set(f"RLE Splat: {self._shown}{doing}, Esc cancels")
 
     def _succeed(self, context, result):
-        in_window = self._timer is not None
+        in_window = self.is_in_window
         self._finish(context)
         self.commit(context, result)
         redraw(context)

@@ -6,23 +6,23 @@ import bpy
 
 from . import box, linked, source_options, source_paths, volumes
 from .facts import write_facts
+from .playback import FIXED, HOLD
+from .reading import Found
 from .settings import scene_scale_of
 from .transfer import write_transfer
 
 
-def add_volume(context, path: str, volume, options, transfer_function, at_cursor: bool = False):
+def add_volume(context, found: Found, options, transfer_function, at_cursor: bool = False):
     """Add a volume object to the scene; it becomes the active and only selected object.
 
     Parameters
     ----------
     context : bpy.types.Context
         Gives scene, collection, view layer and 3D cursor.
-    path : str
-        The file that was read.
-    volume : Volume
-        Its voxels.
+    found : Found
+        What was read.
     options : SourceOptions or PlainOptions
-        The options with which the file was read.
+        The options with which it was read.
     transfer_function : TransferFunction
         Its first transfer function.
     at_cursor : bool
@@ -35,11 +35,13 @@ def add_volume(context, path: str, volume, options, transfer_function, at_cursor
     remark : str
         What of the transfer function could not be stored exactly, or "".
     """
-    name = os.path.basename(os.path.normpath(path)).split(".")[0] or "Volume"
+    volume = found.volume
+    name = os.path.basename(os.path.normpath(found.path)).split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
     source_options.copy(options, properties)
-    fill_volume(context.scene, owner, path, volume)
+    properties.playback = HOLD if found.is_in_time and not options.frame else FIXED
+    fill_volume(context.scene, owner, found)
     remark = write_transfer(owner, transfer_function)
     home = context.collection if linked.is_own(context.collection) else context.scene.collection
     home.objects.link(owner)
@@ -56,8 +58,8 @@ def add_volume(context, path: str, volume, options, transfer_function, at_cursor
     return owner, remark
 
 
-def fill_volume(scene, owner, path: str, volume) -> None:
-    """Set the path, hash, facts and box of a volume object, and keep its voxels in memory.
+def fill_volume(scene, owner, found: Found) -> None:
+    """Set the path, hash, frames, facts and box of a volume object, and keep its voxels in memory.
 
     Parameters
     ----------
@@ -65,15 +67,15 @@ def fill_volume(scene, owner, path: str, volume) -> None:
         Gives the scene scale.
     owner : bpy.types.Object
         The volume object.
-    path : str
-        The file that was read.
-    volume : Volume
-        Its voxels.
+    found : Found
+        What was read.
     """
-    properties = owner.rle_splat
+    properties, volume = owner.rle_splat, found.volume
     properties.is_volume = True
-    source_paths.write_path(owner, "filepath", os.path.abspath(path), bpy.data.filepath)
+    source_paths.write_path(owner, "filepath", os.path.abspath(found.path), bpy.data.filepath)
     properties.data_key = volume.voxel_key
+    properties.frame_count, properties.data_frame = found.frames, found.frame
     write_facts(owner, volume)
+    properties.remarks = "\n".join(found.remarks)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
     volumes.keep_volume(owner, volume)

@@ -41,8 +41,8 @@ class Playback:
     playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
     frame: LiveInt(name="Frame", description="Volume to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
-        name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 of the timeline "
-        "shows the first volume", default=0)
+        name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 shows the "
+        "first volume", default=0)
     frame_step: LiveFloat(
         name="Step", description="Volumes to go on by in each frame of the timeline. With 0.5 each is shown twice; a "
         "negative step plays backward", default=1.0, precision=3)

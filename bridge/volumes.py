@@ -132,33 +132,58 @@ def file_of_frame(path: str, frame: int) -> str:
 
 
 def load_steps(owner, depsgraph=None):
-    """Generator of Progress: load the voxels of a volume object as ``load_volume`` does; return the Volume."""
+    """Generator of Progress: load the voxels of a volume object as ``load_volume`` does; return the Volume.
+
+    The object is read before the first step, so it may be deleted meanwhile.
+    """
     source = source_of(owner, shown_frame(owner, depsgraph))
-    if source.key not in _kept:
-        _ahead.clear()
-        forget_unused()
-        _kept[source.key] = yield from file_steps(source.path, source.options)
-    _in_use[owner.session_uid] = source.key
-    volume = _kept[source.key]
-    forget_unused()
-    return volume
+    return _cached_steps(source, owner.session_uid)
 
 
 def load_ahead_steps(owner):
-    """Generator of Progress: read the voxels of the next frame of the timeline; they are cached until another is read.
+    """Generator of Progress: read what a volume object shows in the next frame of the timeline.
 
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume object.
+    Of all objects, one frame that was read ahead is cached.
     """
-    source = source_of(owner, shown_frame(owner, ahead=1))
+    return _cached_steps(source_of(owner, shown_frame(owner, ahead=1)), None)
+
+
+def _cached_steps(source: Source, uid: int | None):
+    """Generator of Progress: the voxels of a source, from the cache or its file.
+
+    ``uid``: session id of the object that asks for them; None reads ahead.
+    """
     if source.key not in _kept:
         _ahead.clear()
         forget_unused()
         volume = yield from file_steps(source.path, source.options)
-        _ahead[:] = [source.key]
         _kept[source.key] = volume
+    volume = _kept[source.key]
+    if uid is None:
+        _ahead[:] = [source.key]
+    else:
+        _in_use[uid] = source.key
+    forget_unused()
+    return volume
+
+
+def missing_steps(owner):
+    """Generator of Progress: load what a picture of a volume object needs and is not in memory; None if all is there.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object. Its channels are loaded too.
+    """
+    rows = owner.rle_splat.channels
+    wanted = [owner, *(row.source for row in rows if row.show and row.source is not None)]
+    wanted = [one for one in wanted if not is_at_hand(one)]
+    return _one_after_another([load_steps(one) for one in wanted]) if wanted else None
+
+
+def _one_after_another(works: list):
+    for i, steps in enumerate(works):
+        yield from part(steps, i / len(works), (i + 1) / len(works))
 
 
 def load_volume(owner, warn=None, depsgraph=None):

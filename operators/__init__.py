@@ -7,6 +7,7 @@ from . import (
     add_clip,
     apply_preset,
     channels,
+    choose_series,
     composite,
     import_volume,
     keyframe_transfer,
@@ -22,8 +23,8 @@ from . import (
 )
 
 MODULES = (
-    import_volume, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer, render_image,
-    set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
+    import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
+    render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
 )
 
 

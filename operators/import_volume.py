@@ -1,4 +1,4 @@
-"""Import Volume: the entry in File > Import, the import dialog, and files dropped into the window."""
+"""Import Volume and Import DICOM Folder: the entries in File > Import, their dialogs, and files that are dropped."""
 
 import os
 import textwrap
@@ -7,13 +7,15 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import facts, new_volume, source_options, volumes
+from ..bridge import facts, new_volume, source_options
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
+from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_of, suffixes
-from ..rle_splat.read.guess import guess_raw
+from ..rle_splat.read.guess import guess_raw, guess_raw_steps
+from ..rle_splat.read.sequence import sequence_of
+from ..rle_splat.runtime.steps import part
 from ..rle_splat.scene import RleSplatError
-from ..rle_splat.volume.checks import check_values
-from .refusal import refuse
+from .reading import ReadsFiles
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
@@ -24,23 +26,26 @@ LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to find a file's size while the dialog opens; about a second
 
 
-class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operator, ImportHelper):
-    """Import a volume for RLE Splat. Its voxels stay in the file"""
+def _sequence_among(paths) -> tuple[str, bool]:
+    """What the dialog says about numbered files, "" if there are none, and whether it proposes to read them as frames.
 
-    bl_idname = "rle_splat.import_volume"
-    bl_label = "Import Volume"
-    bl_options = {"REGISTER", "UNDO", "PRESET"}
+    It does for OpenVDB, whose numbered files are simulations, and where all chosen files are of one sequence.
+    """
+    numbered = [sequence_of(path) for path in paths]
+    if not numbered or None in numbered or any(one.first != numbered[0].first for one in numbered):
+        return "", False
+    is_vdb = all(path.lower().endswith(".vdb") for path in paths)
+    return f"{numbered[0].count} frames from {numbered[0].first.name}", is_vdb or len(paths) > 1
 
-    filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
-    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
-    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
+
+class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
+    """Mix-in: read the volumes at ``paths()`` and add an object for each."""
+
     preset: EnumProperty(
         name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
     at_cursor: BoolProperty(
         name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
         "coordinates of the file", default=False)
-    guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
-    guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
     @classmethod
     def poll(cls, context):
@@ -49,26 +54,121 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
             return False
         return True
 
-    def paths(self) -> list[str]:
-        """Absolute paths to import: the files chosen in the dialog or dropped, else ``filepath``."""
+    def options_again(self) -> dict:
+        options = source_options.PlainOptions()
+        source_options.copy(self, options)
+        path, = self.paths()  # of several, none would be asked about
+        given = {name: value for name, value in vars(options).items() if name != "series"}
+        return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor, "use_dialog": False}
+
+    def prepare(self, context):
+        paths = self.paths()
+        if not paths:
+            raise RleSplatError("No file was chosen; set filepath, or directory and files.")
+        return self.with_thumbnails(self._steps(paths))
+
+    def commit(self, context, results):
+        for found, options, transfer_function, reason in results:
+            owner, remark = new_volume.add_volume(
+                context, found, options, transfer_function, at_cursor=self.at_cursor)
+            for sentence in (*found.remarks, remark):
+                if sentence:
+                    self.report({"WARNING"}, sentence)
+            self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", reason))))
+
+    def _steps(self, paths):
+        """Generator of Progress: (Found, options, TransferFunction, reason for it) of each path."""
+        read = []
+        for i, path in enumerate(paths):
+            options = source_options.PlainOptions()
+            if len(paths) == 1:
+                source_options.copy(self, options)
+            options.use_sequence = self.use_sequence
+            read.append((yield from part(self._one_steps(path, options), i / len(paths), (i + 1) / len(paths))))
+        return read
+
+    def _one_steps(self, path: str, options):
+        if os.path.isfile(path) and format_of(path) is RAW:
+            yield from self._completed_steps(path, options)
+        found = yield from found_steps(path, options)
+        transfer_function, reason = chosen_transfer(self.preset, found.volume)
+        return found, options, transfer_function, reason
+
+    def _completed_steps(self, path: str, options):
+        """Generator of Progress: guess the missing layout of a raw file and report it.
+
+        RleSplatError if nothing fits its size.
+        """
+        if any(options.shape) and options.dtype != "AUTO":
+            return
+        known = {name: value for name, value in source_options.read_options(options).items()
+                 if name in ("shape", "dtype", "byte_order", "header_bytes")}
+        guess = yield from guess_raw_steps(path, **known)
+        if guess.shape is None or guess.dtype is None or not guess.candidates:
+            size = "too many" if guess.size is None else guess.size
+            raise RleSplatError(
+                f"No shape and type can be guessed for {os.path.basename(path)} from its {size} bytes; "
+                "set Shape and Type in the import dialog.")
+        if not guess.certain:
+            self.report({"WARNING"}, f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; "
+                                     "if it looks wrong, import it again with its Shape and Type.")
+        spacing = tuple(options.spacing)
+        source_options.fill_from_guess(options, guess)
+        if any(spacing):
+            options.spacing = spacing
+
+
+class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelper):
+    """Import a volume for RLE Splat. Its voxels stay in the file"""
+
+    bl_idname = "rle_splat.import_volume"
+    bl_label = "Import Volume"
+    bl_options = {"UNDO", "PRESET"}
+
+    filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
+    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
+    use_dialog: BoolProperty(
+        name="Dialog", description="Ask for options before reading", default=True, options={"SKIP_SAVE", "HIDDEN"})
+    guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    sequence_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def chosen_paths(self) -> list[str]:
+        """Absolute paths of the files chosen in the dialog or dropped, else ``filepath``."""
         names = [entry.name for entry in self.files if entry.name]
         if self.directory and names:
             return [os.path.join(self.directory, name) for name in names]
         return [bpy.path.abspath(self.filepath)] if self.filepath else []
 
     def invoke(self, context, event):
+        if not self.use_dialog:
+            return self.begin(context)
         source_options.clear(self)  # Blender keeps the options of the last import, guesses included
         self.check(context)
+        self.is_confirmed = True
         return self.invoke_popup(context)
 
+    def paths(self) -> list[str]:
+        """Absolute paths to import; of the files of a sequence, one."""
+        chosen = self.chosen_paths()
+        if not self.use_sequence or len(chosen) < 2:
+            return chosen
+        first = {}
+        for path in chosen:
+            numbered = sequence_of(path)
+            first.setdefault(str(numbered.first) if numbered else path, path)
+        return list(first.values())
+
     def check(self, _context):
-        """Guess the raw layout when another file is picked; return whether the dialog changed."""
-        paths = self.paths()
+        """Guess layout and sequence when other files are picked; return whether the dialog changed."""
+        paths = self.chosen_paths()
         path = paths[0] if len(paths) == 1 else ""
-        if path == self.guessed_for:
+        if "\n".join(paths) == self.guessed_for:
             return False
-        self.guessed_for, self.guess_text = path, ""
+        self.guessed_for, self.guess_text = "\n".join(paths), ""
         source_options.clear(self)
+        self.sequence_text, self.use_sequence = _sequence_among(paths)
         if path and os.path.isfile(path) and format_of(path) is RAW:
             try:
                 guess = guess_raw(path, limit=DIALOG_GUESS_LIMIT)
@@ -83,7 +183,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        paths = self.paths()
+        paths = self.chosen_paths()
         kind = format_of(paths[0]) if paths else None
         if len(paths) > 1:
             layout.label(text=f"{len(paths)} files; each layout is guessed")
@@ -93,6 +193,9 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
             for name in ("grid", "series", "frame", "spacing"):
                 if name in kind.options:
                     layout.prop(self, name)
+        if self.sequence_text:
+            layout.prop(self, "use_sequence")
+            layout.label(text=self.sequence_text, icon="SEQUENCE")
         layout.separator()
         layout.prop(self, "modality")
         layout.prop(self, "value_unit")
@@ -117,55 +220,36 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
                 for line in textwrap.wrap(sentence, LETTERS):
                     box.label(text=line)
 
-    def execute(self, context):
-        paths = self.paths()
-        if not paths:
-            return refuse(self, "No file was chosen; set filepath, or directory and files.")
-        explicit = len(paths) == 1
-        try:
-            read = [self._read(path, explicit) for path in paths]
-        except RleSplatError as problem:
-            return refuse(self, problem)
-        for path, options, volume, transfer_function, reason in read:
-            owner, remark = new_volume.add_volume(
-                context, path, volume, options, transfer_function, at_cursor=self.at_cursor)
-            for sentence in (*volume.remarks, remark):
-                if sentence:
-                    self.report({"WARNING"}, sentence)
-            self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", reason))))
-        return {"FINISHED"}
 
-    def _read(self, path: str, explicit: bool):
-        """Return (path, options, Volume, TransferFunction, reason for it) without changing the .blend."""
-        options = source_options.PlainOptions()
-        if explicit:
-            source_options.copy(self, options)
-        if os.path.isfile(path) and format_of(path) is RAW:
-            self._complete(path, options)
-        volume = volumes.read_file(path, source_options.read_options(options))
-        check_values(volume)
-        transfer_function, reason = chosen_transfer(self.preset, volume)
-        return path, options, volume, transfer_function, reason
+class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
+    """Import the DICOM series in a folder and in its folders"""
 
-    def _complete(self, path: str, options) -> None:
-        """Guess the missing layout of a raw file and report it; raise RleSplatError when nothing fits its size."""
-        if any(options.shape) and options.dtype != "AUTO":
-            return
-        known = {name: value for name, value in source_options.read_options(options).items()
-                 if name in ("shape", "dtype", "byte_order", "header_bytes")}
-        guess = guess_raw(path, **known)
-        if guess.shape is None or guess.dtype is None or not guess.candidates:
-            size = "too many" if guess.size is None else guess.size
-            raise RleSplatError(
-                f"No shape and type can be guessed for {os.path.basename(path)} from its {size} bytes; "
-                "set Shape and Type in the import dialog.")
-        if not guess.certain:
-            self.report({"WARNING"}, f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; "
-                                     "if it looks wrong, import it again with its Shape and Type.")
-        spacing = tuple(options.spacing)
-        source_options.fill_from_guess(options, guess)
-        if any(spacing):
-            options.spacing = spacing
+    bl_idname = "rle_splat.import_folder"
+    bl_label = "Import DICOM Folder"
+    bl_options = {"UNDO"}
+
+    directory: StringProperty(
+        name="Folder", description="Folder of the files", subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    def paths(self) -> list[str]:
+        return [os.path.normpath(bpy.path.abspath(self.directory))] if self.directory else []
+
+    def options_again(self) -> dict:
+        return {**super().options_again(), "directory": "", "files": []}
+
+    def invoke(self, context, _event):
+        source_options.clear(self)
+        self.is_confirmed = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("spacing", "modality", "preset", "at_cursor"):
+            layout.prop(self, name)
 
 
 class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
@@ -184,6 +268,7 @@ class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
 def draw_menu_entry(menu, _context):
     names = ", ".join(entry.name for entry in FORMATS)
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=f"Volume (RLE Splat) ({names})")
+    menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Folder (RLE Splat)")
 
 
-CLASSES = (RLE_SPLAT_OT_import_volume, RLE_SPLAT_FH_volume)
+CLASSES = (RLE_SPLAT_OT_import_volume, RLE_SPLAT_OT_import_folder, RLE_SPLAT_FH_volume)

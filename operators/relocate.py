@@ -1,45 +1,63 @@
-"""Relocate Volume: choose the file of a volume that was moved."""
+"""Relocate Volume: choose the file or the folder of a volume that was moved."""
 
 import os
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..bridge import new_volume, source_options, volumes
-from ..rle_splat.scene import RleSplatError
-from ..rle_splat.volume.checks import check_values
+from ..bridge.held import Held
+from ..bridge.reading import found_steps
 from .import_volume import LAST_SUFFIXES
-from .refusal import has_editable_volume, refuse
+from .reading import ReadsFiles
+from .refusal import has_editable_volume
 
 
-class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
-    """Choose the volume's file at its new place. It is read with the options of the import"""
+class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
+    """Choose the volume's file at its new place, or open its folder. It is read with the options of the import"""
 
     bl_idname = "rle_splat.relocate"
     bl_label = "Relocate Volume"
-    bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
+    series: IntProperty(
+        name="Series", description="Number of the series where a place holds several; 0 uses that of the import",
+        default=0, min=0, options={"SKIP_SAVE", "HIDDEN"})
+    use_dialog: BoolProperty(
+        name="Dialog", description="Ask for the file before reading", default=True, options={"SKIP_SAVE", "HIDDEN"})
 
     @classmethod
     def poll(cls, context):
         return has_editable_volume(cls, context)
 
-    def execute(self, context):
+    def invoke(self, context, event):
+        if not self.use_dialog:
+            return self.begin(context)
+        self.is_confirmed = True
+        return ImportHelper.invoke(self, context, event)
+
+    def options_again(self) -> dict:
+        return {"filepath": self.filepath, "use_dialog": False}
+
+    def prepare(self, context):
         owner = volumes.volume_object(context)
+        self._owner, self._options = Held(owner), source_options.PlainOptions()
+        source_options.copy(owner.rle_splat, self._options)
+        self._options.series = self.series or self._options.series
+        if owner.rle_splat.frame_count > 1:
+            self._options.frame = owner.rle_splat.data_frame
         path = os.path.abspath(bpy.path.abspath(self.filepath))
+        return self.with_thumbnails(found_steps(path, self._options))
+
+    def commit(self, context, found):
+        owner = self._owner.get()
         before = owner.rle_splat.data_key
-        try:
-            volume = volumes.read_file(path, source_options.read_options(owner.rle_splat))
-            check_values(volume)
-        except RleSplatError as problem:
-            return refuse(self, problem)
-        new_volume.fill_volume(context.scene, owner, path, volume)
+        owner.rle_splat.series = self._options.series
+        new_volume.fill_volume(context.scene, owner, found)
         if before and before != owner.rle_splat.data_key:
-            self.report({"WARNING"}, f"The voxels of {os.path.basename(path)} differ from those that were imported; "
-                                     "undo if this is the wrong file.")
-        return {"FINISHED"}
+            self.report({"WARNING"}, f"The voxels of {os.path.basename(found.path)} differ from those that were "
+                                     "imported; undo if this is the wrong file.")
 
 
 CLASSES = (RLE_SPLAT_OT_relocate,)

@@ -195,8 +195,8 @@ def read_nifti_steps(path, frame=None):
     voxels = yield from voxel_steps(facts.data, facts.shape, facts.dtype, [part], begin)
     return Volume(
         voxels=voxels, affine=facts.affine, unit=facts.unit, slope=facts.slope, intercept=facts.intercept,
-        name=plain_name(path), space=facts.space, frames=facts.frames, named_labels=labels,
-        remarks=facts.remarks + frame_remark(frame, facts.frames, facts.frame_axis),
+        name=plain_name(path), space=facts.space, frames=facts.frames, frame_axis=facts.frame_axis,
+        named_labels=labels, remarks=facts.remarks + frame_remark(frame, facts.frames, facts.frame_axis),
     )  # fmt: skip
 
 

@@ -241,7 +241,8 @@ def read_nrrd_steps(path, frame=None):
     meaning = {name: float(own[name]) for name in ("slope", "intercept") if name in own}
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), remarks=remarks, space=space, frames=frames,
-        named_labels=labels, value_unit=own.get("value_unit"), modality=own.get("modality"), **meaning,
+        frame_axis=axes.differ_in, named_labels=labels, value_unit=own.get("value_unit"),
+        modality=own.get("modality"), **meaning,
     )  # fmt: skip
 
 

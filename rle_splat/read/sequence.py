@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from ..scene import RleSplatError
 
 NUMBER = re.compile(r"\d+")
-NO_FRAME = re.compile(r"u?int\d+|float\d+|\d+(\.\d+)?(x\d+(\.\d+)?)+")  # types, shapes and spacings in names of raw files
+# Types, shapes and spacings, which names of raw files hold.
+NO_FRAME = re.compile(r"u?int\d+|float\d+|\d+(\.\d+)?(x\d+(\.\d+)?)+")
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,11 @@ class Sequence:
     def first(self) -> Path:
         """The file of the first frame."""
         return self.files[min(self.files)]
+
+    def frame_of(self, path) -> int:
+        """The frame of one of the files."""
+        number = next(number for number, file in self.files.items() if file.name == Path(path).name)
+        return (number - min(self.files)) // self.step + 1
 
     def file(self, frame: int) -> Path:
         """The file of a frame, from 1; RleSplatError if there is none."""
@@ -108,7 +115,7 @@ def sequence_of(path) -> Sequence | None:
     if len(found) < 2 or not path.exists():
         return None
     numbers = sorted(found)
-    step = math.gcd(*(b - a for a, b in zip(numbers, numbers[1:])))
+    step = math.gcd(*(b - a for a, b in pairwise(numbers)))
     return Sequence({number: found[number] for number in numbers}, step)
 
 

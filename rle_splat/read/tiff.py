@@ -273,5 +273,6 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
         remarks += (f"The file states no spacing; 1 x 1 x 1 {unit or 'mm'} is assumed.",)
     return Volume(
         voxels=voxels, affine=np.diag((*checked_spacing(spacing), 1.0)), unit=unit or "mm", name=plain_name(path),
-        frames=facts.frames, remarks=remarks + frame_remark(frame or 1, facts.frames, facts.differ_in),
+        frames=facts.frames, frame_axis=facts.differ_in,
+        remarks=remarks + frame_remark(frame or 1, facts.frames, facts.differ_in),
     )  # fmt: skip

@@ -64,7 +64,9 @@ class Volume:
         "patient" if the volume's own space is that of a patient: millimeters along the patient's left, back and head
         (LPS), which are the world's axes. None if the file does not say where the axes point.
     frames : int
-        How many volumes in time the source holds; this one is one of them.
+        How many volumes the source holds; this one is one of them.
+    frame_axis : str
+        What the volumes of the source differ in: "time", or another word for the reader, such as "echo time".
     named_labels : tuple of NamedLabel
         Names and colors of the labels of a label map; empty for other volumes.
 
@@ -86,6 +88,7 @@ class Volume:
     remarks: tuple = field(default=())
     space: str | None = None
     frames: int = 1
+    frame_axis: str = "time"
     named_labels: tuple = ()
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already

@@ -226,7 +226,7 @@ def test_dialog_fills_in_a_guess_for_each_file_picked(tmp_path, addon):
     """``check`` is what Blender calls whenever another file is picked or a value is edited in the dialog."""
     operators = import_module(f"{addon.__name__}.operators.import_volume")
     dialog = SimpleNamespace(directory="", files=(), filepath="", guessed_for="", guess_text="")
-    dialog.paths = lambda: operators.RLE_SPLAT_OT_import_volume.paths(dialog)
+    dialog.chosen_paths = lambda: operators.RLE_SPLAT_OT_import_volume.chosen_paths(dialog)
     import_module(f"{addon.__name__}.bridge.source_options").clear(dialog)
     (tmp_path / "one_4x4x4_uint8.raw").write_bytes(bytes(range(64)))
     (tmp_path / "two_5x4x3_int16_be_0.5x0.5x2.0.raw").write_bytes(np.arange(60, dtype=">i2").tobytes())

@@ -18,6 +18,24 @@ ENOUGH_SLICES = 3  # a group with fewer is not taken by itself beside others
 MIXED = "sequence"
 
 
+class SeveralSeries(RleSplatError):
+    """A path holds several series and none is chosen.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        A series' number is its place among them, from 1.
+    titles : callable
+        ``titles(group) -> str``: one line about a group, without free text of the files.
+    """
+
+    def __init__(self, groups, titles):
+        super().__init__(f"There are {len(groups)} series; choose one with --series N:{_listed(groups, titles)}")
+        self.groups = tuple(groups)
+        self.titles = tuple(titles(group) for group in groups)
+        self.thumbnails = None  # one for each group, from whoever shows a chooser
+
+
 @dataclass(frozen=True)
 class Group:
     """Pictures of one series with one size, pixel spacing and orientation.
@@ -228,7 +246,7 @@ def chosen(groups, series: int | None, titles) -> Group:
         return usable[0]
     if all(group.slices < FEWEST_SLICES for group in usable):
         raise single_picture()
-    raise RleSplatError(f"There are {len(groups)} series; choose one with --series N:{_listed(groups, titles)}")
+    raise SeveralSeries(groups, titles)
 
 
 def _listed(groups, titles) -> str:

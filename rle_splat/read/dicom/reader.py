@@ -132,7 +132,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     return Volume(
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
         value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
-        space=PATIENT if has_geometry(first) else None, frames=len(group.frames),
+        space=PATIENT if has_geometry(first) else None, frames=len(group.frames), frame_axis=group.axis or "time",
         remarks=(*_broken_remark(found.broken), *group.remarks, *_remarks(group, stack, mapping, padded)),
     )  # fmt: skip
 

@@ -1,0 +1,91 @@
+"""Reads the file, the folder or the numbered files of a volume object in steps, for Import and Relocate."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from ..rle_splat.read.dicom.grouping import SeveralSeries
+from ..rle_splat.read.dicom.titles import thumbnail
+from ..rle_splat.read.sequence import sequence_of
+from ..rle_splat.runtime.steps import Progress
+from ..rle_splat.scene import RleSplatError
+from ..rle_splat.volume.checks import check_values
+from ..rle_splat.volume.volume import Volume
+from . import volumes
+from .source_options import read_options
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was read of the source of a volume object.
+
+    Attributes
+    ----------
+    path : str
+        The file or folder.
+    volume : Volume
+        One of the source's volumes.
+    frame, frames : int
+        Its number among them, from 1, and how many there are.
+    remarks : tuple of str
+        Sentences about the source.
+    """
+
+    path: str
+    volume: Volume
+    frame: int = 1
+    frames: int = 1
+    remarks: tuple = ()
+
+    @property
+    def is_in_time(self) -> bool:
+        """Whether there are several volumes, which differ in time."""
+        return self.frames > 1 and self.volume.frame_axis == "time"
+
+
+def found_steps(path: str, options):
+    """Generator of Progress: read a volume and check its values; return a Found.
+
+    Parameters
+    ----------
+    path : str
+        File or folder.
+    options : SourceOptions or PlainOptions
+        With Sequence, the file is one of several numbered ones, and it is the frame that is read.
+
+    Raises
+    ------
+    RleSplatError
+        If it cannot be read, or holds no finite value.
+    """
+    numbered = sequence_of(path) if options.use_sequence else None
+    given = read_options(options)
+    if options.use_sequence:
+        given.pop("frame", None)
+        if numbered is None:
+            raise RleSplatError(
+                f"{os.path.basename(path)} is not one of several files whose names differ in a number alone; switch "
+                "Sequence off, or choose one of the numbered files."
+            )
+    volume = yield from volumes.file_steps(path, given)
+    check_values(volume)
+    if numbered is None:
+        return Found(path, volume, given.get("frame", 1), volume.frames, volume.remarks)
+    remarks = volume.remarks
+    if numbered.missing:
+        frames = ", ".join(map(str, numbered.missing[:8])) + (" and others" if len(numbered.missing) > 8 else "")
+        remarks += (f"Files of the sequence are missing: there is none for frame {frames} of {numbered.count}.",)
+    return Found(path, volume, numbered.frame_of(path), numbered.count, remarks)
+
+
+def thumbnail_steps(several: SeveralSeries):
+    """Generator of Progress: the thumbnails of all series of a refusal; None for one that cannot be decoded."""
+    pictures = []
+    for i, group in enumerate(several.groups):
+        yield Progress(i / len(several.groups), f"looking at series {i + 1} of {len(several.groups)}")
+        try:
+            pictures.append(thumbnail(group))
+        except RleSplatError:
+            pictures.append(None)
+    return pictures

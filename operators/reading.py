@@ -1,0 +1,53 @@
+"""What operators share that read volume files: at once in scripts, in steps in a window, and a choice among series."""
+
+import bpy
+
+from ..bridge import series
+from ..bridge.jobs import READ_BUDGET, StepwiseOperator
+from ..bridge.reading import thumbnail_steps
+from ..rle_splat.read.dicom.grouping import SeveralSeries
+
+
+class ReadsFiles(StepwiseOperator):
+    """Mix-in for operators that read volume files, most of them after a dialog.
+
+    A subclass sets ``is_confirmed`` when it shows a dialog, and defines ``options_again``.
+    """
+
+    bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would read the file again
+
+    is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
+    time_budget = READ_BUDGET
+    out_of_memory = "There is not enough memory for this volume; crop or downsample it."
+    is_confirmed = False  # whether a dialog was shown, whose button calls ``execute``
+
+    def execute(self, context):
+        if self.is_confirmed:
+            self.is_confirmed = False
+            return self.begin(context)
+        return super().execute(context)
+
+    def loading(self, context):
+        return None  # the voxels of other volumes are not needed
+
+    def options_again(self) -> dict:
+        """Properties with which the operator reads the same place again, without a dialog."""
+        raise NotImplementedError
+
+    def with_thumbnails(self, steps):
+        """Generator: the steps; in a window a SeveralSeries that they raise gets ``thumbnails`` for the chooser."""
+        try:
+            return (yield from steps)
+        except SeveralSeries as several:
+            if self.is_in_window:
+                several.thumbnails = yield from thumbnail_steps(several)
+            raise
+
+    def refused(self, context, problem) -> None:
+        if not isinstance(problem, SeveralSeries):
+            super().refused(context, problem)
+        elif problem.thumbnails is None:
+            self.report({"ERROR"}, series.sentence(problem))
+        else:
+            series.offer(problem, problem.thumbnails, self.bl_idname.partition(".")[2], self.options_again())
+            bpy.ops.rle_splat.choose_series("INVOKE_DEFAULT")
