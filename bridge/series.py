@@ -90,7 +90,7 @@ def forget() -> None:
 def sentence(several) -> str:
     """What a script reads: all series in one sentence."""
     listed = "; ".join(f"{number} is {title}" for number, title in enumerate(several.titles, 1))
-    return f"There are {len(several.titles)} series; set series to the number of one: {listed}."
+    return f"{several.problem}; set series to the number of one: {listed}."
 
 
 def facts(row: SeriesInfo) -> list[tuple[str, str]]:

@@ -77,7 +77,7 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
         if self.row >= len(offer.rows):
             return refuse(self, f"There is no row {self.row}; there are {len(offer.rows)} series.")
         read = getattr(bpy.ops.rle_splat, offer.operator)
-        read("INVOKE_DEFAULT", **offer.options, series=offer.rows[self.row].number)
+        read("INVOKE_DEFAULT", True, **offer.options, series=offer.rows[self.row].number)
         series.forget()
         return {"FINISHED"}
 

@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 from ..bridge import facts, new_volume, source_options
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
 from ..bridge.reading import found_steps
-from ..rle_splat.read.formats import FORMATS, RAW, format_of, suffixes
+from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.runtime.steps import part
@@ -23,7 +23,7 @@ LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix i
 DROPPED_SUFFIXES = tuple(dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
-DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to find a file's size while the dialog opens; about a second
+DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
 
 def _sequence_among(paths) -> tuple[str, bool]:
@@ -40,6 +40,8 @@ def _sequence_among(paths) -> tuple[str, bool]:
 
 class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     """Mix-in: read the volumes at ``paths()`` and add an object for each."""
+
+    nothing_chosen = "No file was chosen; set filepath, or directory and files."
 
     preset: EnumProperty(
         name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
@@ -64,7 +66,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     def prepare(self, context):
         paths = self.paths()
         if not paths:
-            raise RleSplatError("No file was chosen; set filepath, or directory and files.")
+            raise RleSplatError(self.nothing_chosen)
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
@@ -133,6 +135,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
     guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     sequence_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    format_name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
     def chosen_paths(self) -> list[str]:
         """Absolute paths of the files chosen in the dialog or dropped, else ``filepath``."""
@@ -169,7 +172,9 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         self.guessed_for, self.guess_text = "\n".join(paths), ""
         source_options.clear(self)
         self.sequence_text, self.use_sequence = _sequence_among(paths)
-        if path and os.path.isfile(path) and format_of(path) is RAW:
+        kind = format_of(path) if os.path.isfile(path) else None
+        self.format_name = kind.name if kind else ""
+        if kind is RAW:
             try:
                 guess = guess_raw(path, limit=DIALOG_GUESS_LIMIT)
             except RleSplatError as problem:
@@ -184,7 +189,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.use_property_split = True
         layout.use_property_decorate = False
         paths = self.chosen_paths()
-        kind = format_of(paths[0]) if paths else None
+        kind = self._kind(paths)
         if len(paths) > 1:
             layout.label(text=f"{len(paths)} files; each layout is guessed")
         elif kind is None or "shape" in kind.options:
@@ -207,6 +212,11 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.separator()
         layout.prop(self, "preset")
         layout.prop(self, "at_cursor")
+
+    def _kind(self, paths):
+        """The format that ``check`` found, else that of the suffix: drawing opens no file."""
+        told = next((entry for entry in FORMATS if entry.name == self.format_name), None)
+        return told or (format_named(paths[0]) if paths else None)
 
     def _draw_raw(self, layout):
         for name in ("shape", "dtype", "byte_order", "header_bytes", "spacing"):
@@ -231,6 +241,8 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
     directory: StringProperty(
         name="Folder", description="Folder of the files", subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    nothing_chosen = "No folder was chosen; set directory."
 
     def paths(self) -> list[str]:
         return [os.path.normpath(bpy.path.abspath(self.directory))] if self.directory else []

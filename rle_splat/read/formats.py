@@ -111,7 +111,11 @@ def _chosen(path: Path, given: dict) -> Format:
         raise RleSplatError(f"There is no file {path}; check the path.")
     chosen = format_of(path)
     if chosen is None and path.is_dir():
-        raise RleSplatError(f"{path} is a folder; give a volume file ({', '.join(suffixes())}).")
+        count = sum(entry.is_file() for entry in path.iterdir())
+        raise RleSplatError(
+            f"{path.name} is a folder without medical images, with {count} other file{'' if count == 1 else 's'}; "
+            f"choose the folder of a series, or a volume file ({', '.join(suffixes())})."
+        )
     if "shape" in given and format_named(path) in (None, RAW):
         chosen = RAW
     if chosen is None:

@@ -9,10 +9,10 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "apply_preset", "choose_plan", "composite", "error_map", "import_volume",
-    "keyframe_transfer", "list_effects", "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "relocate",
-    "remove_backdrop", "remove_channel", "remove_composite", "render_image", "save_transfer", "set_backdrop",
-    "shadow_pass", "window_level",
+    "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "error_map",
+    "import_folder", "import_volume", "keyframe_transfer", "list_effects", "load_transfer", "measure_accuracy",
+    "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel", "remove_composite", "render_image",
+    "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "quality", "render",
@@ -23,11 +23,12 @@ MENUS = {"presets", "windows"}
 # Property groups, whose names no user and no script sees.
 GROUPS = {
     "AccuracyRowProperties", "ChannelProperties", "EffectOverrideProperties", "EffectRowProperties", "LabelProperties",
-    "PictureProperties", "SceneSettings", "VolumeProperties",
+    "PictureProperties", "RLE_SPLAT_PG_series", "SceneSettings", "VolumeProperties",
 }  # fmt: skip
 CLASSES = {
     *(f"RLE_SPLAT_OT_{name}" for name in OPERATORS), *(f"RLE_SPLAT_PT_{name}" for name in PANELS),
-    *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_AP_preferences", *GROUPS,
+    *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_UL_series",
+    "RLE_SPLAT_AP_preferences", *GROUPS,
 }  # fmt: skip
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {

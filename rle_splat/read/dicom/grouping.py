@@ -19,7 +19,7 @@ MIXED = "sequence"
 
 
 class SeveralSeries(RleSplatError):
-    """A path holds several series and none is chosen.
+    """A path holds several series, and none of them is chosen.
 
     Parameters
     ----------
@@ -27,10 +27,14 @@ class SeveralSeries(RleSplatError):
         A series' number is its place among them, from 1.
     titles : callable
         ``titles(group) -> str``: one line about a group, without free text of the files.
+    asked : int or None
+        The number that was asked for, which there is not; None if there was none.
     """
 
-    def __init__(self, groups, titles):
-        super().__init__(f"There are {len(groups)} series; choose one with --series N:{_listed(groups, titles)}")
+    def __init__(self, groups, titles, asked: int | None = None):
+        self.problem = f"There are {len(groups)} series" if asked is None else f"There is no series {asked}"
+        advice = "choose one with --series N" if asked is None else f"use 1 to {len(groups)}"
+        super().__init__(f"{self.problem}; {advice}:{_listed(groups, titles)}")
         self.groups = tuple(groups)
         self.titles = tuple(titles(group) for group in groups)
         self.thumbnails = None  # one for each group, from whoever shows a chooser
@@ -238,7 +242,7 @@ def chosen(groups, series: int | None, titles) -> Group:
     """
     if series is not None:
         if not 1 <= series <= len(groups):
-            raise RleSplatError(f"There is no series {series}; use 1 to {len(groups)}:{_listed(groups, titles)}")
+            raise SeveralSeries(groups, titles, series)
         return groups[series - 1]
     usable = [group for group in groups if not group.localizer and group.slices >= ENOUGH_SLICES]
     usable = usable or [group for group in groups if group.slices >= FEWEST_SLICES] or list(groups)

@@ -1,0 +1,125 @@
+"""DICOM folders in Blender: the only series is taken, of several one is chosen, and names stay in the files."""
+
+from importlib import import_module
+
+import bpy
+import numpy as np
+import pytest
+
+
+def active():
+    return bpy.context.view_layer.objects.active
+
+
+@pytest.fixture
+def phantoms(addon):
+    """Our writer of DICOM files; it needs the libraries of the installed extension."""
+    pytest.importorskip("pydicom")
+    return import_module("tests.read.dicom_phantoms")
+
+
+@pytest.fixture
+def study(tmp_path, phantoms):
+    """A folder with two series of 5 and 7 slices."""
+    steps = {"first": 5, "second": 7}
+    for name, count in steps.items():
+        where = phantoms.geometry(name, (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(count)])
+        phantoms.write_classic(tmp_path / "study" / name, where)
+    return tmp_path / "study"
+
+
+def test_a_folder_is_imported_and_its_object_has_no_name_of_a_patient(study, phantoms, bridge):
+    assert bpy.ops.rle_splat.import_folder(directory=str(study / "first")) == {"FINISHED"}
+    owner = active()
+    volume = bridge("volumes").load_volume(owner)
+    assert volume.shape_xyz[2] == 5 and owner.rle_splat.space == "patient"
+    kept = " ".join(str(getattr(owner.rle_splat, name)) for name in ("facts", "remarks", "filepath")) + owner.name
+    assert "DOE" not in kept.upper() and phantoms.NUMBER not in kept
+
+
+def test_any_file_of_a_series_stands_for_it(study, bridge):
+    path = sorted((study / "second").iterdir())[3]
+    assert bpy.ops.rle_splat.import_volume(filepath=str(path)) == {"FINISHED"}
+    assert bridge("volumes").load_volume(active()).shape_xyz[2] == 7
+
+
+def test_several_series_are_listed_in_one_sentence_and_one_is_chosen(study, refused, bridge):
+    refused(bpy.ops.rle_splat.import_volume, "There are 2 series; set series to the number of one: 1 is CT HEAD",
+            filepath=str(study))
+    refused(bpy.ops.rle_splat.import_folder, "5 slices", directory=str(study))
+    refused(bpy.ops.rle_splat.import_volume, "series 3", filepath=str(study), series=3)
+    counts = {}
+    for number in (1, 2):
+        assert bpy.ops.rle_splat.import_folder(directory=str(study), series=number) == {"FINISHED"}
+        assert active().rle_splat.series == number
+        counts[number] = bridge("volumes").load_volume(active()).shape_xyz[2]
+    assert sorted(counts.values()) == [5, 7]
+
+
+def test_the_chosen_series_is_read_again_after_a_reload(study, tmp_path, bridge):
+    bpy.ops.rle_splat.import_folder(directory=str(study), series=2)
+    expected = np.array(bridge("volumes").load_volume(active()).voxels)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    warnings = []
+    np.testing.assert_array_equal(bridge("volumes").load_volume(active(), warnings.append).voxels, expected)
+    assert not warnings
+    content = (tmp_path / "saved.blend").read_bytes()
+    assert b"DOE^" not in content
+
+
+def test_relocate_takes_a_folder(study, bridge):
+    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    (study / "first").rename(study / "moved")
+    bridge("volumes").forget_all()
+    assert bpy.ops.rle_splat.relocate(filepath=str(study / "moved")) == {"FINISHED"}
+    assert bridge("volumes").load_volume(active()).shape_xyz[2] == 5
+
+
+def test_relocate_to_several_series_lists_them_and_changes_nothing(study, refused):
+    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    before = active().rle_splat.filepath
+    refused(bpy.ops.rle_splat.relocate, "There are 2 series", filepath=str(study))
+    assert active().rle_splat.filepath == before
+    assert bpy.ops.rle_splat.relocate(filepath=str(study), series=1) == {"FINISHED"}
+    assert active().rle_splat.series == 1
+
+
+def test_what_the_chooser_shows(study, bridge, core):
+    series, reading = bridge("series"), bridge("reading")
+    with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
+        bridge("volumes").read_file(str(study), {})
+    several = caught.value
+    thumbnails = core("runtime.steps").drain(reading.thumbnail_steps(several))
+    assert [picture.dtype for picture in thumbnails] == [np.uint8, np.uint8]
+    series.offer(several, thumbnails, "import_volume", {"filepath": str(study), "use_dialog": False})
+    offer = series.offered()
+    told = dict(series.facts(offer.rows[0]))
+    assert told["Modality"].startswith("CT") and told["Slices"] in ("5", "7") and "mm" in told["Spacing"]
+    assert tuple(offer.icons["1"].image_size) == (36, 33)
+    np.testing.assert_allclose(  # without a window Blender makes no icon of it
+        np.array(offer.icons["2"].image_pixels_float[:]).reshape(33, 36, 4)[::-1, :, 0], thumbnails[1] / 255, atol=0.01)
+    assert bpy.ops.rle_splat.choose_series(row=1) == {"FINISHED"}
+    assert active().rle_splat.series == 2 and series.offered() is None
+
+
+def test_a_folder_without_images_is_refused(tmp_path, refused):
+    (tmp_path / "notes.txt").write_text("no image")
+    sentence = f"{tmp_path.name} is a folder without medical images, with 1 other file; choose"
+    refused(bpy.ops.rle_splat.import_folder, sentence, directory=str(tmp_path))
+    refused(bpy.ops.rle_splat.import_folder, "no folder", directory="")
+
+
+@pytest.mark.parametrize("name, options", [("import_folder", {"directory": "first"}), ("choose_series", {"row": 0})])
+def test_an_import_is_undone(study, bridge, core, name, options):
+    bpy.ops.ed.undo_push(message="start")
+    if name == "choose_series":
+        with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
+            bridge("volumes").read_file(str(study), {})
+        bridge("series").offer(caught.value, [None, None], "import_volume", {"filepath": str(study)})
+    else:
+        options = {"directory": str(study / "first")}
+    assert getattr(bpy.ops.rle_splat, name)("EXEC_DEFAULT", True, **options) == {"FINISHED"}
+    assert active() is not None
+    bpy.ops.ed.undo()
+    assert not any(one.rle_splat.is_volume for one in bpy.data.objects)
