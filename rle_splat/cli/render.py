@@ -11,6 +11,7 @@ import numpy as np
 from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
+from .frames import add_frames_option, each_frame
 from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
 from .mixing import add_mixing_options, mixed, mixing_inputs, read_looks
@@ -49,6 +50,7 @@ def add_arguments(parser) -> None:
     add_mist_option(parser)
     add_report_options(parser)
     add_scene_options(parser)
+    add_frames_option(parser)
     parser.add_argument(
         "--motion", metavar="FILE.json",
         help="motion blur: a list of poses, each with camera_matrix, volume_matrix or both, equally spaced in time "
@@ -86,12 +88,62 @@ class Prepared:
     remarks: tuple = ()
 
 
+@dataclass(frozen=True)
+class Checked:
+    """What was read and checked before any volume.
+
+    Attributes
+    ----------
+    quality : Quality
+    poses, looks
+        The results of ``read_motion`` and ``read_looks``.
+    crop : tuple or None
+    is_encoded : bool
+        Whether the volume is a .rle file.
+    """
+
+    quality: Quality
+    poses: list
+    looks: tuple
+    crop: tuple | None
+    is_encoded: bool
+
+
+@dataclass(frozen=True)
+class Like:
+    """What all frames have from the first: transfer function, the reason for it, camera and the volume's matrix."""
+
+    function: object
+    reason: str
+    camera: object
+    matrix: np.ndarray
+
+
 def run(args) -> None:
     start = perf_counter()
-    passes = [] if args.shadow_pass is None else [args.shadow_pass]
-    writers = [writer_for(path) for path in (*args.output, *passes)]
-    outputs = [*args.output, *passes, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=(*scene_inputs(args), args.motion, *mixing_inputs(args)))
+    frames = each_frame(args)
+    checked = _checked(args, frames)
+    reports, like = [], None
+    with ProgressLine(args.progress) as line:
+        for own in frames:
+            prepared, like = _prepared(own, checked, line, like)
+            reports.append(_rendered(own, prepared, line, start))
+            start = perf_counter()
+        if args.frames is not None and args.json:
+            with whole_files([args.json]) as parts:
+                write_report(parts[0], {"command": "render", "input": {"path": str(args.volume)}, "frames": reports})
+    _say(reports[0])
+    for report in reports[1:]:
+        _say_outputs(report)
+
+
+def _checked(args, frames) -> Checked:
+    """Check the options of all frames before any volume is read."""
+    outputs = [path for own in frames for path in (*own.output, *_passes(own))]
+    for path in outputs:
+        writer_for(path)
+    inputs = (*scene_inputs(args), args.motion, *mixing_inputs(args))
+    check_outputs([*outputs, *([args.json] if args.json else [])], inputs=inputs)
     _check_background(args.background)
     check_scene_options(args)
     check_light_effects(args)
@@ -101,29 +153,45 @@ def run(args) -> None:
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
             "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
-    quality = quality_from(args, "pre" if is_encoded else None)
-    with ProgressLine(args.progress) as line:
-        line.show(0.0, f"reading {Path(args.volume).name}")
-        prepared = _prepare_tables(args, quality) if is_encoded else _prepare_voxels(args, quality, line)
-        scene, noticed = mixed(args, moving(prepared.scene, poses), *looks, line)
-        prepared = replace(prepared, scene=replace(scene, crop=crop), remarks=(*prepared.remarks, *noticed))
-        line.show(0.1, "loading the renderer")
-        with line.compiling():
-            rendering, taken = line.follow(_steps(args, prepared), start=0.1)
-        line.show(1.0, "writing")
-        with whole_files(outputs) as parts:
-            began = perf_counter()
-            for writer, part in zip(writers, parts[: len(args.output)]):
-                writer(part, rendering.rgba, rendering.depth, args.background)
-            if taken is not None:
-                from ..pipeline.shadow_pass import as_picture
+    return Checked(quality_from(args, "pre" if is_encoded else None), poses, looks, crop, is_encoded)
 
-                writers[-1](parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
-            write_ms = 1e3 * (perf_counter() - began)
-            report = _report(args, prepared, rendering, write_ms, start)
-            if args.json:
-                write_report(parts[-1], report)
-    _say(report)
+
+def _passes(args) -> list:
+    return [] if args.shadow_pass is None else [args.shadow_pass]
+
+
+def _prepared(args, checked: Checked, line, like: Like | None) -> tuple[Prepared, Like | None]:
+    """Read a frame and make its scene; ``like``: what it has from the first."""
+    line.show(0.0, f"reading {Path(args.volume).name}")
+    if checked.is_encoded:
+        prepared = _prepare_tables(args, checked.quality)
+    else:
+        prepared, like = _prepare_voxels(args, checked.quality, line, like)
+    scene, noticed = mixed(args, moving(prepared.scene, checked.poses), *checked.looks, line)
+    return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=(*prepared.remarks, *noticed)), like
+
+
+def _rendered(args, prepared: Prepared, line, start: float) -> dict:
+    """Render a frame and write its outputs; return the report."""
+    outputs = [*args.output, *_passes(args)]
+    line.show(0.1, "loading the renderer")
+    with line.compiling():
+        rendering, taken = line.follow(_steps(args, prepared), start=0.1)
+    line.show(1.0, "writing")
+    with whole_files([*outputs, *([args.json] if args.json else [])]) as parts:
+        began = perf_counter()
+        for path, part in zip(args.output, parts):
+            writer_for(path)(part, rendering.rgba, rendering.depth, args.background)
+        if taken is not None:
+            from ..pipeline.shadow_pass import as_picture
+
+            write = writer_for(args.shadow_pass)
+            write(parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
+        write_ms = 1e3 * (perf_counter() - began)
+        report = _report(args, prepared, rendering, write_ms, start)
+        if args.json:
+            write_report(parts[-1], report)
+    return report
 
 
 def _steps(args, prepared: Prepared):
@@ -148,7 +216,7 @@ def _check_background(background) -> None:
         raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
 
 
-def _prepare_voxels(args, quality, line) -> Prepared:
+def _prepare_voxels(args, quality, line, like: Like | None) -> tuple[Prepared, Like]:
     """Read a volume and make its scene; options are checked before the volume is read."""
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -157,11 +225,11 @@ def _prepare_voxels(args, quality, line) -> Prepared:
     volume = read_input(args, line)
     read_ms = 1e3 * (perf_counter() - began)
     check_values(volume)
-    function, reason = choose_transfer_function(args, volume, given_function)
-    camera, matrix = place(args, volume, camera, matrix)
-    scene = with_light_effects(args, make_scene(args, volume, function, camera, matrix, lights, headlight))
-    remarks = quality_remarks(args, quality)
-    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": reason}, remarks)
+    if like is None:
+        like = Like(*choose_transfer_function(args, volume, given_function), *place(args, volume, camera, matrix))
+    scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
+    described = {"name": like.function.name, "reason": like.reason}
+    return Prepared(with_light_effects(args, scene), quality, read_ms, described, quality_remarks(args, quality)), like
 
 
 def _prepare_tables(args, quality) -> Prepared:
@@ -228,11 +296,15 @@ def _say(report: dict) -> None:
 
     for remark in report["remarks"]:
         print(remark)
-    function, image = report["transfer_function"], report["image"]
+    function = report["transfer_function"]
     print(f"Transfer function {function['name']}: {function['reason']}")
     if report["error"]["tolerance"] is not None:
         print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
     for line in rays_lines(report["rays"]):
         print(line)
-    seconds = report["stages_ms"]["total"] / 1e3
+    _say_outputs(report)
+
+
+def _say_outputs(report: dict) -> None:
+    image, seconds = report["image"], report["stages_ms"]["total"] / 1e3
     print(f"Wrote {', '.join(report['outputs'])} ({image['width']} x {image['height']}) in {seconds:.2f} s.")

@@ -25,6 +25,7 @@ from .mgh import read_mgh_steps, recognizes_mgh
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
+from .sequence import Sequence, sequence_of
 from .tiff import SUFFIXES as TIFF_SUFFIXES
 from .tiff import read_tiff_steps, reads_tiff_folder, recognizes_tiff
 from .vdb import lost_in_vdb, read_vdb_steps, recognizes_vdb, write_vdb_steps
@@ -124,7 +125,7 @@ def _chosen(path: Path, given: dict) -> Format:
             "to read it as raw voxels, give its shape and dtype."
         )
     for name in given:
-        if name not in chosen.all_options:
+        if name not in chosen.all_options and name != "frame":  # of numbered files, see ``_numbered``
             raise RleSplatError(f"The option {name} does not apply to {chosen.name} files; leave it out.")
     return chosen
 
@@ -137,13 +138,28 @@ def read_steps(path, **options):
     path = Path(path)
     given = {name: value for name, value in options.items() if value is not None}
     chosen = _chosen(path, given)
+    numbered = None
+    if "frame" in given and "frame" not in chosen.options:
+        numbered = _numbered(path)
+        path = numbered.file(given.pop("frame"))
     meaning = {name: given.pop(name) for name in MEANING_OPTIONS if name in given and name not in chosen.options}
     scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
     checked = dict(zip(scale, checked_scale(*scale.values())))
     volume = yield from chosen.read_steps(path, **given)
-    if meaning:
-        volume = replace(volume, **{name: checked.get(name, value) for name, value in meaning.items()})
-    return _with_guessed_unit(volume)
+    changed = {name: checked.get(name, value) for name, value in meaning.items()}
+    if numbered is not None:
+        changed["frames"] = numbered.count
+    return _with_guessed_unit(replace(volume, **changed) if changed else volume)
+
+
+def _numbered(path: Path) -> Sequence:
+    """The numbered files that a file of one volume belongs to, for its frames; RleSplatError if it is alone."""
+    found = sequence_of(path)
+    if found is None:
+        raise RleSplatError(
+            f"{path.name} holds one volume, and no other file differs from it in a number alone; leave --frame out."
+        )
+    return found
 
 
 def _with_guessed_unit(volume: Volume) -> Volume:
@@ -171,7 +187,8 @@ def read_volume(path, **options) -> Volume:
         Raw voxels: ``shape`` (nx, ny, nz), ``dtype``, ``byte_order``, ``header_bytes``, ``spacing`` (sx, sy, sz).
         OpenVDB: ``grid``, the name of a grid.
         Several series in one place: ``series``, the number of one, from 1.
-        Several volumes in time: ``frame``, the number of one, from 1.
+        Several volumes in time, in one file or in numbered files such as smoke_0001.vdb: ``frame``, the number of one,
+        from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,
         ``value_unit`` ("HU"), ``modality``.
 
