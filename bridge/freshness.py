@@ -120,7 +120,8 @@ def forget() -> None:
 def judge(scene, depsgraph) -> bool:
     """Compare the scene's last picture and its camera's backdrop with the scene.
 
-    A picture whose volume is not in memory is skipped, because reading the volume could take long.
+    A picture whose volume is not in memory is skipped, because reading the volume could take long; but if another frame
+    of the volume is in memory, the picture is outdated.
 
     Parameters
     ----------
@@ -136,7 +137,9 @@ def judge(scene, depsgraph) -> bool:
     """
     before = set(_out_of_date)
     for row in shown_rows(scene):
-        if volumes.is_at_hand(row.volume):
+        if volumes.shows_another(row.volume, depsgraph):
+            _out_of_date.add(row.image.session_uid)
+        elif volumes.is_at_hand(row.volume, depsgraph):
             known = made_from(row.image)
             if known == _made_now(row.volume, depsgraph, known.meshes):
                 _out_of_date.discard(row.image.session_uid)

@@ -5,13 +5,26 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import following, freshness, migration, over_render, picture_files, render_scene, volumes, watch
+from . import (
+    following,
+    freshness,
+    migration,
+    over_render,
+    picture_files,
+    read_ahead,
+    render_scene,
+    series,
+    volumes,
+    watch,
+)
 
 
 @persistent
 def _on_load_pre(*_arguments):
     following.stop()
+    series.forget()
     watch.stop()
+    read_ahead.stop()
     freshness.forget()
     render_scene.forget_stages()
     volumes.forget_all()
@@ -35,6 +48,8 @@ def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
     following.stop()
+    series.forget()
     watch.stop()
+    read_ahead.stop()
     freshness.forget()
     render_scene.forget_stages()

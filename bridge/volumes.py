@@ -235,6 +235,11 @@ def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
         return False
 
 
+def shows_another(owner, depsgraph=None) -> bool:
+    """Whether a volume object shows a frame that is not in memory, while another one is that it showed before."""
+    return owner.rle_splat.frame_count > 1 and owner.session_uid in _in_use and not is_at_hand(owner, depsgraph)
+
+
 def keep_volume(owner, volume) -> None:
     """Cache a volume that was read for an object as its frame ``data_frame``."""
     key = source_of(owner, owner.rle_splat.data_frame).key

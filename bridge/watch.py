@@ -11,7 +11,7 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, pictures, presence
+from . import follow_scene, following, freshness, jobs, pictures, presence, read_ahead
 from .camera import marked_camera
 from .canvas import redraw
 
@@ -40,6 +40,7 @@ def _on_frame_change_post(scene, depsgraph=None):
     """Handler: follow the timeline without the pause, so that a backdrop keeps up with playback."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
         follow_scene.follow(scene, depsgraph, following.is_moving(), marked_camera(scene))
+        read_ahead.consider()
 
 
 HANDLERS = (

@@ -2,9 +2,24 @@
 
 import bpy
 
-from . import accuracy, channels, clip_objects, effects, labels, picture, quality, report, shading, transfer, volume
+from . import (
+    accuracy,
+    channels,
+    clip_objects,
+    effects,
+    labels,
+    picture,
+    playback,
+    quality,
+    report,
+    shading,
+    transfer,
+    volume,
+)
 
-MODULES = (volume, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy)
+MODULES = (
+    volume, playback, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy,
+)  # fmt: skip
 
 
 def register():

@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge import volumes
+from ..bridge import read_ahead, volumes
+from ..bridge.jobs import StepwiseOperator
 from ..operators.refusal import WHICH_VOLUME
 from .places import Sidebar, paragraph
 
@@ -14,6 +15,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
+        _draw_progress(layout)
         owner = volumes.volume_object(context)
         if owner is None:
             if volumes.volume_objects(context.scene):
@@ -34,6 +36,13 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
         row.prop(properties, "filepath", text="")
         row.operator("rle_splat.relocate", text="Relocate")
         layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+
+
+def _draw_progress(layout) -> None:
+    """Say how far a file is read, or another long job is."""
+    progress = StepwiseOperator.progress() or read_ahead.progress()
+    if progress is not None:
+        layout.progress(factor=progress.fraction, type="BAR", text=progress.message)
 
 
 def _icon(owner) -> str:

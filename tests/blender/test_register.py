@@ -15,7 +15,7 @@ OPERATORS = {
     "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
-    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "quality", "render",
+    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "quality", "render",
     "render_accuracy", "render_advanced", "render_effects", "render_quality", "render_report", "report", "shading",
     "transfer", "volume",
 }  # fmt: skip

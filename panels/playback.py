@@ -1,0 +1,32 @@
+"""The Time panel: which of the volumes in time is shown."""
+
+import bpy
+
+from ..bridge import volumes
+from ..bridge.playback import FIXED, shown_frame
+from .places import Sidebar
+
+
+class RLE_SPLAT_PT_playback(Sidebar, bpy.types.Panel):
+    bl_label = "Time"
+    bl_idname = "RLE_SPLAT_PT_playback"
+    bl_parent_id = "RLE_SPLAT_PT_volume"
+
+    @classmethod
+    def poll(cls, context):
+        owner = volumes.volume_object(context)
+        return owner is not None and owner.rle_splat.frame_count > 1
+
+    def draw(self, context):
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(properties, "playback")
+        column = layout.column(align=True)
+        for name in ("frame",) if properties.playback == FIXED else ("frame_offset", "frame_step"):
+            column.prop(properties, name)
+        layout.label(text=f"Shows {shown_frame(owner)} of {properties.frame_count}")
+
+
+CLASSES = (RLE_SPLAT_PT_playback,)

@@ -1,0 +1,210 @@
+"""Volumes in time: which frame is shown, each rendered frame shows its own, and how many are kept in memory."""
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+N = 7
+ALPHAS = (0.05, 0.1, 0.2, 0.4)
+
+
+@pytest.fixture
+def sequence(tmp_path):
+    """Four numbered raw files of one value each: 50, 100, 150, 200."""
+    for frame in range(1, 5):
+        (tmp_path / f"beat_{frame:04d}.raw").write_bytes(bytes([50 * frame]) * N**3)
+    return tmp_path / "beat_0001.raw"
+
+
+@pytest.fixture
+def owner(sequence, bridge, core):
+    """The sequence imported, its values shown with the opacities ALPHAS."""
+    scene = scenes.use_cycles((16, 16))
+    scene.rle_splat.scene_scale, scene.rle_splat.classification, scene.rle_splat.backend = 1.0, "pre", "numpy"
+    scene.rle_splat.quality = "fine"
+    assert bpy.ops.rle_splat.import_volume(
+        filepath=str(sequence), shape=(N, N, N), dtype="uint8", spacing=(1, 1, 1), use_sequence=True) == {"FINISHED"}
+    owner = bpy.context.view_layer.objects.active
+    points = ((0.0, 0.0), *((50.0 * i, alpha) for i, alpha in enumerate(ALPHAS, 1)), (255.0, ALPHAS[-1]))
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner, points,
+        (1.0, 1.0, 1.0))
+    scenes.add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=16.0)
+    return owner
+
+
+def value_now(bridge, owner) -> int:
+    """The value of the frame that is shown, over 50."""
+    return int(bridge("volumes").load_volume(owner).voxels[0, 0, 0]) // 50
+
+
+def shown_at(bridge, owner, frames) -> list:
+    found = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        found.append(value_now(bridge, owner))
+    return found
+
+
+def test_a_sequence_follows_the_timeline(owner, bridge):
+    assert (owner.rle_splat.frame_count, owner.rle_splat.playback) == (4, "HOLD")
+    assert shown_at(bridge, owner, (-5, 1, 2, 3, 4, 5, 99)) == [1, 1, 2, 3, 4, 4, 4]
+
+
+@pytest.mark.parametrize("playback, offset, step, expected", [
+    ("HOLD", 2, 1.0, [3, 4, 4, 4, 4, 4]), ("HOLD", -2, 1.0, [1, 1, 1, 2, 3, 4]), ("HOLD", 0, 0.5, [1, 1, 2, 2, 3, 3]),
+    ("LOOP", 0, 1.0, [1, 2, 3, 4, 1, 2]), ("LOOP", -1, 1.0, [4, 1, 2, 3, 4, 1]), ("LOOP", 0, -1.0, [1, 4, 3, 2, 1, 4]),
+    ("LOOP", 0, 2.0, [1, 3, 1, 3, 1, 3]), ("FIXED", 2, 2.0, [1] * 6),
+])  # fmt: skip
+def test_offset_step_hold_and_loop(owner, bridge, playback, offset, step, expected):
+    properties = owner.rle_splat
+    properties.playback, properties.frame_offset, properties.frame_step = playback, offset, step
+    assert shown_at(bridge, owner, range(1, 7)) == expected
+
+
+def test_the_frame_can_be_keyframed(owner, bridge):
+    owner.rle_splat.playback = "FIXED"
+    for time, frame in ((1, 4), (2, 2), (3, 9)):
+        owner.rle_splat.frame = frame
+        owner.keyframe_insert("rle_splat.frame", frame=time)
+    assert shown_at(bridge, owner, (1, 2, 3)) == [4, 2, 4]
+
+
+def test_each_rendered_frame_shows_its_own_volume(owner, tmp_path):
+    bpy.ops.rle_splat.composite()
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 4
+    scenes.write_exr(tmp_path / "frame_####.exr")
+    bpy.ops.render.render(animation=True)
+    middles = [scenes.load_pixels(tmp_path / f"frame_{frame:04d}.exr")[8, 8, 3] for frame in range(1, 5)]
+    np.testing.assert_allclose(middles, [1.0 - (1.0 - alpha) ** N for alpha in ALPHAS], atol=1.5 / 255)
+    scene.frame_set(2)
+    bpy.ops.render.render(write_still=True)
+    np.testing.assert_allclose(scenes.load_pixels(tmp_path / "frame_0002.exr")[8, 8, 3], middles[1], atol=1e-6)
+
+
+def test_a_missing_frame_gets_the_placeholder_and_a_sentence(owner, sequence, tmp_path):
+    sequence.with_name("beat_0003.raw").unlink()
+    bpy.ops.rle_splat.composite()
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 2, 4
+    scenes.write_exr(tmp_path / "frame_####.exr")
+    bpy.ops.render.render(animation=True)
+    assert scene.rle_splat.failed_frames == "3" and "Frame 3 is missing" in scene.rle_splat.render_problem
+
+
+def run_timer(read_ahead) -> int:
+    """Let the timer function run until it stops, as in a window; returns how often it ran."""
+    count = 0
+    while read_ahead._tick() is not None:
+        count += 1
+    return count
+
+
+def test_the_timer_reads_the_next_frame_once_for_each_frame(owner, bridge):
+    volumes, read_ahead = bridge("volumes"), bridge("read_ahead")
+    shown_at(bridge, owner, (1, 2))
+    assert len(volumes._kept) == 1 and not volumes.is_at_hand(owner, ahead=1)
+    read_ahead._is_due[0] = True
+    run_timer(read_ahead)
+    assert volumes.is_at_hand(owner, ahead=1) and len(volumes._kept) == 2 and read_ahead.progress() is None
+    assert not read_ahead._work and read_ahead._tick() is None  # nothing more until the frame changes
+
+
+def test_what_is_wanted_now_is_read_by_the_timer_and_then_shown(owner, bridge, sequence):
+    volumes, read_ahead = bridge("volumes"), bridge("read_ahead")
+    assert not read_ahead.want(owner)  # it is in memory
+    volumes.forget_all()
+    assert read_ahead.want(owner) and read_ahead.want(owner) and len(read_ahead._work) == 1
+    run_timer(read_ahead)
+    assert volumes.is_at_hand(owner) and not read_ahead.want(owner)
+    volumes.forget_all()
+    sequence.write_bytes(b"cut")
+    assert read_ahead.want(owner)
+    run_timer(read_ahead)
+    assert not read_ahead.want(owner)  # so that whoever asks reads it at once, and says what is wrong
+    read_ahead.stop()
+
+
+def test_the_next_frame_is_read_ahead(owner, bridge, core):
+    volumes = bridge("volumes")
+    shown_at(bridge, owner, (2,))
+    assert not volumes.is_at_hand(owner, ahead=1)
+    core("runtime.steps").drain(volumes.load_ahead_steps(owner))
+    assert volumes.is_at_hand(owner, ahead=1) and len(volumes._kept) == 2
+    assert shown_at(bridge, owner, (3,)) == [3] and len(volumes._kept) == 1
+    core("runtime.steps").drain(volumes.load_ahead_steps(owner))
+    assert shown_at(bridge, owner, (1,)) == [1] and len(volumes._kept) == 1  # after a jump nothing old stays
+
+
+def test_a_picture_of_another_frame_is_out_of_date(owner, bridge):
+    freshness, scene = bridge("freshness"), bpy.context.scene
+    scene.frame_set(1)
+    bpy.ops.rle_splat.render_image()
+    assert not freshness.out_of_date(scene)
+    scene.frame_set(2)
+    freshness.judge(scene, bpy.context.evaluated_depsgraph_get())
+    assert freshness.out_of_date(scene) == [scene.rle_splat.image]
+    scene.frame_set(1)
+    freshness.judge(scene, bpy.context.evaluated_depsgraph_get())
+    assert not freshness.out_of_date(scene)
+
+
+def test_a_followed_backdrop_shows_the_frame(owner, bridge):
+    bpy.ops.rle_splat.set_backdrop(follow=True)
+    scene = bpy.context.scene
+    entry = scene.camera.data.background_images[0]
+    middles = []
+    for frame in (1, 2, 4):
+        scene.frame_set(frame)
+        middles.append(scenes.image_pixels(entry.image)[8, 8, 3])
+    np.testing.assert_allclose(middles, [1.0 - (1.0 - ALPHAS[i]) ** N for i in (0, 1, 3)], atol=1.5 / 255)
+
+
+def test_a_chosen_file_of_the_middle_keeps_its_place(sequence, bridge):
+    bpy.ops.rle_splat.import_volume(
+        filepath=str(sequence.with_name("beat_0003.raw")), shape=(N, N, N), dtype="uint8", use_sequence=True)
+    owner = bpy.context.view_layer.objects.active
+    assert owner.rle_splat.data_frame == 3
+    assert shown_at(bridge, owner, (1, 3)) == [1, 3]
+    warnings = []
+    bridge("volumes").load_volume(owner, warnings.append)
+    assert not warnings
+
+
+def test_without_the_option_a_numbered_file_is_one_volume(sequence, bridge):
+    bpy.ops.rle_splat.import_volume(filepath=str(sequence), shape=(N, N, N), dtype="uint8")
+    owner = bpy.context.view_layer.objects.active
+    assert (owner.rle_splat.frame_count, owner.rle_splat.playback) == (1, "FIXED")
+    assert shown_at(bridge, owner, (1, 3)) == [1, 1]
+
+
+def test_all_files_of_a_sequence_are_one_volume(sequence):
+    names = [{"name": f"beat_{frame:04d}.raw"} for frame in (2, 1, 3)]
+    options = dict(shape=(N, N, N), dtype="uint8", use_sequence=True)
+    bpy.ops.rle_splat.import_volume(directory=str(sequence.parent), files=names, **options)
+    found = [one for one in bpy.data.objects if one.rle_splat.is_volume]
+    assert [one.rle_splat.frame_count for one in found] == [4]
+
+
+def test_sequence_of_a_file_alone_is_refused(phantom, refused):
+    refused(bpy.ops.rle_splat.import_volume, "switch Sequence off", filepath=str(phantom[0]), shape=(7, 6, 5),
+            dtype="uint8", use_sequence=True)
+
+
+def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
+    nibabel = pytest.importorskip("nibabel")
+    values = np.zeros((N, N, N, 3), np.uint8)
+    values[...] = np.array((50, 100, 150), np.uint8)
+    nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), tmp_path / "bold.nii.gz")
+    assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "bold.nii.gz")) == {"FINISHED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    owner = bpy.context.view_layer.objects.active
+    assert shown_at(bridge, owner, (1, 2, 3, 4)) == [1, 2, 3, 3]
+    (tmp_path / "bold.nii.gz").rename(tmp_path / "moved.nii.gz")
+    bridge("volumes").forget_all()
+    assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "moved.nii.gz")) == {"FINISHED"}
+    assert shown_at(bridge, owner, (2,)) == [2]
