@@ -1,0 +1,210 @@
+"""Reading files in a real Blender with a window: in steps, with progress, Esc and the chooser of series.
+
+dev.py test runs it. A slice of work is watched for how long it keeps the window waiting.
+"""
+
+import gzip
+import tempfile
+import time
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import drive, in_the_view, new_file, open_panels, passed, photograph, until, window
+
+LARGE = (256, 512, 512)  # (nz, ny, nx) voxels of 16 bits, 128 MiB: long enough for progress and Esc
+LONGEST = 0.2  # seconds that the window may wait
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_import_"))
+slices: list[float] = []  # seconds of each slice of work
+
+
+def jobs():
+    return import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+
+
+def volumes():
+    return [one for one in bpy.data.objects if one.rle_splat.is_volume]
+
+
+def watch_slices() -> None:
+    job = jobs()
+    work = job._work_a_while
+
+    def watched(self, context):
+        began = time.perf_counter()
+        try:
+            return work(self, context)
+        finally:
+            slices.append(time.perf_counter() - began)
+
+    job._work_a_while = watched
+
+
+def large_file() -> Path:
+    """A packed raw file that takes seconds to read."""
+    path = FOLDER / "large_512x512x256_int16_1.0x1.0x1.0.raw.gz"
+    if not path.exists():
+        noise = np.random.default_rng(0).integers(-50, 50, LARGE[1:], dtype=np.int16)
+        with gzip.open(path, "wb", compresslevel=1) as stream:
+            for z in range(LARGE[0]):
+                stream.write((noise + z).astype(np.int16).tobytes())
+    return path
+
+
+def start(path, **options) -> None:
+    slices.clear()
+    with in_the_view():
+        done = bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(path), use_dialog=False, **options)
+        assert done == {"RUNNING_MODAL"}
+
+
+def press(kind: str) -> None:
+    for value in ("PRESS", "RELEASE"):
+        window().event_simulate(type=kind, value=value)
+
+
+def check_steps():
+    """A large file is read little by little, with progress; the object is there at the end and gone after undo."""
+    yield from new_file()
+    path = large_file()
+    bpy.ops.ed.undo_push(message="start")
+    start(path)
+    yield from until(lambda: jobs().progress() is not None and jobs().progress().fraction > 0.1)
+    yield from photograph("progress")
+    yield from until(lambda: not jobs()._running)
+    assert len(volumes()) == 1 and volumes()[0].rle_splat.frame_count == 1
+    print(f"{len(slices)} slices, the longest {1e3 * max(slices):.0f} ms", [f"{1e3*t:.0f}" for t in slices], flush=True)
+    assert max(slices) < LONGEST
+    with in_the_view():
+        bpy.ops.ed.undo()
+    assert not volumes()
+
+
+def check_escape():
+    """Esc ends the reading at once, and nothing is left of it."""
+    yield from new_file()
+    job, ended = jobs(), []
+    abandon = job._abandon
+    job._abandon = lambda self, context: (abandon(self, context), ended.append(time.perf_counter()))
+    start(large_file())
+    yield
+    yield
+    assert jobs()._running
+    pressed = time.perf_counter()
+    press("ESC")
+    yield from until(lambda: ended)
+    print(f"Esc took {1e3 * (ended[0] - pressed):.0f} ms", flush=True)
+    assert ended[0] - pressed < LONGEST and not jobs()._running and not volumes()
+    assert not import_module(f"{MODULE}.bridge.volumes")._kept
+    job._abandon = abandon
+
+
+def check_dialog():
+    """The dialog of a dropped file, confirmed by Enter, leads to the same steps."""
+    yield from new_file()
+    slices.clear()
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(large_file()))
+    yield from photograph("dialog")
+    press("RET")
+    yield from until(lambda: volumes(), seconds=30.0)
+    assert len(slices) > 3 and max(slices) < LONGEST
+
+
+def write_series(folder: Path, number: int, count: int) -> None:
+    """DICOM files of a series, each a disc that grows."""
+    from pydicom.dataset import Dataset, FileMetaDataset
+    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
+
+    folder.mkdir(parents=True)
+    series, (y, x) = generate_uid(), np.mgrid[-1:1:64j, -1:1:64j]
+    for i in range(count):
+        data = Dataset()
+        data.file_meta = FileMetaDataset()
+        data.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        data.file_meta.MediaStorageSOPClassUID = data.SOPClassUID = "1.2.840.10008.5.1.4.1.1.2"
+        data.file_meta.MediaStorageSOPInstanceUID = data.SOPInstanceUID = generate_uid()
+        data.SeriesInstanceUID, data.SeriesNumber, data.InstanceNumber = series, number, i + 1
+        data.Modality, data.BodyPartExamined, data.SeriesDescription = "CT", "HEAD", f"disc {number}"
+        data.Rows = data.Columns = 64
+        data.ImagePositionPatient, data.ImageOrientationPatient = [0, 0, 2.0 * i], [1, 0, 0, 0, 1, 0]
+        data.PixelSpacing, data.RescaleSlope, data.RescaleIntercept = [1.5, 1.5], 1, -1024
+        data.BitsAllocated, data.BitsStored, data.HighBit, data.PixelRepresentation = 16, 16, 15, 0
+        data.SamplesPerPixel, data.PhotometricInterpretation = 1, "MONOCHROME2"
+        disc = x**2 + y**2 < (0.3 + 0.4 * i / count) * number / 2
+        data.PixelData = np.where(disc, 2000, 24).astype("<u2").tobytes()
+        data.save_as(folder / f"{i:04d}", enforce_file_format=True)
+
+
+def check_chooser():
+    """Of a folder with three series the first is chosen by Enter; Esc before that leaves nothing."""
+    yield from new_file()
+    for number, count in ((1, 8), (2, 12), (3, 20)):
+        write_series(FOLDER / "study" / str(number), number, count)
+    series = import_module(f"{MODULE}.bridge.series")
+    for key, found in (("ESC", 0), ("RET", 1)):
+        start(FOLDER / "study")
+        yield from until(series.offered)
+        yield from photograph("chooser")
+        assert all(series.offered().icon(number) for number in (1, 2, 3))
+        press(key)
+        yield from until(lambda: not jobs()._running and not series.offered())
+        yield
+        yield from until(lambda: not jobs()._running)
+        assert len(volumes()) == found
+    assert volumes()[0].rle_splat.series == 1
+
+
+def check_playback():
+    """After a frame change the next frame is read ahead; a followed backdrop shows its frame."""
+    yield from new_file()
+    for frame in range(1, 5):
+        (FOLDER / f"beat_{frame:02d}.raw").write_bytes(bytes([50 * frame]) * 64**3)
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume(
+            filepath=str(FOLDER / "beat_01.raw"), shape=(64, 64, 64), dtype="uint8", spacing=(1, 1, 1),
+            use_sequence=True)
+    ours, owner = import_module(f"{MODULE}.bridge.volumes"), volumes()[0]
+    yield from photograph("time")
+    for frame in (1, 2, 3):
+        bpy.context.scene.frame_set(frame)
+        ours.load_volume(owner)
+        yield from until(lambda: ours.is_at_hand(owner, ahead=1), seconds=5.0)
+        assert len(ours._kept) == 2
+
+
+def check_reload():
+    """After a .blend is opened, a picture reads the voxels in steps."""
+    yield from new_file()
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume(filepath=str(large_file()))
+        bpy.ops.object.camera_add(location=(0.25, 0.25, 3.0))
+    scene = bpy.context.scene
+    scene.camera, scene.rle_splat.backend = bpy.context.object, "numpy"
+    scene.rle_splat.quality, scene.render.resolution_x, scene.render.resolution_y = "draft", 16, 16
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "saved.blend"))
+    yield
+    slices.clear()
+    bpy.context.view_layer.objects.active = volumes()[0]
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield from until(lambda: "measuring" in getattr(jobs().progress(), "message", ""))
+    print(f"{len(slices)} slices, the longest {1e3 * max(slices):.0f} ms", flush=True)
+    assert len(slices) > 3 and max(slices) < LONGEST
+    press("ESC")
+    yield from until(lambda: not jobs()._running)
+
+
+def scenario():
+    watch_slices()
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
+    for check in (check_steps, check_escape, check_dialog, check_chooser, check_playback, check_reload):
+        yield from check()
+        passed(check.__name__)
+
+
+drive(scenario)
