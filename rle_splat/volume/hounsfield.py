@@ -6,7 +6,7 @@ import numpy as np
 
 from .volume import Volume
 
-SAMPLES = 1 << 22  # voxels that are looked at
+SAMPLES = 1 << 20  # voxels that are looked at
 AIR = (-1030.0, -950.0)  # HU; scanners round, and pad with -1024
 SOFT = (-150.0, 150.0)  # fat, water, muscle
 BETWEEN = (-650.0, -250.0)  # nothing in a body or around it has these values, but for borders
