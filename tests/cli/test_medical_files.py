@@ -6,6 +6,7 @@ import json
 import nibabel
 import numpy as np
 import pytest
+import tifffile
 
 from rle_splat.read.formats import read_volume, write_volume
 from rle_splat.volume.volume import PATIENT, Volume
@@ -107,7 +108,7 @@ def test_bad_files_are_refused_in_a_sentence(refused, tmp_path, scan, command):
 ])  # fmt: skip
 def test_a_python_without_the_library_is_told_its_name(refused, tmp_path, monkeypatch, name, module, package):
     if name == "a.tif":
-        pytest.importorskip("tifffile").imwrite(tmp_path / name, np.zeros((3, 4, 5), np.uint8), photometric="minisblack")
+        tifffile.imwrite(tmp_path / name, np.zeros((3, 4, 5), np.uint8), photometric="minisblack")
     else:
         write_volume(Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4)), tmp_path / name)
     assert read_volume(tmp_path / name).voxels.size == 60
