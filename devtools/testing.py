@@ -19,7 +19,7 @@ from typing import Callable
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
+from .places import BPY_KERNELS, BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
 from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
 from .stages import Stage, broken, judged, skipped, summary
 from .uv import find_python
@@ -171,8 +171,9 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     shutil.rmtree(user, ignore_errors=True)
     user.mkdir(parents=True)
     environ = clean_environ(
-        RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1"
-    )
+        RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1",
+        RLE_SPLAT_CACHE=str(BPY_KERNELS),
+    )  # fmt: skip
     stage = _pytest(name, python, arguments, BPY_SECONDS, environ, aside)
     shutil.rmtree(user, ignore_errors=True)
     return stage

@@ -109,7 +109,7 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
         Make the line empty again.
     """
 
-    @inner_loop(forceinline=True)
+    @inner_loop(inline="always")
     def resample_line(medium, footprint, number, slot, shift_u, scale_u, line, sheet, block, wanted):
         """The blocks of one slot that are both marked and ``wanted``, from the voxels on the line."""
         blocks = line.placed.size
@@ -250,7 +250,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         A task for ``parallel.share_out``.
     """
 
-    @inner_loop(forceinline=True)
+    @inner_loop(inline="always")
     def resample_sheets(medium, sheets, first, together, window, here, own, wanted):
         """All sheets of a group; whether anything was found, and whether every pixel of the band is opaque."""
         found = opaque = False
@@ -261,7 +261,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
             found |= found_here
         return found, opaque
 
-    @inner_loop
+    @inner_loop(inline="always")
     def splat_band(medium, sheets, rays, top_row, rows, worker, scratch, image):
         """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets."""
         own = _scratch_of(scratch, worker * SPREAD)
@@ -280,7 +280,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         bound_blocks(limits, top_row, rows, bounds)
         here, there = own.sheet, own.sheet_before
         found_before = False
-        sheet = 0
+        sheet = np.int64(0)  # a literal would have the loops compiled twice
         while sheet < sheets.first_slice.size:
             together = group_at(medium, sheets, sheet)
             first, sheet = sheet, sheet + together
