@@ -97,9 +97,9 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
     place_row : (medium, footprint, sheets, number, v, shift_v, scale_v) -> (is_covered, y, first_line)
         Whether row ``v`` of the image reads the sheet, its position among scanlines and the first scanline it reads.
     is_filled : (medium, sheets, number, scanline) -> bool
-        Whether a scanline has any runs in the slices of the sheet.
+        Whether a scanline has any runs in the slices of the sheet.  It is called until one has.
     put_voxels : (medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks)
-        Put the scanline's voxels on the line and mark the blocks of pixels that they reach.
+        Put the scanline's voxels, if it has any, on the line, and mark the blocks of pixels that they reach.
     fetch_next : (medium, ahead, scanline, count)
         Ask for the memory of the slice behind.
     resample_block : (medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block)
@@ -159,9 +159,11 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
                 slot += 1
                 for word in range(sheet.marks.shape[1]):
                     sheet.marks[slot, word] = NO_BITS
-                if scanline < 0 or scanline >= n_scanlines or not is_filled(medium, sheets, number, scanline):
+                if scanline < 0 or scanline >= n_scanlines:
                     continue
                 if live_count < 0:
+                    if not is_filled(medium, sheets, number, scanline):
+                        continue
                     live_count = live_voxels(wanted, line.placed.size, line.live, shift_u, scale_u, reach_u)
                     if live_count == 0:
                         return False, True
@@ -261,7 +263,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
             found |= found_here
         return found, opaque
 
-    @inner_loop(inline="always")
+    @inner_loop
     def splat_band(medium, sheets, rays, top_row, rows, worker, scratch, image):
         """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets."""
         own = _scratch_of(scratch, worker * SPREAD)

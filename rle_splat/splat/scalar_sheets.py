@@ -173,7 +173,7 @@ def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, l
     far_run, far_voxel = 0, 0
     if far_weight != np.float32(0.0):
         far_run, far_voxel = int(tables.pointers[near + 1, scanline]), tables.data_starts[near + 1, scanline]
-    line.reach[0], line.reach[1] = tables.width, 0
+    line.reach[0] = tables.width
     put_scanline(
         line.line, line.line.size // _planes(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
         tables.runs, tables.scalars, tables.lights, tables.light_unit, weight, int(tables.pointers[near, scanline]),
@@ -185,6 +185,9 @@ def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, l
 @inner_loop(forceinline=True)
 def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     """See ``band_walker.scanline_walker``."""
+    line.reach[1] = 0
+    if not _is_filled(medium, sheets, number, scanline):
+        return
     _put(
         medium.tables, medium.box, medium.light, sheets, number, scanline, slot, shift_u, scale_u, line, live_count,
         marks,
