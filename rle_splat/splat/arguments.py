@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.jit import read_only
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
@@ -154,6 +155,28 @@ def wide_of(plane: BasePlane, quality: Quality) -> Wide | None:
     return Wide(footprint.kind, footprint.radius, widen) if footprint.kind != TENT or widen else None
 
 
+class StoredScalars(NamedTuple):
+    """Stored values in the array of their type; the arrays of the other types are empty.
+
+    So one kernel serves all types: each would take ten seconds to compile, and a run of voxels has one branch more.
+    """
+
+    uint8: np.ndarray
+    int8: np.ndarray
+    uint16: np.ndarray
+    int16: np.ndarray
+    float32: np.ndarray
+
+    @classmethod
+    def of(cls, scalars):
+        """Of a flat array of one of the types."""
+        return cls(*(read_only(scalars if scalars.dtype.name == name else np.empty(0, name)) for name in cls._fields))
+
+    def array(self):
+        """The flat array that is not empty, unless there are no values."""
+        return max(self, key=len)
+
+
 class ScalarTables(NamedTuple):
     """The run-length tables of one principal axis of a scalar volume (``encode.scalars.ScalarVolume``).
 
@@ -161,7 +184,7 @@ class ScalarTables(NamedTuple):
     ----------
     pointers, data_starts, runs, width
         See ``Tables``.
-    scalars : (m,) any number
+    scalars : StoredScalars
         Stored values of the kept voxels.
     lights : (m, channels) uint16 or None
         Codes of the light on them: light, highlight and thinning.
@@ -172,7 +195,7 @@ class ScalarTables(NamedTuple):
     pointers: np.ndarray
     data_starts: np.ndarray
     runs: np.ndarray
-    scalars: np.ndarray
+    scalars: StoredScalars
     lights: np.ndarray | None
     light_unit: np.float32
     width: int

@@ -134,10 +134,10 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
         shift_u, scale_u = sheets.offset[number, 0], sheets.scale[number, 0]
         shift_v, scale_v = sheets.offset[number, 1], sheets.scale[number, 1]
         first_row = BAND * member
-        sheet.row_slot[first_row : first_row + BAND] = NO_ROW
         reach_u, reach_v, taps, footprint = footprint_of(medium, scale_u, scale_v)
         first_y, last_y = (top_row - shift_v) / scale_v, (top_row + rows - 1 - shift_v) / scale_v
         if last_y <= -reach_v or first_y >= n_scanlines - 1 + reach_v:
+            sheet.row_slot[first_row : first_row + BAND] = NO_ROW
             return False, False
         ahead = slice_ahead(sheets.first_slice, sheets.slice_weights, number, n_slices)
         found = False
@@ -148,6 +148,7 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
         for r in range(rows):
             is_covered, y, first_line = place_row(medium, footprint, sheets, number, top_row + r, shift_v, scale_v)
             if not is_covered:
+                sheet.row_slot[first_row + r] = NO_ROW
                 continue
             if first_line > tapped:
                 tapped = first_line - 1

@@ -36,7 +36,7 @@ from .scalar_block import (
     resample_plane,
 )
 from .scalar_group import GROUP
-from .scalar_scanline import NOT_KEPT, put_scanline
+from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
 from .scratch import BAND
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
@@ -197,7 +197,7 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
 @inner_loop(forceinline=True)
 def _fetch(lights, tables, ahead, scanline, count):
     first = tables.data_starts[ahead, scanline]
-    fetch_ahead(tables.scalars, first, count)
+    fetch_scalars(tables.scalars, first, count)
     if lights is not None:
         fetch_ahead(lights, first * lights.shape[1], count * lights.shape[1])
 

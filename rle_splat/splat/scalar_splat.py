@@ -6,11 +6,11 @@ import numpy as np
 
 from ..classify.value_table import ValueTable
 from ..encode.scalars import ScalarVolume
-from ..runtime.jit import compiled, thread_count
+from ..runtime.jit import compiled, read_only, thread_count
 from ..scene import Mist, Quality
 from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
-from .arguments import Light, Lookup, ScalarTables, SheetList, box_of, rays_of
+from .arguments import Light, Lookup, ScalarTables, SheetList, StoredScalars, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -83,10 +83,11 @@ def kernel_lookup(table: ValueTable, center: float) -> Lookup:
 
 
 def _tables(encoded: ScalarVolume) -> ScalarTables:
+    tables = encoded.tables
     return ScalarTables(
-        encoded.tables.scanline_pointers, encoded.tables.scanline_data_pointers, encoded.tables.runs, encoded.scalars,
-        encoded.lights, np.float32(encoded.light_unit), encoded.width,
-    )
+        read_only(tables.scanline_pointers), read_only(tables.scanline_data_pointers), read_only(tables.runs),
+        StoredScalars.of(encoded.scalars), encoded.lights, np.float32(encoded.light_unit), encoded.width,
+    )  # fmt: skip
 
 
 def kernel_light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:

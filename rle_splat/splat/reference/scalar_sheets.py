@@ -17,6 +17,7 @@ ONE = np.float32(1.0)
 
 def dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines, width, channels) float32: scalar and light of slice ``k``; None if nothing of it is kept."""
+    scalars = tables.scalars.array()
     channels = 1 if tables.lights is None else 1 + tables.lights.shape[1]
     dense = None
     for j in range(tables.pointers.shape[1]):
@@ -32,7 +33,7 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
             if x >= tables.width:
                 break
             count = int(tables.runs[run + 1])
-            dense[j, x : x + count, 0] = tables.scalars[voxel : voxel + count]
+            dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
             if tables.lights is not None:
                 bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
                 dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)
