@@ -59,7 +59,10 @@ def compile_with(function, options: dict, *, forceinline: bool, inner: bool, cou
     CPUDispatcher
         A ``Kernel`` unless ``inner``.
     """
-    options = {**options, "forceinline": forceinline, "no_cfunc_wrapper": True, "_nrt": counted}
+    # A part that is not inlined is compiled by itself and within each kernel, and of what is loaded the first counts:
+    # rounding depended on whether a kernel came from disk, and on which kernel came first (measured: a 16-bit code of
+    # light turned to the next).
+    options = {**options, "forceinline": forceinline or inner, "no_cfunc_wrapper": True, "_nrt": counted}
     if inner:
         return numba.njit(no_cpython_wrapper=True, **options)(function)
     dispatcher = numba.njit(**options)(function)
