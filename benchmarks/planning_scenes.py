@@ -230,6 +230,6 @@ def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
                 yield name, make()
 
 
-def _scan(file: str, options: dict, look: str, shaded: bool, view: View) -> Scene:
+def _scan(file: str, options: dict, preset: str, shaded: bool, view: View) -> Scene:
     scan = read_volume(DATA / file, **options)
-    return view.of(scan, fit_preset(look, scan)[0], shaded)
+    return view.of(scan, fit_preset(preset, scan)[0], shaded)

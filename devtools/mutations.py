@@ -186,7 +186,7 @@ MUTANTS = (
         (GEOMETRY, "-k", "C6_axes and float32"),
     ),
     Mutant(
-        "looks kept without the transfer function in their key", "A15",
+        "optical properties cached without the transfer function in their key", "A15",
         ((
             "pipeline/scan_source.py", "key = (visible_key, scene.transfer_function.classification_key, length)",
             "key = (visible_key, length)",
@@ -224,8 +224,8 @@ MUTANTS = (
     ),
     _left_out(
         "clips that cast no shadow", "effects/shadows.py",
-        "return self.look, self.matrix.tobytes(), triangles, clips, self.boxed",
-        "return self.look, self.matrix.tobytes(), triangles, self.boxed",
+        "return self.medium_key, self.matrix.tobytes(), triangles, clips, self.boxed",
+        "return self.medium_key, self.matrix.tobytes(), triangles, self.boxed",
     ),
     _left_out(
         "the strength of ambient occlusion", "pipeline/shadows.py",

@@ -35,7 +35,7 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
             return refuse(self, problem)
         listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
         effects.note_effects(settings, listed, "For the scene as it is now; not rendered yet.")
-        freshness.judge(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
+        freshness.update_status(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
         self.report({"INFO"}, f"On: {', '.join(found.on) or 'none'}.")
         return {"FINISHED"}
 

@@ -36,7 +36,7 @@ class MeshSurfaces(RayEffect):
         meshes = scene.triangles is not None and len(scene.triangles) > 0
         return cls(scene, view, quality) if meshes else None
 
-    def look(self, planes: list[BasePlane]) -> str | None:
+    def inspect(self, planes: list[BasePlane]) -> str | None:
         self._layers = mesh_layers(self._scene, self._view, self._quality, planes)
         return BEHIND if self._layers is None else None
 

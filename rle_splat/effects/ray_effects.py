@@ -55,12 +55,12 @@ class RayEffects:
         """Whether any rays may be shortened; known before anything is looked at."""
         return bool(self._chain)
 
-    def look(self, planes: list[BasePlane]) -> None:
+    def inspect(self, planes: list[BasePlane]) -> None:
         """Find out what the effects do to the rays of some base planes; drop those that do nothing."""
         left = []
         for effect in self._chain:
             with self._clock.stage(effect.stage):
-                idle = effect.look(planes)
+                idle = effect.inspect(planes)
             if idle is None:
                 left.append(effect)
             elif effect.name is not None:

@@ -49,7 +49,7 @@ class RayEffect:
     Attributes
     ----------
     name : str or None
-        In the table of effects, where ``look`` may find that it does nothing.
+        In the table of effects, where ``inspect`` may find that it does nothing.
     stage : str
         Of the clock, its work.
     moves_depth : bool
@@ -67,7 +67,7 @@ class RayEffect:
         """Of the clock, the work of shortening the rays of a pass."""
         return self.stage
 
-    def look(self, planes: list[BasePlane]) -> str | None:
+    def inspect(self, planes: list[BasePlane]) -> str | None:
         """Look at the scene; why the effect does nothing, None where it does something."""
         return None
 

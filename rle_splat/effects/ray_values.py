@@ -44,8 +44,8 @@ def shown_values(tf, mode: str) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class ValueLook:
-    """How the values of rays are counted in sheets, and what they look like in the picture.
+class ValueMap:
+    """How the values of rays are counted in sheets, and how the picture shows them.
 
     ``sign``: 1 for the largest of the stored values, -1 the smallest, 0 the mean.  ``origin``: ``sign`` (or 1) times
     the stored value from which they are counted, ``most`` the largest count.  ``least``: stored, below all there is.
@@ -72,15 +72,15 @@ class ValueLook:
         seen = covered > LEAST_COVERED
         share = covered[seen].astype(np.float64)
         stored = (rgba[..., 0][seen] / share + self.origin) * (self.sign or 1.0)
-        look = self.tf.table(stored * self.slope + self.intercept)
+        shown = self.tf.table(stored * self.slope + self.intercept)
         strongest = max(alpha for _, alpha in self.tf.opacity)
-        alpha = look[:, 3] / strongest * share if strongest > 0.0 else np.zeros_like(share)
+        alpha = shown[:, 3] / strongest * share if strongest > 0.0 else np.zeros_like(share)
         found = np.zeros_like(rgba)
-        found[seen] = np.concatenate((look[:, :3] * alpha[:, None], alpha[:, None]), axis=1)
+        found[seen] = np.concatenate((shown[:, :3] * alpha[:, None], alpha[:, None]), axis=1)
         return found, np.where(found[..., 3] > 0.0, depth, np.float32(NO_DEPTH))
 
 
-def value_look(volume, tf, mode: str, ends) -> ValueLook:
+def value_map(volume, tf, mode: str, ends) -> ValueMap:
     """``ends``: smallest and largest stored value that is splatted."""
     sign = TO_STORED[mode] * math.copysign(1.0, volume.slope)
     low, high = sorted((sign or 1.0) * end for end in ends)
@@ -93,6 +93,6 @@ def value_look(volume, tf, mode: str, ends) -> ValueLook:
     if volume.voxels.dtype.kind in "iu":
         origin = math.floor(origin)  # counts of whole numbers stay whole
     hollow = not tf.alpha_at(volume.physical((sign or 1.0) * origin)) > 0.0
-    return ValueLook(
+    return ValueMap(
         tf, volume.slope, volume.intercept, sign, origin, high - origin, min(ends) - slack - 1e-6, bool(hollow)
     )

@@ -37,7 +37,7 @@ class Occluders:
     ``voxels``, and ``find_extinction()``: (m,) float32 of theirs, 1 / world length, in their own order; called once.
     ``tables_of(axis)``: their RunTables.  ``matrix``: (4, 4) index to world.  ``triangles``: (n, 3, 3) world, or None.
     ``clips``: what they cut away casts no shadow.
-    ``look``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
+    ``medium_key``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
     outermost voxels' centers.
     """
 
@@ -47,7 +47,7 @@ class Occluders:
     matrix: np.ndarray
     triangles: np.ndarray | None
     clips: tuple
-    look: tuple
+    medium_key: tuple
     boxed: bool
     backend: str = "auto"
     threads: int = 0
@@ -57,7 +57,7 @@ class Occluders:
         """Names all that shadows depend on beside the light."""
         triangles = () if self.triangles is None else hashlib.blake2b(self.triangles.tobytes()).digest()
         clips = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in self.clips)
-        return self.look, self.matrix.tobytes(), triangles, clips, self.boxed
+        return self.medium_key, self.matrix.tobytes(), triangles, clips, self.boxed
 
     @property
     def corners(self) -> np.ndarray:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..classify.sizes import (
-    LOOK,
+    PROPERTY_BYTES,
     TYPICAL_NEAR,
     TYPICAL_PIECE,
     fine_block_bytes,
@@ -44,9 +44,9 @@ class MemoryEstimate:
     """Bytes, by what they are for.
 
     ``volume``: the voxels themselves, already in memory or mapped from their file.  ``visible``: which voxels are
-    shown, and how they look.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes`` principal
-    axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.  ``record``: bytes of a voxel
-    record, 0 where scalars are kept, of which no voxel has less.
+    shown, and their optical properties.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes``
+    principal axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.  ``record``: bytes of a
+    voxel record, 0 where scalars are kept, of which no voxel has less.
 
     However few voxels are shown, ``rows`` of the visible ones and their normals stays, and ``scanlines`` of each axis'
     runs.  ``alone``: the runs of a voxel without neighbors along its scanline, which is the most there are.
@@ -223,9 +223,9 @@ def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture
 def _reckon_scalars(shape, dtype, count, pieces, lines, axes, lit, picture, held) -> MemoryEstimate:
     least = Quality(classification="pre", record=RECORDS[-1])
     needs = _reckon(tuple(shape), dtype, count, pieces, lines, least, axes, lit, picture, held)
-    looks = 0 if counts_values(dtype) else LOOK * count  # the lookup table stands for them
+    properties = 0 if counts_values(dtype) else PROPERTY_BYTES * count  # the lookup table stands for them
     light, marks = LIGHT * lit, mark_bytes(shape)
-    visible = needs.visible - looks + marks + light * count
+    visible = needs.visible - properties + marks + light * count
     records = axes * scalar_record(dtype.itemsize, light) * count
     return replace(needs, visible=visible, records=records, record=0, work=0, rows=needs.rows + marks)
 
@@ -235,7 +235,7 @@ def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, 
     rows = row_bytes(shape)
     visible = count * voxel_bytes(shape, dtype.itemsize) + rows
     if not counts_values(dtype):
-        visible += LOOK * count
+        visible += PROPERTY_BYTES * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
     run = run_bytes(shape)
     runs, most_scanlines = (2 * pieces + lines) * run, scanlines(shape)

@@ -115,7 +115,7 @@ def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool):
     for axis in view.axes:
         tables[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
     # Splat and warp.
-    rays.look(view.planes)
+    rays.inspect(view.planes)
     picture = None
     for n, fade in enumerate(view.fades):
         span = 0.2 + 0.75 * n / len(view.fades), 0.75 / len(view.fades)

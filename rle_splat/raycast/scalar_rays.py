@@ -22,7 +22,7 @@ from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..volume.axes import AXES
 
-SPAN = 4.0  # entries of a value table from which on a mean is taken over them; below, two of them are mixed
+SPAN = 4.0  # entries of a lookup table from which on a mean is taken over them; below, two of them are mixed
 SLIVER = 1e-9  # voxels of depth: what is shorter is nothing
 WORD_BITS, IN_WORD = 6, 63  # 2**WORD_BITS voxels of a row share a word of bits
 BRICK_BITS = 2  # of a brick's 2**BRICK_BITS voxels along each side, all of which are leaped over together

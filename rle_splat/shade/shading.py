@@ -18,7 +18,8 @@ from ..volume.gradient import CHUNK, unit_normals
 from .lighting import BACK, FULL_CODE, PHONG, Lighting, Shadows, lighting, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
-DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}  # model -> column of looks that weights the color
+# Model -> column of the optical properties that weights the color.
+DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}
 
 # Voxels shaded together: the scratch arrays stay in the L1 cache, and loops are long enough for SIMD.
 LANES = 256
@@ -108,7 +109,7 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
 
     None if there are lights that are not parallel; then only shading gives a bound.
     """
-    most = float(classified.looks[:, RED:].max(initial=0.0))
+    most = float(classified.properties[:, RED:].max(initial=0.0))
     if falling is None:
         return most
     if (falling.rows[:, KIND] != SUN).any():
@@ -152,12 +153,12 @@ def light_records(
         If it is above BRIGHTEST.
     """
     most = np.zeros(max(len(positions.data_starts), 1), np.float32)
-    looks, density = classified.looks, DENSITY[model]
+    properties, density = classified.properties, DENSITY[model]
     if density is None:
-        looks, density = looks.copy(), EXTINCTION
-        looks[:, density] = 1.0
-    look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
-    seen = (look_of, read_only(looks), density)
+        properties, density = properties.copy(), EXTINCTION
+        properties[:, density] = 1.0
+    row_of = classified.row_of if classified.row_of is None else read_only(classified.row_of)
+    seen = (row_of, read_only(properties), density)
     if not compiled(backend):
         _write_numpy(positions, *seen, normals, falling, records, most)
     else:
@@ -185,20 +186,20 @@ def refuse_too_bright(brightest: float) -> float:
 
 
 @kernel
-def _write_records(positions, look_of, looks, density_column, normals, material, rays, near, records, most):
+def _write_records(positions, row_of, properties, density_column, normals, material, rays, near, records, most):
     """Kernel of ``light_records``.
 
-    ``positions``: RecordPositions.arguments. ``look_of``: (m,) rows of ``looks`` (n, 5); None if voxel i has row i.
+    ``positions``: RecordPositions.arguments. ``row_of``: (m,) rows of ``properties`` (n, 5); None if voxel i has row i.
     ``normals`` (m, 3) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
     (``Lighting.near``) is None, so that unused code is not compiled.
     """
-    arguments = (positions, look_of, looks, density_column, normals, material, rays, near, records, most)
+    arguments = (positions, row_of, properties, density_column, normals, material, rays, near, records, most)
     share_out(_write_planes, positions[5].shape[0], arguments)
 
 
 @kernel(inner=True)
 def _write_planes(
-    begin, end, positions, look_of, looks, density_column, normals, material, rays, near, records, most
+    begin, end, positions, row_of, properties, density_column, normals, material, rays, near, records, most
 ):
     """``_write_records`` for planes [begin, end), in chunks of LANES voxels.
 
@@ -227,8 +228,8 @@ def _write_planes(
             if near is not None:
                 add_near(near, normals[at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
             for i in range(stop - at):
-                look = at + i if look_of is None else np.int64(look_of[at + i])
-                red, green, blue = looks[look, RED], looks[look, RED + 1], looks[look, RED + 2]
+                entry = at + i if row_of is None else np.int64(row_of[at + i])
+                red, green, blue = properties[entry, RED], properties[entry, RED + 1], properties[entry, RED + 2]
                 if normals is not None:
                     if normals[at + i, 0] != _ZERO or normals[at + i, 1] != _ZERO or normals[at + i, 2] != _ZERO:
                         red = red * s[DR + i] + s[SR + i]
@@ -238,7 +239,7 @@ def _write_planes(
                         red *= s[SHARE + i]
                         green *= s[SHARE + i]
                         blue *= s[SHARE + i]
-                density = looks[look, density_column]
+                density = properties[entry, density_column]
                 to = targets[i]
                 records[to, 0] = density * red
                 records[to, 1] = density * green
@@ -488,14 +489,14 @@ def _add_light(light, normals, material, count, s):
 # --- reference implementations ----------------------------------------------------------------------------------
 
 
-def _write_numpy(positions, look_of, looks, density_column, normals, falling, records, most):
+def _write_numpy(positions, row_of, properties, density_column, normals, falling, records, most):
     """Reference implementation of ``_write_records``, in chunks of voxels."""
     voxels = positions.voxels
     targets = positions.targets_numpy()
     first, last = positions.span
     for begin in range(first, last, CHUNK):
         part = slice(begin, min(begin + CHUNK, last))
-        seen = looks[part] if look_of is None else looks[look_of[part]]
+        seen = properties[part] if row_of is None else properties[row_of[part]]
         colors = seen[:, RED:]
         if falling is not None:
             colors = lit_numpy(falling, voxels, part, normals[part].astype(np.float64), colors)

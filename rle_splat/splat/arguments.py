@@ -179,7 +179,7 @@ class ScalarTables(NamedTuple):
 
 
 class Lookup(NamedTuple):
-    """The transfer function as sheets of the scalar look it up (``classify.value_table``).
+    """The transfer function as sheets of the scalar look it up (``classify.lookup_table``).
 
     Stored values are those of the volume less ``ScalarVolume.center``.
 

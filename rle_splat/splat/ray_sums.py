@@ -81,7 +81,7 @@ def add_depths(
 ):
     """One block of one slab: its optical depth.
 
-    ``table`` and ``sums``: extinction of the value table's entries, and sums of it.  ``entries``, ``spans``,
+    ``table`` and ``sums``: extinction of the lookup table's entries, and sums of it.  ``entries``, ``spans``,
     ``shares``, ``seen``: of ``scalar_block.look_up`` or ``look_between``.  Where half the light is gone in this slab,
     the depth at which it is goes to ``half``.  ``before`` (BLOCK,): scratch.  The others: see ``gather_values``.
     """

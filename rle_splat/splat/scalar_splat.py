@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..classify.value_table import ValueTable
+from ..classify.lookup_table import LookupTable
 from ..encode.scalars import ScalarVolume
 from ..runtime.jit import compiled, thread_count
 from ..scene import Mist, Quality
@@ -22,7 +22,7 @@ from .splat import OPAQUE, row_steps, sheet_list
 
 
 def scalar_splat_steps(
-    encoded: ScalarVolume, table: ValueTable, plane: BasePlane, quality: Quality, limits=None, absorbs: bool = False,
+    encoded: ScalarVolume, table: LookupTable, plane: BasePlane, quality: Quality, limits=None, absorbs: bool = False,
     mist: Mist | None = None,
 ):
     """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
@@ -71,7 +71,7 @@ def _from_centre(center: float, *stored) -> list:
     return [np.float32(min(max(value - center, -1e38), 1e38)) for value in stored]
 
 
-def kernel_lookup(table: ValueTable, center: float) -> Lookup:
+def kernel_lookup(table: LookupTable, center: float) -> Lookup:
     """The lookup table as kernels take it, for stored values less ``center``."""
     least, low, high, nearest, furthest, origin = _from_centre(
         center, table.least, table.low, table.high, table.nearest, table.furthest, table.origin

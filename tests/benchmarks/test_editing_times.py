@@ -15,9 +15,9 @@ REDONE = {
         "camera": set(),
         "camera, headlight": {"records"},
         "light": {"records"},
-        "colours": {"looks", "records"},
-        "opacities": {"looks", "records"},
-        "wider range": {"visible", "looks", "normals", "runs", "records"},
+        "colours": {"properties", "records"},
+        "opacities": {"properties", "records"},
+        "wider range": {"visible", "properties", "normals", "runs", "records"},
     },
     "post": {
         "camera": set(),

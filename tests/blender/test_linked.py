@@ -125,7 +125,7 @@ def shape_of(owner, bridge):
         "transfer function": bridge("transfer").read_transfer(owner),
         "files": [volumes.resolved_path(owner, name) for name in ("filepath", "label_file")],
         "labels": bridge("labels").load_labels(owner, SHAPE).voxels.tobytes(),
-        "looks": [row.plain() for row in properties.labels],
+        "styles": [row.plain() for row in properties.labels],
         "channels": [(row.source.name, row.show, row.source.library is None) for row in properties.channels],
         "facts": (properties.facts, properties.data_key, properties.histogram, properties.value_low),
         "keep": properties.clip_keep,

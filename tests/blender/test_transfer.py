@@ -105,7 +105,7 @@ def test_window_and_level_move_the_points(volume_object, transfer, function):
     np.testing.assert_allclose(moved.alpha_at(values)[far], expected.alpha_at(values)[far], atol=1e-5)
 
 
-def test_keep_look_changes_the_range_and_not_the_picture(volume_object, transfer, function):
+def test_keep_colors_changes_the_range_and_not_the_picture(volume_object, transfer, function):
     written = function.from_json(BONE)
     transfer.write_transfer(volume_object, written)
     bpy.ops.rle_splat.window_level(center=500.0, width=4000.0, keep_values=True)

@@ -19,7 +19,7 @@ CLASSIFICATIONS = ("pre", "post")
 SIZE = 32
 Z, Y, X = np.mgrid[:14, :15, :16] - 7.0
 VOLUME = Volume((90.0 - 12.0 * np.sqrt(X**2 + Y**2 + Z**2)).astype(np.float32), np.eye(4))
-LOOK = TransferFunction(
+FUNCTION = TransferFunction(
     opacity=((0.0, 0.0), (40.0, 0.5)), color=((0.0, 0.9, 0.4, 0.2), (90.0, 0.3, 0.6, 0.9)),
     shade=Shade(0.3, 0.6, 0.4, 30.0),
 )  # fmt: skip
@@ -31,13 +31,13 @@ BEHIND = BEFORE + (0.0, 200.0, 0.0)
 def scene_of(**more) -> Scene:
     camera, matrix = turntable(VOLUME, 25.0, 15.0, 1.2, True, 40.0, SIZE, SIZE)
     return Scene(**{
-        "volume": VOLUME, "transfer_function": LOOK, "camera": camera, "width": SIZE, "height": SIZE,
+        "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, **more,
     })  # fmt: skip
 
 
 def unshaded() -> TransferFunction:
-    return replace(LOOK, shade=None)
+    return replace(FUNCTION, shade=None)
 
 
 def near_plane(scene) -> Scene:
@@ -65,7 +65,7 @@ def told(scene, name, classification="post"):
         ({"headlight": False}, "headlight", False, "the scene does not ask for one"),
         ({"transfer_function": unshaded()}, "headlight", False, "nothing is shaded"),
         ({}, "specular", True, "specular 0.4, shininess 30"),
-        ({"transfer_function": replace(LOOK, shade=Shade(0.3, 0.6, 0.0, 30.0))}, "specular", False, "specular 0"),
+        ({"transfer_function": replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0))}, "specular", False, "specular 0"),
         ({"headlight": False}, "specular", False, "nothing is shaded"),
         ({}, "mesh occlusion", False, "the scene has no meshes"),
         ({"triangles": BEFORE}, "mesh occlusion", True, "meshes stand in or before the volume"),
@@ -103,7 +103,7 @@ PAIRS = {
     "shading": (scene_of(), scene_of(transfer_function=unshaded())),
     "lights": (scene_of(lights=(SUN,)), scene_of()),
     "headlight": (scene_of(lights=(SUN,)), scene_of(lights=(SUN,), headlight=False)),
-    "specular": (scene_of(), scene_of(transfer_function=replace(LOOK, shade=Shade(0.3, 0.6, 0.0, 30.0)))),
+    "specular": (scene_of(), scene_of(transfer_function=replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0)))),
     "mesh occlusion": (scene_of(triangles=BEFORE), scene_of()),
     "clipping": (near_plane(scene_of()), scene_of()),
 }
@@ -142,10 +142,10 @@ def test_forcing_on_what_the_scene_lacks_takes_a_stated_default():
     assert told(replace(dark, effects={"shading": True}), "shading") == (
         True, "by hand: diffuse 0.75 and ambient 0.25 under a headlight",
     )  # fmt: skip
-    usual = scene_of(transfer_function=replace(LOOK, shade=Shade()))
+    usual = scene_of(transfer_function=replace(FUNCTION, shade=Shade()))
     forced = replace(dark, effects={"shading": True})
     assert np.array_equal(render(forced).rgba.view(np.uint32), render(usual).rgba.view(np.uint32))
-    matt = scene_of(transfer_function=replace(LOOK, shade=Shade(0.3, 0.6, 0.0, 30.0)), effects={"specular": True})
+    matt = scene_of(transfer_function=replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0)), effects={"specular": True})
     assert told(matt, "specular") == (True, "by hand: specular 0.2, shininess 30")
     assert told(scene_of(effects={"clipping": True}), "clipping")[0]
 

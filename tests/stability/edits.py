@@ -150,9 +150,9 @@ def shots(draw, kind: str) -> Shot:
     pooled = kind == "pool"
     shape = draw(st.tuples(*[st.integers(MOST_VOXELS - 2 if pooled else 4, MOST_VOXELS)] * 3))
     volume = drawn_volume(draw, shape, draw(affines(2.0, 0.3)))
-    look = drawn_function(draw, volume)
+    tf = drawn_function(draw, volume)
     camera = drawn_camera(draw, volume.affine, volume.shape_xyz)
-    scene = Scene(volume, look, camera, WIDTH, HEIGHT, headlight=draw(st.booleans()))
+    scene = Scene(volume, tf, camera, WIDTH, HEIGHT, headlight=draw(st.booleans()))
     lights = tuple(drawn_light(draw, scene) for _ in range(draw(st.sampled_from((0, 1, 1, 2)))))
     hidden = draw(st.sampled_from((0.0, 0.0, 0.7)))
     scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()), ambient_occlusion=hidden)

@@ -172,7 +172,7 @@ def cameras(draw, index_to_world, shape_xyz, widest=165.0, shift=1.0, framed=Fal
     )  # fmt: skip
 
 
-# --- looks ----------------------------------------------------------------------------------------------------
+# --- transfer functions ------------------------------------------------------------------------------------
 
 
 def value_range(volume) -> tuple[float, float]:
@@ -214,13 +214,13 @@ def transfer_functions(draw, low, high, distance, curves=CURVES):
 
 @st.composite
 def scenes(draw, most_pixels: int = 20):
-    """Any volume, seen by any camera, with any look."""
+    """Any volume, seen by any camera, with any transfer function."""
     volume = draw(volumes())
     place = draw(affines(3.0))
     scene_scale = draw(st.sampled_from((1.0, 1e-3, 1e3)))
     index_to_world = place @ np.diag((scene_scale, scene_scale, scene_scale, 1.0)) @ volume.affine
     camera = draw(cameras(index_to_world, volume.shape_xyz))
-    look = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
+    tf = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
     lights = ()
     if draw(st.integers(0, 3)) == 0:
         pose = np.eye(4)
@@ -228,7 +228,7 @@ def scenes(draw, most_pixels: int = 20):
         lights = (Light(draw(st.sampled_from(("SUN", "POINT", "SPOT", "AREA"))), energy=10.0, matrix_world=pose),)
     width, height = draw(st.integers(1, most_pixels)), draw(st.integers(1, most_pixels))
     return Scene(
-        volume, look, camera, width, height, place, scene_scale, lights, headlight=draw(st.booleans())
+        volume, tf, camera, width, height, place, scene_scale, lights, headlight=draw(st.booleans())
     )  # fmt: skip
 
 
@@ -248,13 +248,13 @@ def plain_scenes(
     volume = Volume(voxels, draw(affines(anisotropy, 0.5)))
     diagonal = float(np.linalg.norm(volume.affine[:3, :3], axis=0).sum())
     low, high = value_range(volume)
-    look = draw(transfer_functions(low, high, diagonal, curves))
+    tf = draw(transfer_functions(low, high, diagonal, curves))
     if curves == ("ramp",):  # nor may colours change faster than that
-        look = replace(look, color=((low, *look.color[0][1:]), (high, *look.color[-1][1:])))
-    mild = tuple((value, min(alpha, 0.95)) for value, alpha in look.opacity)
-    look = replace(look, opacity=mild, opacity_unit_distance=diagonal, shade=None)
+        tf = replace(tf, color=((low, *tf.color[0][1:]), (high, *tf.color[-1][1:])))
+    mild = tuple((value, min(alpha, 0.95)) for value, alpha in tf.opacity)
+    tf = replace(tf, opacity=mild, opacity_unit_distance=diagonal, shade=None)
     seen = draw(cameras(volume.affine, volume.shape_xyz, framed=True, **camera))
-    return Scene(volume, look, seen, most_pixels, most_pixels, headlight=False)
+    return Scene(volume, tf, seen, most_pixels, most_pixels, headlight=False)
 
 
 @st.composite

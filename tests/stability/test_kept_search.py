@@ -35,9 +35,9 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 # which some results must be found again.
 SEARCHES = {
     "post": (20, 5, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
-    "pre": (20, 3, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
-    "refined": (5, 1, ("blocks", "visible", "looks", "normals", "runs", "records")),
-    "pool": (8, 1, ("visible", "looks", "nodes", "node records")),
+    "pre": (20, 3, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
+    "refined": (5, 1, ("blocks", "visible", "properties", "normals", "runs", "records")),
+    "pool": (8, 1, ("visible", "properties", "nodes", "node records")),
 }  # fmt: skip
 EDITS_IN_A_ROW, DRAGGED = 30, 4
 MOST_BYTES = 1 << 26  # more than a search's stages take

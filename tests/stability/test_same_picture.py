@@ -83,7 +83,7 @@ def test_A13_kernels_and_their_numpy_twins(record, width):
         error = float(np.abs(fast[name][..., :4] - slow[name][..., :4]).max())
         if name.startswith("post"):
             claim = "difference between kernels and their numpy twins, post-classified"
-            record("A13", claim, error, 2e-3, width, looser="a rounding may turn to the next entry of the value table")
+            record("A13", claim, error, 2e-3, width, looser="a rounding may turn to the next entry of the lookup table")
         else:
             record("A13", "difference between kernels and their numpy twins", error, 1e-5, width)
 

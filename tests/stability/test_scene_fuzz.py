@@ -55,10 +55,10 @@ def picture(scene, quality):
 
 def brightest(scene) -> float:
     """No channel of unlit matter, or of matter under a headlight, exceeds this times its alpha."""
-    look = scene.transfer_function
-    most = max(max(point[1:]) for point in look.color)
-    if look.shade is not None and scene.headlight:
-        most = most * max(look.shade.ambient + look.shade.diffuse, 1.0) + look.shade.specular
+    tf = scene.transfer_function
+    most = max(max(point[1:]) for point in tf.color)
+    if tf.shade is not None and scene.headlight:
+        most = most * max(tf.shade.ambient + tf.shade.diffuse, 1.0) + tf.shade.specular
     return most
 
 

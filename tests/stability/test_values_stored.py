@@ -12,8 +12,8 @@ import pytest
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.classification import classify, optical_depth
+from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.classify.value_table import value_table
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import Quality, RleSplatError
@@ -67,7 +67,7 @@ def test_V6_not_a_number_is_transparent_and_counted(record, dtype, backend):
     assert first.nan_voxels == holes.sum() and second.nan_voxels == 0
     record(
         "V6",
-        f"{BITS} of the looks, against those voxels transparent",
+        f"{BITS} of the optical properties, against those voxels transparent",
         lists_unlike(first, second),
         0,
         "either",
@@ -94,9 +94,8 @@ def test_V7_V9_infinities_and_data_beyond_the_ends(record, slope, backend):
     why = "the same numbers in any width"
     pictures = [render(turned(v, ends), Quality(backend=backend, classification="pre")).rgba for v in (one, two)]
     for case in ("V7", "V9"):
-        record(
-            case, f"{BITS} of the looks, against data clamped to the ends", lists_unlike(*classified), 0, "either", why
-        )
+        claim = f"{BITS} of the optical properties, against data clamped to the ends"
+        record(case, claim, lists_unlike(*classified), 0, "either", why)
         record(case, f"{BITS} of the picture, against data clamped to the ends", unlike(*pictures), 0, "either", why)
     lit = render(turned(one, replace(ends, shade=Shade())), Quality(backend=backend, classification="pre")).rgba
     record("V7", "pixels that are not finite, shaded", (~np.isfinite(lit)).sum(), 0, "either", "whole numbers")
@@ -339,7 +338,7 @@ def test_V10_a_table_converges_with_its_size(record, dtype):
     true = optical_depth(ramps.alpha_at(stored))
     steepest = 0.1 / (1.0 - 0.9)  # of optical depth per value: the last ramp's, at its end
     for entries in (0, 128, 512, 2048, 8192):
-        table = value_table(volume, ramps, (float(stored.min()), float(stored.max())), 1.0, entries)
+        table = lookup_table(volume, ramps, (float(stored.min()), float(stored.max())), 1.0, entries)
         place = ((stored - table.origin) * table.rate).astype(np.int64)
         off = np.abs(table.entries[place, 3] - true)
         if volume.voxels.dtype.kind != "f":

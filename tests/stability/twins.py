@@ -108,7 +108,7 @@ class Splat:
 
 
 def _turned(encoded, table, turn: float):
-    """A value table that is looked up a little beside the value."""
+    """A lookup table that is looked up a little beside the value."""
     ends = {name: getattr(table, name) for name in ("origin", "low", "high", "nearest", "furthest")}
     numbers = [*(end - encoded.center for end in ends.values()), *encoded.scalars.astype(np.float64)]
     most = max(abs(number) for number in numbers if abs(number) < 1e37)

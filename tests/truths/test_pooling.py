@@ -113,7 +113,8 @@ def test_work_follows_the_picture_and_is_kept(stage):
     assert first.report["memory_bytes"]["total"] * 8 < plain.report["memory_bytes"]["total"]
     assert first.report["volume"] == plain.report["volume"]
     ((nodes, colors), size), = (held for (stage, _), held in cache._results.items() if stage == "nodes")
-    assert size == sum(a.nbytes for a in (*vars(nodes.voxels).values(), nodes.looks, colors) if hasattr(a, "nbytes"))
+    arrays = (*vars(nodes.voxels).values(), nodes.properties, colors)
+    assert size == sum(array.nbytes for array in arrays if hasattr(array, "nbytes"))
     made = dict(cache.made)
     turned = replace(scene, camera=stage.on_turntable(FIELDS["smooth"](60), 37.0, size=(16, 16), fit=1.0).camera)
     second = render(turned, quality, cache=cache)

@@ -118,7 +118,7 @@ def held_by_stages(scene, quality):
         sizes[stage] += size
     held = {part: sum(sizes[stage] for stage in stages) for part, stages in STAGES_OF.items()}
     if scene.volume.voxels.dtype.kind == "f":
-        held["visible"] += sizes["looks"]  # else they are a table of values, which does not grow with the voxels
+        held["visible"] += sizes["properties"]  # else they are a table of values, which does not grow with the voxels
     return held, report["memory_estimate_bytes"], report["volume"]
 
 

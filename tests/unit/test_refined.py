@@ -221,11 +221,11 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
         np.stack([trilinear(part[:, c].reshape(nz, ny, nx), refinement)[seen] for c in range(3)], axis=1)
         for part in (white - black, black)
     ]
-    looks = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
-    classified = ClassifiedVolume(voxels, looks, False, 1.0, 1.0)
+    properties = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
+    classified = ClassifiedVolume(voxels, properties, False, 1.0, 1.0)
     records = np.empty((len(voxels), 4), np.float32)
     most = light.records(classified, "extinction", RecordPositions.in_order(voxels, 0, voxels.shape_xyz[2]), records)
-    expected = looks[0, 2:] * between[0] + between[1]
+    expected = properties[0, 2:] * between[0] + between[1]
     np.testing.assert_allclose(records[:, :3] / 2.0, expected, atol=2e-6)
     assert (records[:, 3] == 2.0).all() and most == pytest.approx(expected.max(), abs=2e-6)
     assert np.ptp(expected) > 0.3 and (between[1].max() > 0.05) == (specular > 0.0)

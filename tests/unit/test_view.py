@@ -257,8 +257,8 @@ def test_depths_as_large_as_what_stands_for_none_are_told(scale, told):
         camera, matrix_world=grown @ camera.matrix_world, ortho_scale=scale * camera.ortho_scale,
         clip_start=scale * camera.clip_start, clip_end=scale * camera.clip_end,
     )
-    look = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
-    found = render(Scene(volume, look, carried, 16, 16, grown @ matrix), Quality(backend="numpy"))
+    tf = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
+    found = render(Scene(volume, tf, carried, 16, 16, grown @ matrix), Quality(backend="numpy"))
     assert found.rgba[8, 8, 3] > 0.9
     assert (found.depth[8, 8] >= NO_DEPTH) == told
     remarks = [remark for remark in found.report["remarks"] if "stand for none" in remark]
