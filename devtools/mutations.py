@@ -21,9 +21,9 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
 MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
-VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, TWINS, KEPT = (
+VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, KEPT = (
     f"tests/stability/test_{group}.py"
-    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "twins", "kept_search")
+    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "references", "kept_search")
 )
 LENS = "tests/truths/test_lens.py"
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
@@ -146,7 +146,7 @@ MUTANTS = (
             "rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])",
             "rgba[mine, :3] = total[:, :3]",
         ),),
-        (VALUES, "-k", "V14_colours and numpy and cubic"),
+        (VALUES, "-k", "V14_colors and numpy and cubic"),
     ),
     Mutant(
         "offsets of 32 bits", "S5",
@@ -168,7 +168,7 @@ MUTANTS = (
         (ENCODING, "-k", "S7_random or S7_damage"),
     ),
     Mutant(
-        "the unnormalised Gaussian", "A10",
+        "the unnormalized Gaussian", "A10",
         (("view/footprints.py", "(values / np.where(total > 0.0, total, 1.0))", "values"),),
         (ACCUMULATION, "-k", "A10_a_constant and numpy and gaussian and simpson and float32"),
     ),
@@ -178,7 +178,7 @@ MUTANTS = (
             "view/footprints.py", "return (pixel - shift) / scale",
             "return pixel * (1.0 / scale) - shift * (1.0 / scale)",
         ),),
-        (TWINS, "-k", "K1 and nearest and float32"),
+        (REFERENCES, "-k", "K1 and nearest and float32"),
     ),
     Mutant(
         "the eye of parallel rays without its sign", "C6",

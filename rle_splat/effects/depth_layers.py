@@ -88,7 +88,7 @@ def _surfaces_numpy(samples, step: float, layers, spread) -> None:
     coverage[split], spread[split] = in_front / count, np.inf
 
 
-def _neighbours(shape):
+def _neighbors(shape):
     """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbor on the left, right, top and bottom."""
     height, width = shape
     for down, right in SIDES:
@@ -105,7 +105,7 @@ def _silhouettes_between_pixels(near, far, coverage, spread, step: float) -> np.
     """
     own, found = near.copy(), np.zeros(near.shape, dtype=bool)
     step, two = np.float32(step), np.float32(2.0)
-    for to, of in _neighbours(near.shape):
+    for to, of in _neighbors(near.shape):
         with np.errstate(invalid="ignore"):
             behind = own[to] - own[of] > step + two * (spread[to] + spread[of])
         near[to][behind], far[of][behind] = own[of][behind], own[to][behind]
@@ -123,7 +123,7 @@ def _carried_past_silhouettes(near, far, coverage, known) -> None:
     """
     for number in range(2 * REACH if known.any() else 0):
         reached = known.copy()
-        for to, of in _neighbours(near.shape):
+        for to, of in _neighbors(near.shape):
             new = known[of] & ~reached[to]
             if not new.any():
                 continue

@@ -1,4 +1,4 @@
-"""A kind of effect: one row of the table in ``analyse.py``."""
+"""A kind of effect: one row of the table in ``analyze.py``."""
 
 from __future__ import annotations
 

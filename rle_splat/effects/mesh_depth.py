@@ -1,6 +1,6 @@
 """Mesh depth: how far each ray goes before it meets a mesh, without rendering anything.
 
-Triangles are rasterised in homogeneous pixel coordinates (Olano and Greer 1997), which needs no clipping: the
+Triangles are rasterized in homogeneous pixel coordinates (Olano and Greer 1997), which needs no clipping: the
 inverse of a triangle's 3x3 matrix of homogeneous vertices gives its edge functions, and wherever all three are
 positive the ray meets the triangle in front of the camera.
 """
@@ -23,7 +23,7 @@ SAMPLE_COLUMNS = (np.arange(SAMPLES) + 0.5) / SAMPLES
 SAMPLE_ROWS = (_ORDER + 0.5) / SAMPLES
 # Samples this close outside an edge, in parts of the triangle, still count: neighbors must leave no crack.
 CRACK = 1e-9
-BAND = 16  # picture rows that one worker rasterises at a time
+BAND = 16  # picture rows that one worker rasterizes at a time
 
 
 def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: int):
@@ -77,7 +77,7 @@ def _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sam
 
 
 @kernel(parallel=True)
-def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
+def rasterize(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
     """``out`` (H, W, SAMPLES) float32: planar depth of the first triangle between ``nearest`` and ``furthest``.
 
     ``out`` begins at column ``left``, row ``above`` of the picture.
@@ -100,8 +100,8 @@ def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
                     _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sample_rows, pixel)
 
 
-def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
-    """Reference implementation of ``rasterise``: one triangle at a time."""
+def rasterize_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
+    """Reference implementation of ``rasterize``: one triangle at a time."""
     height, width = out.shape[:2]
     for t in range(len(edges)):
         first = np.maximum(np.floor(bounds[t, :2]), (left, above))
@@ -132,7 +132,7 @@ def mesh_depth(
     edges, depths, bounds = edge_functions(triangles, camera, width, height)
     left, top, right, bottom = region or (0, 0, width, height)
     out = np.full((bottom - top, right - left, SAMPLES), np.inf, np.float32)
-    _rasterise(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, backend, threads)
+    _rasterize(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, backend, threads)
     return out
 
 
@@ -140,14 +140,14 @@ def sheet_depth(pixels, depths, clips, width: int, height: int, *, backend="auto
     """(height, width, SAMPLES) float32, the least of ``depths`` within ``clips`` on each ray of a picture given by its
     homogeneous ``pixels``; both are of triangles, see ``edges_of``.  inf where there is none."""
     out = np.full((height, width, SAMPLES), np.inf, np.float32)
-    _rasterise(*edges_of(pixels, depths), clips, 0, 0, out, backend, threads)
+    _rasterize(*edges_of(pixels, depths), clips, 0, 0, out, backend, threads)
     return out
 
 
-def _rasterise(edges, depths, bounds, clips, left: int, top: int, out, backend, threads) -> None:
+def _rasterize(edges, depths, bounds, clips, left: int, top: int, out, backend, threads) -> None:
     arguments = (edges, depths, bounds, *clips, SAMPLE_COLUMNS, SAMPLE_ROWS, left, top, out)
     if compiled(backend):
         with parallel_call(threads):
-            rasterise(*arguments)
+            rasterize(*arguments)
     else:
-        rasterise_numpy(*arguments)
+        rasterize_numpy(*arguments)

@@ -17,7 +17,7 @@ from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..warp.warp import warp_reach
-from .analyse import EffectSet
+from .analyze import EffectSet
 from .box_ends import BoxEnds
 from .camera_clip import CameraClip
 from .clips import ClipBodies

@@ -21,7 +21,7 @@ from ..runtime.steps import drain
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
-from .cut_matter import cover
+from .clip_cover import cover
 from .mesh_depth import sheet_depth
 
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from ..effects.analyse import EffectSet
+from ..effects.analyze import EffectSet
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
 from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count

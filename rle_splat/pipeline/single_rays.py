@@ -31,7 +31,7 @@ KNOWN = {
 def can_trace(scene: Scene, quality: Quality) -> bool:
     """Whether pixels of a scene can be integrated by single rays: post-classified, and without meshes.
 
-    ``scene``: without the effects that are off (``effects.analyse``).
+    ``scene``: without the effects that are off (``effects.analyze``).
     """
     if quality.classification != "post" or min(scene.volume.shape_xyz) < 2:
         return False
@@ -54,7 +54,7 @@ def traces_steep_pixels(scene: Scene, quality: Quality) -> bool:
     return quality.rays > 0.0 and can_trace(scene, quality)
 
 
-def with_neighbours(scene: Scene) -> Scene:
+def with_neighbors(scene: Scene) -> Scene:
     """The scene with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors."""
     if scene.crop is None:
         return scene

@@ -67,13 +67,13 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     return image
 
 
-def _from_centre(center: float, *stored) -> list:
+def _from_center(center: float, *stored) -> list:
     return [np.float32(min(max(value - center, -1e38), 1e38)) for value in stored]
 
 
 def kernel_lookup(table: LookupTable, center: float) -> Lookup:
     """The lookup table as kernels take it, for stored values less ``center``."""
-    least, low, high, nearest, furthest, origin = _from_centre(
+    least, low, high, nearest, furthest, origin = _from_center(
         center, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
     )
     return Lookup(

@@ -22,7 +22,7 @@ _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the 
 def place_wide_taps(cells, weights, taps, kind, stretch, radius, first_pixel, shift, scale, margin, low, top):
     """Where the samples of one block lie for a footprint of any width: first voxel, and its ``taps`` weights.
 
-    ``cells``: number of the first voxel, ``margin`` more.  ``weights[tap * BLOCK + i]`` float32, normalised by their
+    ``cells``: number of the first voxel, ``margin`` more.  ``weights[tap * BLOCK + i]`` float32, normalized by their
     sum over all voxels.  ``stretch``: how much wider than a voxel the footprint is made; ``radius``: stretched.
     ``first_pixel``, ``shift``, ``scale``: see ``voxel_at``.  ``low`` and ``top``: first and last place.
     """

@@ -48,7 +48,7 @@ def reported(name):
     return next(row for row in report["effects"] if row["name"] == name)
 
 
-def test_extinctions_add_and_colours_by_their_share(pair):
+def test_extinctions_add_and_colors_by_their_share(pair):
     first, second = pair
     alone = middle()
     assert not reported("channels")["on"]

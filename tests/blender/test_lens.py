@@ -9,7 +9,7 @@ from tests.blender import scenes
 
 @pytest.fixture
 def blot(tmp_path, core, bridge):
-    """A soft blot of matter about the world's origin, drawn 48 pixels wide by a camera 4 units before it."""
+    """A soft blot of a medium about the world's origin, drawn 48 pixels wide by a camera 4 units before it."""
     place = np.arange(-6.0, 7.0)
     square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)

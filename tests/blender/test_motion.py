@@ -14,7 +14,7 @@ FRAME = 4
 
 @pytest.fixture
 def blot(tmp_path, bridge, core):
-    """A soft blot of matter about the world's origin, through a camera 4 units before it; Motion Blur is on."""
+    """A soft blot of a medium about the world's origin, through a camera 4 units before it; Motion Blur is on."""
     place = np.arange(-6.0, 7.0)
     square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)

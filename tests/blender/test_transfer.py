@@ -56,7 +56,7 @@ def test_steps_stay_steps(volume_object, transfer, function, position):
     np.testing.assert_allclose(back.color_at(values), written.color_at(values), atol=1e-4)
 
 
-def test_more_colours_than_a_ramp_holds_keeps_the_shape(volume_object, transfer, function):
+def test_more_colors_than_a_ramp_holds_keeps_the_shape(volume_object, transfer, function):
     values = np.linspace(0.0, 100.0, 200)
     color = [(v, 0.5 + 0.5 * np.sin(v / 20.0), v / 100.0, 0.25) for v in values]
     written = function(opacity=((0.0, 0.0), (100.0, 1.0)), color=color)
@@ -115,7 +115,7 @@ def test_keep_colors_changes_the_range_and_not_the_picture(volume_object, transf
     np.testing.assert_allclose(back.table(values), written.table(values), atol=1e-4)
 
 
-def test_keyframes_on_curve_colours_and_window(volume_object, transfer, function):
+def test_keyframes_on_curve_colors_and_window(volume_object, transfer, function):
     scene = bpy.context.scene
     tree = volume_object.rle_splat.transfer
     start = function(opacity=((0.0, 0.0), (1.0, 0.2)), color=((0.0, 1.0, 0.0, 0.0), (1.0, 1.0, 1.0, 1.0)))

@@ -68,8 +68,8 @@ def test_nodes_come_front_to_back(stand):
         direction = -medium.view.eye[:3]
         corners = []
         for pixel, level in zip(pixels, level_of):
-            centres = nodes[level][:, ::-1] * 2.0**level + 0.5 * (2**level - 1)
-            at = centres @ medium.view.projection[:2, :3].T + medium.view.projection[:2, 3]
+            centers = nodes[level][:, ::-1] * 2.0**level + 0.5 * (2**level - 1)
+            at = centers @ medium.view.projection[:2, :3].T + medium.view.projection[:2, 3]
             match = np.flatnonzero(np.abs(at - pixel).max(axis=1) < 1e-9)
             assert len(match) == 1
             low = nodes[level][match[0], ::-1] * 2.0**level

@@ -261,7 +261,7 @@ def test_a_camera_move_does_not_average_again(stand):
         list(progressive.previews(stand.scene(field, azimuth), stand.quality, cache))
     assert cache.made["pyramid"] == 1 and cache.made["visible"] == 1
     function = replace(stand.scene(field).transfer_function, shade=Shade(0.2, 0.8, 0.0, 1.0))
-    for azimuth in (10.0, 20.0):  # a headlight moves with the camera, and colours with it
+    for azimuth in (10.0, 20.0):  # a headlight moves with the camera, and colors with it
         list(progressive.previews(stand.scene(field, azimuth, function=function, headlight=True), stand.quality, cache))
     assert cache.made["pyramid"] == 3
     assert sum(stage == "pyramid" for stage, _ in cache.contents) == 2

@@ -55,7 +55,7 @@ def test_line_integral_of_tents_against_a_fine_sum():
 
 
 def test_only_composited_samples_hide_each_other(stand):
-    """One sheet of two colours seen face-on, and its mirror image: the sum within a sheet has no order."""
+    """One sheet of two colors seen face-on, and its mirror image: the sum within a sheet has no order."""
     field = np.zeros((12, 3, 12))
     field[3:9, 1, 3:9] = np.where(np.indices((6, 6)).sum(axis=0) % 2, 0.2, 0.7)
     views = [stand.scene(f, 0.0, 0.0, size=(60, 60)) for f in (field, field[:, :, ::-1])]

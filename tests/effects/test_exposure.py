@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.effects.analyse import analyse
+from rle_splat.effects.analyze import analyze
 from rle_splat.effects.exposure import exposures
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
@@ -23,7 +23,7 @@ SIZE = 128
 
 
 def speck(depth, **lens):
-    """A soft blot of matter at ``depth`` before the camera, seen through a lens that is focused at 4."""
+    """A soft blot of a medium at ``depth`` before the camera, seen through a lens that is focused at 4."""
     place = np.arange(-6.0, 7.0)
     square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
     volume = Volume(np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), np.diag((0.02, 0.02, 0.02, 1.0)))
@@ -164,7 +164,7 @@ def test_a_camera_without_a_lens_makes_one_picture_and_the_same_bits():
 ])  # fmt: skip
 def test_depth_of_field_says_why(more, on, words):
     scene = speck(3.0)
-    effect = analyse(replace(scene, camera=replace(scene.camera, **more)), Quality())["depth of field"]
+    effect = analyze(replace(scene, camera=replace(scene.camera, **more)), Quality())["depth of field"]
     assert effect.on == on and words in effect.reason
 
 

@@ -62,14 +62,14 @@ def test_depth_is_the_ray_intersection(kind, backend):
     np.testing.assert_allclose(depth[..., s][both], expected[both], rtol=2e-6)
 
 
-def test_twins_agree():
+def test_kernels_agree_with_their_references():
     for kind in ("ORTHO", "PERSP"):
         one, two = (mesh_depth(TRIANGLES, camera(kind), 20, 31, backend=b) for b in ("numba", "numpy"))
         np.testing.assert_array_equal(np.isfinite(one), np.isfinite(two))
         np.testing.assert_allclose(one[np.isfinite(one)], two[np.isfinite(two)], rtol=1e-6)
 
 
-def test_neighbouring_triangles_leave_no_crack():
+def test_neighboring_triangles_leave_no_crack():
     rng = np.random.default_rng(4)
     corners = np.array([(-2, -2, 0), (2, -2, 0.1), (2, 2, 0), (-2, 2, -0.1)], float)
     middle = np.array((*rng.uniform(-0.5, 0.5, 2), 0.05))
@@ -152,7 +152,7 @@ def torn_surfaces(rng, rows, columns):
     return samples
 
 
-def test_twins_find_the_same_layers():
+def test_references_find_the_same_layers():
     rng = np.random.default_rng(11)
     silhouettes = 0
     for _ in range(40):
@@ -166,7 +166,7 @@ def test_twins_find_the_same_layers():
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 @pytest.mark.parametrize("with_layer", [False, True])
-def test_twins_end_rays_at_the_same_places_for_any_number_of_threads(kind, with_layer):
+def test_references_end_rays_at_the_same_places_for_any_number_of_threads(kind, with_layer):
     view = index_view(camera(kind), np.eye(4), 44, 40)
     layer = None
     if with_layer:

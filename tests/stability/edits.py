@@ -44,7 +44,7 @@ from rle_splat.scene.clip import CLIP_SIDES
 from rle_splat.volume.volume import Volume
 from tests.stability.effect_strategies import GIVEN, pose_near, reach_of, with_meshes
 from tests.stability.strategies import (
-    MATTER,
+    FIELDS,
     SEEDS,
     affines,
     cameras,
@@ -90,9 +90,9 @@ class Shot:
 
 
 def drawn_volume(draw, shape, affine) -> Volume:
-    """Any matter in one of DTYPES; NaN and infinities among floats at times."""
+    """Any field in one of DTYPES; NaN and infinities among floats at times."""
     random = np.random.default_rng(draw(SEEDS))
-    voxels = stored(field_of(draw(st.sampled_from(MATTER)), shape, random), draw(st.sampled_from(DTYPES)))
+    voxels = stored(field_of(draw(st.sampled_from(FIELDS)), shape, random), draw(st.sampled_from(DTYPES)))
     if voxels.dtype.kind == "f" and draw(st.integers(0, 3)) == 0:
         voxels[random.random(shape) < 0.05] = draw(st.sampled_from((np.nan, np.inf, -np.inf)))
     slope, intercept = draw(st.sampled_from(((1.0, 0.0), (-2.5, 0.125), (0.37, -11.0))))
@@ -100,7 +100,7 @@ def drawn_volume(draw, shape, affine) -> Volume:
 
 
 def drawn_function(draw, volume: Volume) -> TransferFunction:
-    """Opacities and colours over the values that there are, thick enough to be seen; shaded more often than not."""
+    """Opacities and colors over the values that there are, thick enough to be seen; shaded more often than not."""
     low, high = value_range(volume)
 
     def at(share):
@@ -349,7 +349,7 @@ def blur(draw, shot: Shot) -> Shot:
 
 
 def limited_blur(shot: Shot) -> Shot:
-    """The shot blurred by no more than BLUR, and by kernels: their numpy twins take too long for several pictures."""
+    """The shot blurred by no more than BLUR, and by kernels: the numpy versions take too long for several pictures."""
     blur = widest_blur(shot.scene)
     if blur > BLUR:
         shot = shot.with_camera(aperture_radius=shot.scene.camera.aperture_radius * BLUR / blur)
@@ -558,7 +558,7 @@ def records_of_voxels(draw, shot: Shot) -> Shot:
 
 
 def machine(draw, shot: Shot) -> Shot:
-    """One thread or two; kernels or their numpy twins."""
+    """One thread or two; kernels or their reference implementations."""
     if draw(st.booleans()):
         return shot.with_quality(threads=3 - shot.quality.threads)
     return shot.with_quality(backend="auto" if shot.quality.backend == "numpy" else "numpy")

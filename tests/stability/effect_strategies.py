@@ -24,7 +24,7 @@ from rle_splat.scene.checks import LARGEST_SHARE
 from rle_splat.scene.clip import CLIP_SIDES
 from rle_splat.volume.volume import Volume
 from tests.stability.strategies import (
-    MATTER,
+    FIELDS,
     SEEDS,
     UNIT,
     field_of,
@@ -125,8 +125,8 @@ def with_labels(draw, scene, random):
 
 
 def with_channels(draw, scene, random):
-    matter = field_of(draw(st.sampled_from(MATTER)), scene.volume.voxels.shape, random)
-    volume = Volume(stored(matter, "uint8"), scene.volume.affine)
+    field = field_of(draw(st.sampled_from(FIELDS)), scene.volume.voxels.shape, random)
+    volume = Volume(stored(field, "uint8"), scene.volume.affine)
     tf = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
     return replace(scene, channels=(Channel(volume, tf),))
 

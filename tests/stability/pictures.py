@@ -46,7 +46,7 @@ SCENES = ("parallel", "inside", "opacities", *(("post",) if "post" in CLASSIFICA
 
 
 def pictures(names=SCENES, threads=(0,), backend: str = "auto") -> dict[str, np.ndarray]:
-    """(H, W, 5) float32 of each scene and number of threads: colour, alpha and depth."""
+    """(H, W, 5) float32 of each scene and number of threads: color, alpha and depth."""
     made = {}
     for name in names:
         shown, quality = scene(name)

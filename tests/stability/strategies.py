@@ -30,17 +30,17 @@ from rle_splat.scene import (
 from rle_splat.volume.volume import Volume
 
 DTYPES = ("uint8", "int16", "float32", "float64")  # every kind of stored type; the others: test_values
-MATTER = ("noise", "constant", "blobs", "sheet", "sparse", "checkerboard", "ramp")
+FIELDS = ("noise", "constant", "blobs", "sheet", "sparse", "checkerboard", "ramp")
 CURVES = ("ramp", "narrow", "steps", "solid", "any")
 SEEDS = st.integers(0, 2**32 - 1)
 UNIT = st.floats(0.0, 1.0)
 
 
-# --- matter ---------------------------------------------------------------------------------------------------
+# --- fields ---------------------------------------------------------------------------------------------------
 
 
 def field_of(kind: str, shape, random) -> np.ndarray:
-    """(nz, ny, nx) float64 in [0, 1] of one of MATTER."""
+    """(nz, ny, nx) float64 in [0, 1] of one of FIELDS."""
     z, y, x = np.indices(shape)
     if kind == "noise":
         return random.random(shape)
@@ -83,11 +83,11 @@ def stored(field, dtype: str) -> np.ndarray:
 
 @st.composite
 def volumes(draw, most: int = 9):
-    """Any matter in any stored type, one voxel thick or up to ``most``; NaN and infinities among floats."""
+    """Any field in any stored type, one voxel thick or up to ``most``; NaN and infinities among floats."""
     shape = draw(st.tuples(*[st.integers(1, most)] * 3))
     random = np.random.default_rng(draw(SEEDS))
     dtype = draw(st.sampled_from(DTYPES))
-    voxels = stored(field_of(draw(st.sampled_from(MATTER)), shape, random), dtype)
+    voxels = stored(field_of(draw(st.sampled_from(FIELDS)), shape, random), dtype)
     if voxels.dtype.kind == "f" and draw(st.booleans()):
         for odd in draw(st.lists(st.sampled_from((np.nan, np.inf, -np.inf)), min_size=1, max_size=3)):
             voxels[random.random(shape) < 0.1] = odd
@@ -234,22 +234,22 @@ def scenes(draw, most_pixels: int = 20):
 
 @st.composite
 def plain_scenes(
-    draw, matter=MATTER, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, holes=False, **camera
+    draw, fields=FIELDS, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, holes=False, **camera
 ):
-    """Unlit matter with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on.
+    """An unlit medium with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on.
 
     ``holes``: some voxels may be no numbers."""
     shape = draw(st.tuples(*[st.integers(*sizes)] * 3))
     random = np.random.default_rng(draw(SEEDS))
     dtype = draw(st.sampled_from(DTYPES))
-    voxels = stored(field_of(draw(st.sampled_from(matter)), shape, random), dtype)
+    voxels = stored(field_of(draw(st.sampled_from(fields)), shape, random), dtype)
     if holes and voxels.dtype.kind == "f" and draw(st.booleans()):
         voxels[random.random(shape) < 0.1] = np.nan
     volume = Volume(voxels, draw(affines(anisotropy, 0.5)))
     diagonal = float(np.linalg.norm(volume.affine[:3, :3], axis=0).sum())
     low, high = value_range(volume)
     tf = draw(transfer_functions(low, high, diagonal, curves))
-    if curves == ("ramp",):  # nor may colours change faster than that
+    if curves == ("ramp",):  # nor may colors change faster than that
         tf = replace(tf, color=((low, *tf.color[0][1:]), (high, *tf.color[-1][1:])))
     mild = tuple((value, min(alpha, 0.95)) for value, alpha in tf.opacity)
     tf = replace(tf, opacity=mild, opacity_unit_distance=diagonal, shade=None)

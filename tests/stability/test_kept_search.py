@@ -160,7 +160,7 @@ def test_P5_what_is_kept_never_outlives_what_it_was_made_from(record, kind):
 
 def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
     """A filter with negative lobes is held to the brightest light of any voxel: that of the brightest one kept, which
-    may have been kept for a wider range than is shown, let colours through that a fresh start did not."""
+    may have been kept for a wider range than is shown, let colors through that a fresh start did not."""
     wrong = reused = 0
     for number in (8, 10, 21, 24, 32):
         random = np.random.default_rng(number)

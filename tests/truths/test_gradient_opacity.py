@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
@@ -62,14 +62,14 @@ def test_an_even_slope_thins_everything_evenly(stage, classification, depth_rule
 def test_a_field_that_grows_steeper_outwards(stage, classification, depth_rule, mode):
     """The square of the radius has a gradient of twice the radius, and central differences find it exactly."""
     scene = stage.on_turntable(
-        radius_from_centre(16) ** 2, 35.0, 25.0, size=(32, 32), transfer_function=steep(4.0, 14.0), mode=mode
+        radius_from_center(16) ** 2, 35.0, 25.0, size=(32, 32), transfer_function=steep(4.0, 14.0), mode=mode
     )
     rays, enter, leave = path_of(scene)
-    centre = (scene.index_to_world @ (7.5, 7.5, 7.5, 1.0))[:3]
+    center = (scene.index_to_world @ (7.5, 7.5, 7.5, 1.0))[:3]
     share = (np.arange(400) + 0.5) / 400
     depth = enter[:, None] + (leave - enter)[:, None] * share
     points = rays.origin[:, None] + rays.step[:, None] * depth[..., None]
-    radius = np.linalg.norm(points - centre, axis=2)
+    radius = np.linalg.norm(points - center, axis=2)
     factor = np.clip((2.0 * radius - 4.0) / 10.0, 0.0, 1.0).mean(axis=1)
     color = COLOR if mode == "composite" else (1.0, 1.0, 1.0)
     true = composed(SIGMA * factor * np.maximum(leave - enter, 0.0), color).reshape(32, 32, 4)
@@ -106,15 +106,15 @@ def test_threads_and_numpy_make_the_same_picture(stage):
     )
     one, two = (stage.render(scene, classification="post", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
-    twin = stage.render(scene, classification="post", backend="numpy")
-    np.testing.assert_allclose(one.rgba, twin.rgba, atol=2e-3)
+    reference = stage.render(scene, classification="post", backend="numpy")
+    np.testing.assert_allclose(one.rgba, reference.rgba, atol=2e-3)
     plain = stage.render(replace(scene, transfer_function=tf), classification="post")
     assert np.abs(one.rgba - plain.rgba).max() > 0.1
 
 
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_off_is_the_picture_without_it_and_measures_no_gradient(stage, classification):
-    scene = stage.on_turntable(radius_from_centre(12), size=(24, 24), transfer_function=steep(0.2, 0.9))
+    scene = stage.on_turntable(radius_from_center(12), size=(24, 24), transfer_function=steep(0.2, 0.9))
     cache, quality = StageCache(), Quality(classification=classification)
     off = render(replace(scene, effects={"gradient opacity": False}), quality, cache=cache)
     plain = render(replace(scene, transfer_function=EVEN), quality)
@@ -132,7 +132,7 @@ def test_json_and_what_is_refused(stage):
     for wrong in ({"low": 3, "high": 1}, {"low": -1}, {"slope": 2}, {"low": "steep"}):
         with pytest.raises(RleSplatError, match="gradient"):
             TransferFunction.from_json(EVEN.to_json() | {"gradient_opacity": wrong})
-    scene = stage.on_turntable(radius_from_centre(8), transfer_function=tf)
+    scene = stage.on_turntable(radius_from_center(8), transfer_function=tf)
     with pytest.raises(RleSplatError, match="refined knows no gradients"):
         render(scene, Quality(classification="refined"))
     with pytest.raises(RleSplatError, match="no truth of a transfer function with a gradient_opacity"):

@@ -1,10 +1,10 @@
 """Proves that a lens blurs by the closed form of its circle of confusion, to one percent of the circle's size.
 
-A point of the aperture at ``a``, in world units from the middle, sees matter at depth z moved by a k (1/f - 1/z) in
+A point of the aperture at ``a``, in world units from the middle, sees a medium at depth z moved by a k (1/f - 1/z) in
 perspective (k pixels to a unit at depth 1) and by a k (z/f - 1) orthographically (k pixels to a unit), f being the
 depth in focus: thin lens and similar triangles.  The mean picture's second moments are those of the sharp one and those
 of the aperture times that factor: for a disk of radius R, R^2/4 along any axis; for a regular polygon with n corners,
-R^2 (2 + cos(2 pi / n)) / 12.  Moments ask for no shape of the matter, and hardly for its size: a blot is enough.
+R^2 (2 + cos(2 pi / n)) / 12.  Moments ask for no shape of the medium, and hardly for its size: a blot is enough.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ PIXELS = {"PERSP": SIZE * 50.0 / 36.0, "ORTHO": SIZE / 2.5}  # to a world unit, 
 
 
 def blot(stage, depth, kind, **lens):
-    """A thin blot of matter in the middle of the picture, ``depth`` before a camera with a lens."""
+    """A thin blot of a medium in the middle of the picture, ``depth`` before a camera with a lens."""
     place = np.arange(SIDE) - 0.5 * (SIDE - 1)
     square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
     volume = stage.volume(np.exp(-0.5 * square / SIGMA**2), np.diag((SPACING, SPACING, SPACING, 1.0)))

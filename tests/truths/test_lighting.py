@@ -41,7 +41,7 @@ def scene(stage):
 
 @pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
 @pytest.mark.parametrize("name", ("sun", "point", "spot", "area", "near", "headlight"))
-def test_every_voxel_has_the_renderers_colour(stage, scene, name, kind):
+def test_every_voxel_has_the_renderers_color(stage, scene, name, kind):
     lit = replace(
         scene, camera=replace(scene.camera, type=kind), headlight=name == "headlight",
         lights=() if name == "headlight" else (lights(stage)[name],),
@@ -91,7 +91,7 @@ def test_a_sun_on_a_ball_of_one_side_lights_the_half_that_faces_it(stage):
 
 
 def test_both_truths_are_lit_alike(scene):
-    """One light for both truths: T1's colours of white matter are T2's light and highlight together."""
+    """One light for both truths: T1's colors of a white medium are T2's light and highlight together."""
     lit = replace(scene, headlight=True)
     places = tuple(np.array(n) for n in ((3, 4), (5, 6), (7, 8)))
     found = shading_of(lit, "T2")

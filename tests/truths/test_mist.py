@@ -22,7 +22,7 @@ SIZE, SIDE = 16, 32
 
 
 def slab(stage, perspective=False, **more):
-    """An even block of matter, 16 voxels a side, some way in front of the camera."""
+    """A block of an even medium, 16 voxels a side, some way in front of the camera."""
     options = dict(transfer_function=EVEN, perspective=perspective, size=(SIDE, SIDE), fov=60.0)
     return stage.on_turntable(np.ones((SIZE, SIZE, SIZE)), 35.0, 25.0, **options, **more)
 
@@ -98,8 +98,8 @@ def test_threads_and_numpy_make_the_same_picture(stage, classification):
     scene = replace(scene, mist=Mist(distance - 8.0, 16.0, "INVERSE_QUADRATIC", tuple(FOG)))
     one, two = (stage.render(scene, classification=classification, threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
-    twin = stage.render(scene, classification=classification, backend="numpy")
-    np.testing.assert_allclose(one.rgba, twin.rgba, atol=2e-3)
+    reference = stage.render(scene, classification=classification, backend="numpy")
+    np.testing.assert_allclose(one.rgba, reference.rgba, atol=2e-3)
 
 
 @pytest.mark.parametrize("classification", ("pre", "post"))

@@ -18,7 +18,7 @@ RED, GREEN, BLUE = (0.9, 0.1, 0.2), (0.2, 0.8, 0.1), (0.1, 0.3, 1.0)
 
 
 def flat(alpha, color, unit=1.0, shade=None):
-    """A transfer function of one opacity and colour from the value 10 on."""
+    """A transfer function of one opacity and color from the value 10 on."""
     return TransferFunction(
         opacity=((10.0, 0.0), (10.0, alpha)), color=((0.0, *color),), opacity_unit_distance=unit, shade=shade
     )
@@ -105,7 +105,7 @@ def test_two_channels_add_their_extinctions(stage):
     red, blue = depth_of(0.15, 6), depth_of(0.2, 6) / 3.0
     color = (red * np.array(RED) + blue * np.array(BLUE)) / (red + blue)
     np.testing.assert_allclose(middle(picture.rgba), composed((red + blue, color)), atol=0.05 * LEVEL)
-    # The other way round it is the same matter.
+    # The other way round it is the same medium.
     swapped = replace(
         scene, volume=channel.volume, transfer_function=other, channels=(Channel(scene.volume, tf),)
     )
@@ -171,7 +171,7 @@ def test_nothing_is_redone_when_the_camera_moves(stage):
     assert cache.made == made
     changed = replace(labels, functions={1: flat(0.3, GREEN)})
     other = render(replace(scene, camera=camera, labels=changed), Quality(), cache=cache)
-    assert np.abs(other.rgba - moved.rgba).max() > 10 * LEVEL, "another colour is another picture"
+    assert np.abs(other.rgba - moved.rgba).max() > 10 * LEVEL, "another color is another picture"
 
 
 def test_what_does_not_fit_is_refused_in_a_sentence(stage):

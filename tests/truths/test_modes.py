@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
@@ -18,7 +18,7 @@ from rle_splat.volume.volume import Volume
 from tests.truths.closed_forms import box_depths, composed, sphere_length
 
 VALUE_MODES = ("mip", "minip", "average")
-# A viewer's window: grey from black to white, and the opacity says how much of it.
+# A viewer's window: gray from black to white, and the opacity says how much of it.
 WINDOW = TransferFunction(opacity=((0.0, 0.0), (1.0, 1.0)), color=((0.0, 1.0, 1.0, 1.0),), shade=None)
 EXACT = dict(classification="post", sheet_density=0.0, warp_filter="bilinear")
 # azimuth, elevation -> what numpy calls the axis, and how its result lies in the picture
@@ -65,7 +65,7 @@ def trilinear(field, points):
 
 
 def sampled(scene, samples=600):
-    """(N, samples) values along the path of each ray in the box of voxel centres, NaN for rays that miss it; and (N,)
+    """(N, samples) values along the path of each ray in the box of voxel centers, NaN for rays that miss it; and (N,)
     the length of that path along the camera's axis."""
     rays = camera_rays(scene.camera, scene.width, scene.height)
     high = np.array(scene.volume.shape_xyz) - 1.0
@@ -211,7 +211,7 @@ def test_what_is_no_number_is_left_out(stage):
 
 
 def absorbing(*points, **more):
-    """Coloured, to be shown white."""
+    """Colored, to be shown white."""
     return TransferFunction(
         opacity=points, color=((0.0, 0.9, 0.3, 0.1),), opacity_unit_distance=1.0, shade=None, **more
     )
@@ -230,15 +230,15 @@ def test_xray_of_a_slab_is_beers_law(stage, depth_rule):
     assert dark.any() and (found.depth[true[..., 3] < 0.48] == NO_DEPTH).all()
     half = (enter + np.log(2.0) / -np.log1p(-0.08)).reshape(40, 40)
     error = np.abs(found.depth - half)[dark]
-    assert np.median(error) < 1e-3 and (error > 0.05).mean() < 0.01  # at the box's edges the depth is its neighbours'
+    assert np.median(error) < 1e-3 and (error > 0.05).mean() < 0.01  # at the box's edges the depth is its neighbors'
 
 
 def test_xray_of_a_ball_is_its_chord(stage):
     tf = absorbing((0.0, 0.06), (9.0, 0.06), (9.0, 0.0))
-    scene = seen(stage, radius_from_centre(24), "xray", 35.0, 25.0, size=(48, 48), tf=tf)
+    scene = seen(stage, radius_from_center(24), "xray", 35.0, 25.0, size=(48, 48), tf=tf)
     rays = camera_rays(scene.camera, 48, 48)
-    centre = (scene.index_to_world @ (11.5, 11.5, 11.5, 1.0))[:3]
-    chord = sphere_length(rays, centre, 9.0)
+    center = (scene.index_to_world @ (11.5, 11.5, 11.5, 1.0))[:3]
+    chord = sphere_length(rays, center, 9.0)
     true = composed(-np.log1p(-0.06) * chord, (1.0, 1.0, 1.0)).reshape(48, 48, 4)
     found = stage.render(scene, classification="post", depth_rule="preintegrated-2", sheet_density=3.0).rgba
     np.testing.assert_allclose(found, true, atol=0.1)  # at the rim a step of opacity is seen edge-on
@@ -246,8 +246,8 @@ def test_xray_of_a_ball_is_its_chord(stage):
 
 
 @pytest.mark.parametrize("depth_rule", ("preintegrated", "simpson"))
-def test_xray_is_what_white_matter_shows(stage, depth_rule):
-    """The same sheets in the order of sight: no colour, no order, the same picture; and the truth T2 of it."""
+def test_xray_is_what_a_white_medium_shows(stage, depth_rule):
+    """The same sheets in the order of sight: no color, no order, the same picture; and the truth T2 of it."""
     tf = absorbing((0.2, 0.0), (0.5, 0.3), (0.8, 0.05))
     scene = seen(stage, smooth_field(), "xray", 35.0, 25.0, fit=1.3, size=(32, 32), tf=tf)
     white = replace(scene, mode="composite", transfer_function=replace(tf, color=((0.0, 1.0, 1.0, 1.0),)))
@@ -275,9 +275,9 @@ def test_any_number_of_threads_and_numpy_make_the_same_picture(stage, mode, pers
     one, two = (stage.render(scene, classification="post", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
     np.testing.assert_array_equal(one.depth, two.depth)
-    twin = stage.render(scene, classification="post", backend="numpy")
-    np.testing.assert_allclose(one.rgba, twin.rgba, atol=1e-4)
-    same = np.isclose(one.depth, twin.depth, atol=1e-3)
+    reference = stage.render(scene, classification="post", backend="numpy")
+    np.testing.assert_allclose(one.rgba, reference.rgba, atol=1e-4)
+    same = np.isclose(one.depth, reference.depth, atol=1e-3)
     assert same.mean() > 0.99
 
 

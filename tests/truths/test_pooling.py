@@ -76,7 +76,7 @@ def averaged(rgba, side: int) -> np.ndarray:
 
 @pytest.mark.parametrize("perspective, width", [(False, 20), (True, 14)], ids=["ortho", "perspective"])
 def test_nodes_lie_where_their_voxels_do_and_are_lit_as_they_are(stage, perspective, width):
-    """Stretched, sheared and lit matter, against the average of all that rays through every voxel see."""
+    """A stretched, sheared and lit medium, against the average of all that rays through every voxel see."""
     affine = np.array(((1.0, 0.2, 0.0, 3.0), (0.0, -0.8, 0.1, -2.0), (0.1, 0.0, 1.5, 7.0), (0.0, 0.0, 0.0, 1.0)))
     field = np.pad(0.05 * FIELDS["smooth"](63)[:, :57, :50], 1)
     scene = stage.on_turntable(field, perspective=perspective, size=(width, width), fit=1.4, fov=20.0)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.rays import camera_rays
@@ -23,7 +23,7 @@ PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho"
 SIZE, PIXELS = 20, (40, 40)
 FINE = dict(classification="post", depth_rule="gauss2", sheet_density=2.0, termination=1 / 8192)
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.0)
-RADIUS = radius_from_centre(SIZE)
+RADIUS = radius_from_center(SIZE)
 
 
 def function(*points, shade=None, unit=1.0):
@@ -131,7 +131,7 @@ def test_as_sharp_as_a_ray_caster_when_magnified(stage, perspective):
 
 LIT = {
     "headlight": dict(headlight=True),
-    "coloured point": dict(lights=(
+    "colored point": dict(lights=(
         Light("POINT", (0.6, 0.8, 1.0), 15_000.0, np.eye(4) + np.outer((40.0, -20.0, 30.0, 0.0), (0, 0, 0, 1))),
     )),
     "suns": dict(lights=(
@@ -143,7 +143,7 @@ LIT = {
 @PROJECTIONS
 @pytest.mark.parametrize(
     ("lit", "specular", "backend"),
-    (("headlight", 0.4, "auto"), ("coloured point", 0.0, "numpy"), ("suns", 0.4, "auto")),
+    (("headlight", 0.4, "auto"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "auto")),
 )
 def test_lit_pictures(stage, lit, specular, backend, perspective):
     """Light and highlight of one channel and of three; stored as bytes, on voxels that are no cubes."""
@@ -168,7 +168,7 @@ AFFINES = {
 
 @pytest.mark.parametrize(("name", "perspective"), [*zip(AFFINES, (False, True, True, False))])
 def test_under_any_affine(stage, name, perspective):
-    """Lopsided, lit matter, placed by the volume's own affine and seen by a camera in the world."""
+    """A lopsided, lit medium, placed by the volume's own affine and seen by a camera in the world."""
     z, y, x = np.mgrid[:14, :16, :18]
     field = np.sqrt((x - 7.0) ** 2 + 1.5 * (y - 9.0) ** 2 + 0.7 * (z - 6.0) ** 2)
     volume = Volume(np.round(15.0 * field).astype(np.uint8), AFFINES[name])
@@ -209,11 +209,11 @@ def test_an_eye_in_or_on_the_volume(stage, eye):
 
 @PROJECTIONS
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson", "preintegrated"))
-def test_matter_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, depth_rule):
-    """Matter everywhere in the box of voxel centres and none outside: no slab of half a voxel is added, none missing,
+def test_a_medium_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, depth_rule):
+    """A medium everywhere in the box of voxel centers and none outside: no slab of half a voxel is added, none missing,
     neither at the first and last slice nor for rays that come in by the side.  Away from its silhouette, where a pixel
     more or less is all or nothing."""
-    scene, true, inside = cut_matter(stage, perspective)
+    scene, true, inside = cut_medium(stage, perspective)
     knobs = FINE | dict(depth_rule=depth_rule, termination=0.0)
     post = stage.render(scene, **knobs).rgba
     pre = stage.render(scene, **(knobs | dict(classification="pre", depth_rule="simpson"))).rgba
@@ -224,7 +224,7 @@ def test_matter_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, dept
 
 
 @cache
-def cut_matter(stage, perspective):
+def cut_medium(stage, perspective):
     z, y, x = np.mgrid[:16, :16, :16]
     field = 0.2 + 0.04 * x + 0.1 * np.sin(0.5 * y + 0.3 * z)
     scene = stage.on_turntable(field, size=(64, 64), perspective=perspective)
@@ -239,7 +239,7 @@ def cut_matter(stage, perspective):
 @PROJECTIONS
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson", "midpoint-3", "preintegrated"))
 def test_a_constant_box_is_its_path_length(stage, depth_rule, perspective):
-    """G1: optical depth is extinction times the length inside the box of voxel centres, whichever faces a ray meets,
+    """G1: optical depth is extinction times the length inside the box of voxel centers, whichever faces a ray meets,
     whatever the rule; on voxels that are no cubes."""
     scene = stage.on_turntable(
         np.full((9, 12, 10), 0.1), 35.0, 25.0, perspective, size=(72, 72), spacing=(1.0, 0.8, 1.3),
@@ -268,7 +268,7 @@ def test_a_constant_box_is_its_path_length(stage, depth_rule, perspective):
     assert (~near).sum() > 100 and np.abs(picture[~near]).max() < 1e-4
 
 
-def test_the_silhouette_is_that_of_the_voxel_centres(stage):
+def test_the_silhouette_is_that_of_the_voxel_centers(stage):
     """A box of one opaque value, square on, ten pixels a voxel."""
     scene = stage.on_turntable(np.ones((8, 8, 8)), azimuth=0.0, elevation=0.0, size=(80, 80), fit=1.0)
     alpha = stage.render(scene, **FINE).rgba[..., 3]
@@ -323,7 +323,7 @@ def test_half_depths(stage, perspective):
 def lit_bytes(stage, perspective):
     """A scene with all that there is: bytes, two lights, highlights, a wall, a clip plane."""
     field = np.round(12.0 * RADIUS).astype(np.uint8)
-    scene = turned(stage, shell(2.5, unit=12.0, shade=SHADE), perspective, headlight=True, **LIT["coloured point"])
+    scene = turned(stage, shell(2.5, unit=12.0, shade=SHADE), perspective, headlight=True, **LIT["colored point"])
     wall = np.array((((-30.0, 12.0, -9.0), (9.0, 12.0, -9.0), (-30.0, 15.0, 90.0)),))
     camera = replace(scene.camera, clip_start=middle_depth(scene) - 5.0)
     return replace(scene, volume=Volume(field, scene.volume.affine), triangles=wall, camera=camera)

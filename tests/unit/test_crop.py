@@ -161,10 +161,10 @@ def sheet_pixels(rendering):
 def test_a_crop_makes_less_sheet(monkeypatch):
     """A crop of a hundredth of the picture splats the part of the sheets that it reads, and warps that."""
     made = []
-    rasterise = mesh_depth
+    rasterize = mesh_depth
     monkeypatch.setattr(
         import_module("rle_splat.effects.mesh_occlusion"), "mesh_depth",
-        lambda *a, **k: made.append(rasterise(*a, **k)) or made[-1]
+        lambda *a, **k: made.append(rasterize(*a, **k)) or made[-1]
     )
     scene = replace(scene_of("perspective"), width=900, height=740, triangles=TRIANGLES)
     quality = Quality.preset("draft")

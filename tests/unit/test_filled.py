@@ -15,7 +15,7 @@ from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp
 from tests.unit.test_crop import BACKENDS, TRIANGLES, VOLUME, bits, scene_of
 
-ROAD = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
+PIPELINE = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
 CASES = {
     "post": (Quality(), {}),
     "draft": (Quality.preset("draft"), {}),
@@ -65,7 +65,7 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
             np.testing.assert_array_equal(bits(ours), bits(theirs))
         return found
 
-    monkeypatch.setattr(ROAD, "warp", everywhere)
+    monkeypatch.setattr(PIPELINE, "warp", everywhere)
     of_values = more.get("mode") in OF_VALUES
     scene = replace(scene_of(kind, **more), volume=VOLUME if of_values else DOTS)
     picture = render(scene, replace(quality, backend=backend))

@@ -161,14 +161,14 @@ def test_ranges_of_one_value_and_of_none():
         assert not looked_up(hidden, np.linspace(-1e3, 1e3)).any()
 
 
-def test_opaque_matter_is_capped_and_distances_count():
+def test_an_opaque_medium_is_capped_and_distances_count():
     grid, tf = volume(), function((0, 0.0), (100, 1.0), color=((0, 1, 1, 1),))
     near, far = (lookup_table(grid, tf, (0, 200), distance) for distance in (0.5, 5.0))
     assert near.entries[:, 3].max() == pytest.approx(TAU_CAP / 0.5, rel=1e-6)
     np.testing.assert_allclose(near.entries, 10.0 * far.entries, rtol=1e-6)
 
 
-def test_the_brightest_colour_is_of_what_is_shown():
+def test_the_brightest_color_is_of_what_is_shown():
     color = ((0, 9.0, 9.0, 9.0), (50, 0.2, 0.5, 0.1), (100, 0.1, 0.1, 0.8), (200, 7.0, 7.0, 7.0))
     for dtype in (np.uint8, np.float32):
         table = lookup_table(volume(dtype), function((50, 0.0), (60, 0.5), (100, 0.0), color=color), (0, 255), DISTANCE)

@@ -200,7 +200,7 @@ def test_the_estimate_of_a_picture_of_scalars_covers_what_it_takes(dtype, size, 
 def test_the_estimate_covers_what_single_rays_take(n, size):
     """Of a small picture they take most: so many are followed at a time."""
     if not compiled():
-        pytest.skip("the numpy twin takes more than kernels do")
+        pytest.skip("the reference implementation takes more than kernels do")
     scene, quality = scene_of(noise(n), size), Quality.preset("fine", rays=0.01, threads=2)
     render(scene, quality)  # whatever is made once
     rendering, peak = traced(lambda: render(scene, quality))
@@ -255,8 +255,8 @@ def test_the_scratch_of_a_picture_is_as_large_as_is_said(classification, monkeyp
         pytest.skip("there are no kernels without numba")
     made, counted = [], []
     monkeypatch.setattr(scratch, "_memory", lambda size: made.append(size) or np.zeros(size, np.uint8))
-    road = importlib.import_module("rle_splat.pipeline.source")
-    monkeypatch.setattr(road, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
+    source = importlib.import_module("rle_splat.pipeline.source")
+    monkeypatch.setattr(source, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
     render(scene_of(noise(32), 200), replace(QUALITY, classification=classification, warp_filter="bilinear"))
     assert scratch.SPREAD * max(counted) == pytest.approx(max(made), rel=0.001)  # but for the ends of cache lines
 
@@ -486,7 +486,7 @@ def test_what_is_kept_makes_room(monkeypatch):
 
 
 def test_solid_noise_keeps_working():
-    """Every voxel opaque and coloured by itself: no run to skip, nothing alike."""
+    """Every voxel opaque and colored by itself: no run to skip, nothing alike."""
     values = np.random.default_rng(1).integers(0, 256, (20, 22, 24)).astype(np.uint8)
     function = TransferFunction(opacity=((0, 1.0),), color=((0, 0, 0, 1), (255, 1, 1, 0)), shade=None)
     scene = scene_of(Volume(values, np.eye(4)), function=function)

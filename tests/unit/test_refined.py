@@ -212,8 +212,8 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
     )
     toward = normals(every, volume, matrix)
     white, black = (
-        shaded_colors(ClassifiedVolume(every, np.full((1, 5), grey, np.float32), True, 1.0, 1.0), toward, falling)
-        for grey in (1.0, 0.0)
+        shaded_colors(ClassifiedVolume(every, np.full((1, 5), gray, np.float32), True, 1.0, 1.0), toward, falling)
+        for gray in (1.0, 0.0)
     )
     at = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     seen = (at // voxels.shape_xyz[1], at % voxels.shape_xyz[1], voxels.column.astype(int))
@@ -250,7 +250,7 @@ def test_what_is_kept_is_of_one_refinement():
         assert (other.rgba == render(scene, quality).rgba).all() and (other.rgba != first.rgba).any()
 
 
-def test_a_change_of_colour_or_light_finds_no_voxels_anew():
+def test_a_change_of_color_or_light_finds_no_voxels_anew():
     cache, scene = StageCache(), scene_of(waves(), headlight=True)
     render(scene, refined_quality(), cache=cache)
     bluer = replace(scene, transfer_function=replace(FUNCTION, color=((80, 0.1, 0.3, 1.0), (250, 0.9, 0.9, 0.8))))
@@ -334,6 +334,6 @@ def test_rle_files_hold_the_grid_of_the_scan():
 
 
 def test_a_volume_one_voxel_thick_fills_no_box():
-    """Nothing lies between the centres of one plane of voxels: an empty picture, not a mistake."""
+    """Nothing lies between the centers of one plane of voxels: an empty picture, not a mistake."""
     volume = waves(shape=(12, 12, 1))
     assert (render(scene_of(volume), refined_quality()).rgba == 0.0).all()

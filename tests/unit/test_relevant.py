@@ -1,5 +1,5 @@
 """Which voxels matter to sheets of the scalar, against a search of every cell with the truth's own reading of transfer
-functions; kernels against their twins; and which range of values covers which."""
+functions; kernels against their reference implementations; and which range of values covers which."""
 
 import numpy as np
 import pytest

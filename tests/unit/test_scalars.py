@@ -118,7 +118,7 @@ def test_infinite_values_are_the_functions_ends_and_nan_is_never_kept():
             scene = scene_of(volume)
             table = encoded(scene, axes=(2,))[2]
             found = decoded(table, table.scalars)
-            finite = np.clip(values, 0.0, 70.0)  # all points, those of the colour too
+            finite = np.clip(values, 0.0, 70.0)  # all points, those of the color too
             checked = 0
             for place, scalar in found.items():
                 assert not np.isnan(values[place]) and np.isfinite(scalar)
@@ -233,7 +233,7 @@ def test_light_on_voxels_is_that_of_the_truth(name, perspective):
 
 
 @pytest.mark.parametrize("name", ("headlight", "red sun, glossy", "all of them"))
-def test_light_from_kernel_and_twin(name):
+def test_light_from_kernel_and_reference(name):
     scene = lit_scene(name, perspective=True)
     (_, one, first), (_, two, second) = (light_of(scene, backend=backend) for backend in BACKENDS)
     assert first.light_unit == second.light_unit

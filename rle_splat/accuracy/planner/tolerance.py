@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...effects.analyse import analyse
+from ...effects.analyze import analyze
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, drain
@@ -110,7 +110,7 @@ def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]
     left_out : list of str
         Those of the two effects that the scene called for.
     """
-    effects = analyse(scene, quality)
+    effects = analyze(scene, quality)
     left_out = [name for name in SHADOW_EFFECTS if effects[name].on]
     reasons = {**scene.reasons_off, **dict.fromkeys(left_out, LEFT_OUT)}
     return replace(without_shadows(scene), reasons_off=reasons), left_out

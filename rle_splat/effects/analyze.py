@@ -124,7 +124,7 @@ def check_overrides(overrides) -> dict[str, bool]:
     return dict(overrides)
 
 
-def analyse(scene: Scene, quality: Quality) -> EffectSet:
+def analyze(scene: Scene, quality: Quality) -> EffectSet:
     """Which effects a scene calls for, and why.
 
     ``scene.effects`` overrides: raises RleSplatError for an effect there is none of, and for one that is forced on

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.effects.analyse import EFFECTS, analyse, called_for
+from rle_splat.effects.analyze import EFFECTS, analyze, called_for
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import compiled
@@ -47,7 +47,7 @@ def near_plane(scene) -> Scene:
 
 
 def told(scene, name, classification="post"):
-    effect = analyse(scene, Quality(classification=classification))[name]
+    effect = analyze(scene, Quality(classification=classification))[name]
     return effect.on, effect.reason
 
 
@@ -168,13 +168,13 @@ def test_what_the_scene_was_made_without_has_the_reason_that_it_was_given():
     reasons = {"motion blur": "the camera depends on a driver", "shading": "never said of what is on"}
     given, plain = scene_of(reasons_off=reasons), scene_of()
     for quality in (Quality(), Quality.preset("fine", classification="post")):
-        effects = analyse(given, quality)
+        effects = analyze(given, quality)
         assert (effects["motion blur"].on, effects["motion blur"].reason) == (False, reasons["motion blur"])
-        assert effects["shading"] == analyse(plain, quality)["shading"] and effects["shading"].on
+        assert effects["shading"] == analyze(plain, quality)["shading"] and effects["shading"].on
         found, still = render(given, quality), render(plain, quality)
         assert np.array_equal(found.rgba, still.rgba) and found.report["rays"] == still.report["rays"]
     with pytest.raises(RleSplatError, match="motion blur is turned on by hand, but the camera depends on a driver"):
-        analyse(replace(given, effects={"motion blur": True}), Quality())
+        analyze(replace(given, effects={"motion blur": True}), Quality())
 
 
 def test_effects_are_forced_by_true_or_false_alone():
@@ -184,10 +184,10 @@ def test_effects_are_forced_by_true_or_false_alone():
 
 def test_what_is_left_has_lost_what_is_off_and_is_left_alone_the_second_time():
     scene = scene_of(lights=(SUN,), triangles=BEHIND, transfer_function=unshaded())
-    left = called_for(scene, analyse(scene, Quality()))
+    left = called_for(scene, analyze(scene, Quality()))
     assert left.lights == () and left.triangles is None and not left.headlight
-    again = called_for(left, analyse(left, Quality()))
-    assert analyse(again, Quality()).on == analyse(scene, Quality()).on == ()
+    again = called_for(left, analyze(left, Quality()))
+    assert analyze(again, Quality()).on == analyze(scene, Quality()).on == ()
 
 
 def test_a_rle_file_says_that_its_light_is_baked():
