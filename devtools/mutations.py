@@ -21,9 +21,9 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
 MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
-VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, KEPT = (
+VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, CACHE_SEARCH = (
     f"tests/stability/test_{group}.py"
-    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "references", "kept_search")
+    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "references", "stage_cache_search")
 )
 LENS = "tests/truths/test_lens.py"
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
@@ -44,7 +44,7 @@ class Mutant:
 
 def _left_out(what: str, file: str, key: str, without: str) -> Mutant:
     """A key of the stage cache without one of the things that the stage's result depends on."""
-    return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (KEPT,), compiles=False)
+    return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (CACHE_SEARCH,), compiles=False)
 
 
 MUTANTS = (
@@ -173,7 +173,7 @@ MUTANTS = (
         (ACCUMULATION, "-k", "A10_a_constant and numpy and gaussian and simpson and float32"),
     ),
     Mutant(
-        "the place of a ray multiplied by an inverse in place of divided", "K1",
+        "the position of a ray multiplied by an inverse in place of divided", "K1",
         ((
             "view/footprints.py", "return (pixel - shift) / scale",
             "return pixel * (1.0 / scale) - shift * (1.0 / scale)",

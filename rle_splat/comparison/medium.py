@@ -47,7 +47,7 @@ class Medium:
         return index_view(self.scene.camera, self.scene.index_to_world, self.scene.width, self.scene.height)
 
     @cached_property
-    def places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def indices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Indices z, y, x, each (m,) int64, of the non-transparent voxels."""
         _, ny, nz = self.classified.shape_xyz
         row = np.repeat(np.arange(nz * ny), np.diff(self.classified.row_start))
@@ -62,7 +62,7 @@ class Medium:
         began = time.perf_counter()
         nx, ny, nz = self.classified.shape_xyz
         dense = np.zeros((nz + 2, ny + 2, nx + 2, CHANNELS), np.float32)
-        z, y, x = (axis + 1 for axis in self.places)
+        z, y, x = (axis + 1 for axis in self.indices)
         extinction = self.classified.extinction[:, None]
         dense[z, y, x] = np.concatenate((extinction * self.colors, extinction), axis=1)
         self.stages_ms["dense"] = 1e3 * (time.perf_counter() - began)

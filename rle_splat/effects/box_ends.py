@@ -1,4 +1,4 @@
-"""The ends of rays at the box of the voxel centers, of media that do not end there by themselves."""
+"""Ray intervals that end at the box of the voxel centers, for sheets that do not end there by themselves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from .ray_pass import RayEffect, RayPass
 
 
 class BoxEnds(RayEffect):
-    """Ends rays where they enter and leave the box of the voxel centers."""
+    """Ends rays where they enter and leave the box of the voxel centers.
+
+    Parameters
+    ----------
+    shape_xyz : (nx, ny, nz)
+        Number of voxels.
+    """
 
     moves_depth = False
 
@@ -17,7 +23,9 @@ class BoxEnds(RayEffect):
 
     @classmethod
     def of(cls, scene, view, quality, ends_at_box: bool) -> BoxEnds | None:
+        """The effect, None where rays need not end at the box; parameters as of ``RayEffects``."""
         return cls(scene.volume.shape_xyz) if ends_at_box else None
 
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shortened``."""
         return plane, within_box(plane, self._shape_xyz, intervals)

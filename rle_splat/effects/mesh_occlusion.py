@@ -19,11 +19,18 @@ from .kind import Kind
 from .mesh_depth import mesh_depth
 from .ray_pass import RayEffect, RayPass
 
-BEHIND = "no mesh lies in or before the volume"
+BEHIND = "no mesh is in or in front of the volume"
 
 
 class MeshSurfaces(RayEffect):
-    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass."""
+    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : IndexView
+    quality : Quality
+    """
 
     name, stage = "mesh occlusion", "occlusion"
 
@@ -33,14 +40,17 @@ class MeshSurfaces(RayEffect):
 
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> MeshSurfaces | None:
+        """The effect, None for a scene without meshes; parameters as of ``RayEffects``."""
         meshes = scene.triangles is not None and len(scene.triangles) > 0
         return cls(scene, view, quality) if meshes else None
 
     def inspect(self, planes: list[BasePlane]) -> str | None:
+        """See ``RayEffect.inspect``."""
         self._layers = mesh_layers(self._scene, self._view, self._quality, planes)
         return BEHIND if self._layers is None else None
 
     def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:
+        """See ``RayEffect.passes``: the near layer, and the far layer where there are silhouettes."""
         (whole,) = passes
         planes, first_pixel = [plane for _, plane in whole.planes], self._layers.first_pixel
         found: list[RayPass] = []
@@ -49,6 +59,7 @@ class MeshSurfaces(RayEffect):
         return found
 
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shortened``; ``CameraClip`` has shortened the rays, this leaves out repeated blocks."""
         if ray_pass.before is None:
             ray_pass.ends[number] = plane, intervals
         else:
@@ -56,18 +67,33 @@ class MeshSurfaces(RayEffect):
         return plane, intervals
 
     def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
+        """See ``RayEffect.completed``."""
         if ray_pass.before is None:
             ray_pass.images[number] = image
         else:
             take_like(image, ray_pass.before.images.get(number), ray_pass.alike[number])
 
     def mixed(self, ray_pass: RayPass, picture, found):
+        """See ``RayEffect.mixed``."""
         mix_layers(self._layers, self._scene.region, ray_pass.region, *picture, *found)
         return picture
 
 
 def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:
-    """Where the rays of each pixel end at meshes; None when no mesh ends any ray inside the volume."""
+    """The depth layers of a scene's meshes.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : IndexView
+    quality : Quality
+    planes : list of BasePlane
+
+    Returns
+    -------
+    DepthLayers or None
+        None where no mesh ends any ray inside the volume.
+    """
     if scene.triangles is None or len(scene.triangles) == 0:
         return None
     region = _pixels_with_layers(scene, planes)
@@ -103,7 +129,7 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     if nearest > slab_depths(scene, view, quality)[1]:
         return False, BEHIND
-    return True, "meshes stand in or before the volume"
+    return True, "meshes are in or in front of the volume"
 
 
 MESH_OCCLUSION = Kind(

@@ -262,9 +262,9 @@ class ScalarSource(Source):
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
         """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""
         volume = self.scene.volume
-        place = (key, array_key(volume.affine[:3, :3]))
+        placed_key = (key, array_key(volume.affine[:3, :3]))
         rows = voxels.row_start, voxels.column
-        sizes = work.job.get("gradients", place, lambda: gradient_sizes(volume, *rows, **self.machine))
+        sizes = work.job.get("gradients", placed_key, lambda: gradient_sizes(volume, *rows, **self.machine))
         return self.scene.transfer_function.gradient_opacity.factor(sizes)
 
     def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key):

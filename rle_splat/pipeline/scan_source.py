@@ -119,8 +119,8 @@ class ScanSource(Source):
         return normals(voxels, self.scene.volume, self.lit_matrix, **self.machine)
 
     def record_writer(self, lit: LitVolume, model: str):
-        def write(places, records):
-            return light_records(lit.classified, lit.normals, lit.falling, model, places, records, **self.machine)
+        def write(positions, records):
+            return light_records(lit.classified, lit.normals, lit.falling, model, positions, records, **self.machine)
 
         return write
 
@@ -142,7 +142,7 @@ class ScanSource(Source):
         """Generator of Progress: the LitVolume of the scene."""
         scene, job, clock = self.scene, work.job, work.clock
         length = unit_length(scene.volume, scene.index_to_world)
-        # A store without room needs no content key, and large volumes no second reading for it.
+        # A cache without room needs no content key, and large volumes no second reading for it.
         voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
         shown = self.shown
         visible_key = (voxels_key, shown.key)

@@ -127,8 +127,8 @@ def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: 
     for first in range(0, len(where), AT_ONCE):
         yield first / len(where)
         rows, columns = np.divmod(where[first : first + AT_ONCE], steep.shape[1])
-        places = columns + inner[1].start, rows + inner[0].start
-        rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *places, slabs)
+        pixels = columns + inner[1].start, rows + inner[0].start
+        rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *pixels, slabs)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
 
 

@@ -89,12 +89,12 @@ class Slab(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``place`` among
-    scanlines, in voxels."""
+    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``position``
+    among scanlines, in voxels."""
 
     slot: int
     line: int
-    place: float
+    position: float
 
 
 @inner_loop
@@ -289,7 +289,7 @@ def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, len
 
 
 @inner_loop(forceinline=True)
-def _scanline_places(wide, slab, row, b, blocks, here):
+def _scanline_positions(wide, slab, row, b, blocks, here):
     """Where block ``b`` of the two scanlines of a row begins; of a wide footprint, whose scanlines are added up here,
     twice where their sum is."""
     samples, marks = here.samples, here.marks
@@ -300,7 +300,7 @@ def _scanline_places(wide, slab, row, b, blocks, here):
         lower = 4 * BLOCK * ((row.slot + 1) * blocks + b) if _is_marked(marks, row.slot + 1, b) else empty
         return upper, lower
     kind, _, _, _, stretch, _, taps = slab.footprint
-    _add_scanlines(kind, row.place, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
+    _add_scanlines(kind, row.position, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
     return mixed, mixed
 
 
@@ -335,7 +335,7 @@ def _composite_slab(
         if is_outside(rows.bounds, r, b, begin, end):
             return LIVE
         shortened = is_shortened(rows.bounds, r, b, begin, end)
-    upper, lower = _scanline_places(wide, slab, row, b, blocks, here)
+    upper, lower = _scanline_positions(wide, slab, row, b, blocks, here)
     length, deep = rows.length, at
     if limits is not None:
         if shortened:
@@ -344,8 +344,8 @@ def _composite_slab(
     if mist is not None:
         copy_colors(state, to, block.colors)
     pixels = _lay_over(
-        wide, additive_opacity, here.samples, upper, lower, np.float32(row.place - row.line), length, deep, thickness,
-        least, state, to, block.before,
+        wide, additive_opacity, here.samples, upper, lower, np.float32(row.position - row.line), length, deep,
+        thickness, least, state, to, block.before,
     )
     if mist is not None:
         fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)

@@ -24,7 +24,7 @@ def place_wide_taps(cells, weights, taps, kind, stretch, radius, first_pixel, sh
 
     ``cells``: number of the first voxel, ``margin`` more.  ``weights[tap * BLOCK + i]`` float32, normalized by their
     sum over all voxels.  ``stretch``: how much wider than a voxel the footprint is made; ``radius``: stretched.
-    ``first_pixel``, ``shift``, ``scale``: see ``voxel_at``.  ``low`` and ``top``: first and last place.
+    ``first_pixel``, ``shift``, ``scale``: see ``voxel_at``.  ``low`` and ``top``: first and last position.
     """
     for i in range(BLOCK):
         x = min(max(voxel_at(first_pixel + i, shift, scale), low), top)

@@ -103,7 +103,7 @@ def _reached(encoded, sheets: Sheets) -> np.ndarray:
     filled = encoded.filled_slices
     reached = np.zeros(len(sheets.first_slice), bool)
     for tap in range(sheets.slice_weights.shape[1]):
-        place = np.minimum(np.maximum(sheets.first_slice + (1 + tap), 0), len(filled) - 1)
-        reached |= filled[place] & (sheets.slice_weights[:, tap] > 0.0)
+        number = np.minimum(np.maximum(sheets.first_slice + (1 + tap), 0), len(filled) - 1)
+        reached |= filled[number] & (sheets.slice_weights[:, tap] > 0.0)
     reached[0] |= not reached.any()
     return reached

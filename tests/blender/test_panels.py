@@ -25,7 +25,7 @@ SENTENCES = (
     SENTENCE,
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
     "import it again, or press Relocate to choose the original file.",
-    "Against T2, the exact integral of the classified interpolated scalar, which is what a ray caster shows: largest "
+    "Against T2, the exact integral of values that are interpolated, then classified: largest "
     "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
 )
 

@@ -127,7 +127,7 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
     for name in ("shadows", "ambient occlusion", "motion blur"):
         row = settings.effect_rows[name]
-        assert (row.on, row.reason) == (False, "pictures to a maximum error have none")
+        assert (row.on, row.reason) == (False, "it is not available with a maximum error")
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings.max_error = 0.0
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}

@@ -57,19 +57,19 @@ def told(scene, name, classification="post"):
         ({}, "shading", True, "diffuse 0.6 and ambient 0.3 under a headlight"),
         ({"lights": (SUN, SUN)}, "shading", True, "diffuse 0.6 and ambient 0.3 under 2 light(s) of the scene"),
         ({"headlight": False}, "shading", False, "the scene has no light"),
-        ({"transfer_function": unshaded()}, "shading", False, "the transfer function does not shade"),
-        ({}, "lights", False, "the scene has none"),
+        ({"transfer_function": unshaded()}, "shading", False, "the transfer function has no shading"),
+        ({}, "lights", False, "the scene has no lights"),
         ({"lights": (SUN, SUN, Light(type="POINT"))}, "lights", True, "2 sun, 1 point"),
         ({"lights": (SUN,), "transfer_function": unshaded()}, "lights", False, "nothing is shaded"),
         ({}, "headlight", True, "white and parallel, along the camera's axis"),
-        ({"headlight": False}, "headlight", False, "the scene does not ask for one"),
+        ({"headlight": False}, "headlight", False, "the scene has no headlight"),
         ({"transfer_function": unshaded()}, "headlight", False, "nothing is shaded"),
         ({}, "specular", True, "specular 0.4, shininess 30"),
         ({"transfer_function": replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0))}, "specular", False, "specular 0"),
         ({"headlight": False}, "specular", False, "nothing is shaded"),
         ({}, "mesh occlusion", False, "the scene has no meshes"),
-        ({"triangles": BEFORE}, "mesh occlusion", True, "meshes stand in or before the volume"),
-        ({"triangles": BEHIND}, "mesh occlusion", False, "no mesh lies in or before the volume"),
+        ({"triangles": BEFORE}, "mesh occlusion", True, "meshes are in or in front of the volume"),
+        ({"triangles": BEHIND}, "mesh occlusion", False, "no mesh is in or in front of the volume"),
         ({}, "clipping", False, "a clip plane of the camera does not cut the volume"),
     ],
 )  # fmt: skip
@@ -95,7 +95,7 @@ def test_the_report_lists_the_table_in_its_order_and_prices_only_what_is_on():
 def test_a_mesh_that_no_ray_meets_is_found_off_with_what_it_took_to_look():
     aside = BEFORE + (500.0, 0.0, 0.0)
     entry = next(e for e in render(scene_of(triangles=aside)).report["effects"] if e["name"] == "mesh occlusion")
-    assert not entry["on"] and entry["reason"] == "no mesh lies in or before the volume" and entry["ms"] > 0.0
+    assert not entry["on"] and entry["reason"] == "no mesh is in or in front of the volume" and entry["ms"] > 0.0
 
 
 # What has an effect, and what has never heard of it.
@@ -154,7 +154,7 @@ def test_forcing_on_what_the_scene_lacks_takes_a_stated_default():
     ("more", "sentence"),
     [
         ({"effects": {"mesh occlusion": True}}, "mesh occlusion is turned on by hand, but the scene has no meshes"),
-        ({"effects": {"lights": True}}, "lights is turned on by hand, but the scene has none"),
+        ({"effects": {"lights": True}}, "lights is turned on by hand, but the scene has no lights"),
         ({"effects": {"glitter": True}}, "There is no effect called 'glitter'; choose mode, gradient opacity"),
         ({"effects": {"shading": False, "specular": True}}, "specular is turned on by hand, but nothing is shaded"),
     ],

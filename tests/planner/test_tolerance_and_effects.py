@@ -110,7 +110,7 @@ def test_shadows_that_are_left_out_are_said_to_be(more, left_out):
     for row in found.report["effects"]:
         if row["name"] in ("shadows", "ambient occlusion"):
             assert not row["on"] and row["ms"] == 0.0
-            assert (row["reason"] == "pictures to a maximum error have none") == (row["name"] in left_out)
+            assert (row["reason"] == "it is not available with a maximum error") == (row["name"] in left_out)
 
 
 def test_single_rays_are_in_the_times_of_a_picture_to_a_tolerance():

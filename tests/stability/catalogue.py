@@ -86,7 +86,7 @@ CASES = {
     "K5": "a value on the edge of an entry of the table",
     "K6": "opacities of one over a small part of their length",
     "K7": "rays past a silhouette that end as those before it",
-    "P5": "any edits of a scene with stages kept, searched",
+    "P5": "any edits of a scene with a stage cache, searched",
     "F1": "renders at once from several threads",
     "F3": "a full disk, a folder that cannot be written",
     "F4": "a kernel cache corrupted on purpose",

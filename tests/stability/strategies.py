@@ -62,12 +62,12 @@ def field_of(kind: str, shape, random) -> np.ndarray:
 
 def smooth_field(shape, random, width=(1.6, 2.6)) -> np.ndarray:
     """(nz, ny, nx) float64 in [0, 1]: a few Gaussian blobs of ``width`` voxels, zero and flat at the faces."""
-    place = np.moveaxis(np.indices(shape), 0, -1).astype(np.float64)
+    position = np.moveaxis(np.indices(shape), 0, -1).astype(np.float64)
     total = np.zeros(shape)
     for _ in range(int(random.integers(1, 6))):
         middle = random.uniform(0.3, 0.7, 3) * (np.array(shape) - 1.0)
         total += random.uniform(0.3, 1.0) * np.exp(
-            -0.5 * ((place - middle) ** 2).sum(axis=-1) / random.uniform(*width) ** 2
+            -0.5 * ((position - middle) ** 2).sum(axis=-1) / random.uniform(*width) ** 2
         )
     total = np.clip(total, 0.0, None) / max(float(total.max()), 1e-9)
     edge = np.minimum.reduce([np.minimum(i, n - 1 - i) for i, n in zip(np.indices(shape), shape, strict=True)])

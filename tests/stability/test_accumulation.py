@@ -93,12 +93,12 @@ def test_A1_thin_sheets_whose_optical_depths_add_up_to_one(record, model, count)
     loop = _extinctions if model == "extinction" else _opacities
     exact = math.exp(count * (-float(value) if model == "extinction" else math.log1p(-float(value))))
     for width in WIDTHS:
-        color, clear = behind_sheets(loop, value, count, width)
-        record("A1", "error of T behind n sheets, in units of n 2^-24", abs(clear - exact) / (count * ULP), 1.0, width)
+        color, transmittance = behind_sheets(loop, value, count, width)
+        record("A1", "error of T behind n sheets, in units of n 2^-24", abs(transmittance - exact) / (count * ULP), 1.0, width)
         if width == DOUBLE:
             none = "chosen for no more than 16,384 sheets"
-            record("A1", "error of T behind up to 1e7 sheets", abs(clear - exact), 1e-12, width, why=none)
-            record("A1", "color + T - 1 behind up to 1e7 sheets", abs(color + clear - 1.0), 1e-12, width, why=none)
+            record("A1", "error of T behind up to 1e7 sheets", abs(transmittance - exact), 1e-12, width, why=none)
+            record("A1", "color + T - 1 behind up to 1e7 sheets", abs(color + transmittance - 1.0), 1e-12, width, why=none)
 
 
 @pytest.mark.parametrize("backend", AVAILABLE)
@@ -141,9 +141,9 @@ def test_A2_transmittance_underflows_to_the_end_of_the_ray(record, width, backen
         sheets(from_above(voxels, seen), backend, classification=classification)[1:3, 1:3]
         for voxels in (solid, solid * (np.arange(2 * count) >= count)[:, None, None])
     )
-    clear = whole[..., 3]
-    assert clear.max() <= OPAQUE and np.isfinite(whole).all()
-    denormal = (clear > 0.0) & (clear < np.finfo(np.float32).tiny)
+    transmittance = whole[..., 3]
+    assert transmittance.max() <= OPAQUE and np.isfinite(whole).all()
+    denormal = (transmittance > 0.0) & (transmittance < np.finfo(np.float32).tiny)
     record("A2", "denormal transmittances left behind an opaque medium", denormal.sum(), 0, width)
     record("A2", "numbers that matter behind T = 1e-30 changes", (front != whole).sum(), 0, width)
 

@@ -233,7 +233,7 @@ def test_S4_columns_grow_with_the_width(record, backend):
         classified = classify(Volume(voxels, np.eye(4)), shown, np.eye(4), backend=backend)
         assert classified.column.dtype == stored_type
         off = unlike(classified.column, sorted({0, 65535, length - 1}))
-        record("S4", "visible voxels of a long row at a wrong place", off, 0, "either", TABLES_ARE_WHOLE)
+        record("S4", "visible voxels of a long row at a wrong position", off, 0, "either", TABLES_ARE_WHOLE)
 
 
 @needs_kernels
@@ -257,7 +257,7 @@ def test_S4_the_far_end_of_a_long_volume_is_drawn_as_if_it_were_all(record, long
     assert alone.rgba[..., 3].max() > 0.3
     off = 255.0 * np.abs(whole.rgba - alone.rgba).max()
     record("S4", "the end of 70,000 voxels against the same alone, levels", off, 1.0, "float32",
-           "places are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
+           "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 
 def test_S5_offsets_go_beyond_32_bits(record):
@@ -312,7 +312,7 @@ def test_S5_a_volume_of_more_than_32_bits_of_voxels(record, tmp_path):
         assert alone[..., 3].max() > 0.3
         off = 255.0 * np.abs(whole - alone).max()
         record("S5", "the end of 2^31 voxels against the same alone, levels", off, 1.0, "float32",
-               "places are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
+               "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 
 @needs_kernels

@@ -421,6 +421,6 @@ def test_C18_far_from_the_world_origin(record, width, plan, direction):
         corners = np.array(list(np.ndindex(2, 2, 2))) * 17.0
         pixels = [(p[:, :3] @ corners.T + p[:, 3:])[:2] / (p[2:, :3] @ corners.T + p[2:, 3:]) for p in (here, there)]
         record("C18", "pixels that a voxel 1e7 away moves by", np.abs(pixels[1] - pixels[0]).max(), 1e-6, "float64",
-               why="places are reckoned in float64")  # fmt: skip
+               why="positions are computed in float64")  # fmt: skip
         change = np.abs(picture(other, plan) - picture(scene, plan)).max()
         record("C18", "change of a picture 1e7 away", change, 1e-6, width)

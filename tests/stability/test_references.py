@@ -42,7 +42,7 @@ def finer(scene, times: int):
     return replace(scene, width=times * scene.width, height=times * scene.height)
 
 
-def places(splat) -> tuple[np.ndarray, np.ndarray]:
+def positions(splat) -> tuple[np.ndarray, np.ndarray]:
     """Where the sheet pixels of parallel rays down z lie among columns and rows of voxels."""
     plane = splat.given["plane"]
     sizes = plane.width, plane.height
@@ -67,8 +67,8 @@ def test_K1_rays_on_the_step_where_a_footprint_ends(record, width, kernel):
         scene = finer(from_above(opacities, transfer(VALUE_IS_OPACITY)), times)
         splat = splat_of(scene, kernel=kernel, sheet_density=1.0)
         steps = 0.5 if kernel == "nearest" else 0.0
-        x, y = places(splat)
-        on_steps += sum(int((abs((place + steps + 0.5) % 1.0 - 0.5) < 1e-12).sum()) for place in (x, y))
+        x, y = positions(splat)
+        on_steps += sum(int((abs((position + steps + 0.5) % 1.0 - 0.5) < 1e-12).sum()) for position in (x, y))
         told = splat.differences()
         unlike = told.ends + told.edges + told.odd
         claim = f"rays on different sides of a step in kernels and reference implementation, {kernel}"
@@ -173,7 +173,7 @@ def test_K4_a_ray_that_touches_the_end_of_a_medium_dense_beyond_measure(record, 
     for beyond in (*BEYOND, *(-b for b in BEYOND)):
         for end in (0.0, 1.0 / 7.0):  # sheet pixels lie at sevenths of a voxel
             ray = moved(splat, end + beyond)
-            told, (x, y) = ray.differences(), places(ray)
+            told, (x, y) = ray.differences(), positions(ray)
             seen += told.edges
             claim = "rays at the end of a dense medium that differ by more than the reference implementation's so moved"
             record("K4", claim, told.odd, 0, width)
@@ -181,8 +181,8 @@ def test_K4_a_ray_that_touches_the_end_of_a_medium_dense_beyond_measure(record, 
             shares = [np.clip(np.minimum(x + 1.0, 6.0 - x) + side, 0.0, 1.0) for side in (-NUDGE, NUDGE)]
             most, least = (np.exp(-3.0 * DEPTH_OF_ONE * dense * share) for share in shares)
             for image in (ray.image.pixels, ray.by_reference()):
-                clear = image[inside][..., 3]
-                off = np.maximum(least - clear, clear - most).max()
+                transmittance = image[inside][..., 3]
+                off = np.maximum(least - transmittance, transmittance - most).max()
                 record("K4", "transmittance beyond that of rays moved by 2^-22 of a voxel", off, 1e-6, width)
     assert seen > 0 or dense == 1.0
 
@@ -197,7 +197,7 @@ def test_K5_a_value_on_the_edge_of_an_entry_of_the_table(record, width):
         voxels[0, 0, 0] = value - 2.0 * half  # so that the table has a range
         plan = Quality(classification="post", depth_rule="slice", sheet_density=1.0)
         splat = splat_of(finer(from_above(voxels, function), 7), plan)
-        told, (x, y), stored = splat.differences(), places(splat), float(voxels[1, 1, 1])
+        told, (x, y), stored = splat.differences(), positions(splat), float(voxels[1, 1, 1])
         seen += told.edges
         claim = "rays that differ by more than the reference implementation's of values so moved"
         record("K5", claim, told.odd, 0, width)
@@ -206,8 +206,8 @@ def test_K5_a_value_on_the_edge_of_an_entry_of_the_table(record, width):
         most, least = (1.0 - np.clip(1.0 - near[::-1] / half, 0.0, 1.0 - 2.0**-24)) ** (3.0 / 30.0)
         inside = np.ix_((y > 1.01) & (y < 5.99), (x > 1.01) & (x < 6.99))
         for image in (splat.image.pixels, splat.by_reference()):
-            clear = image[inside][..., 3]
-            off = np.maximum(least - clear, clear - most).max()
+            transmittance = image[inside][..., 3]
+            off = np.maximum(least - transmittance, transmittance - most).max()
             claim = "transmittance beyond that of values 2^-22 of themselves and an entry further"
             record("K5", claim, off, 1e-6, width)
     assert seen > 0
@@ -224,7 +224,7 @@ def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(recor
             finer(from_above(np.ones((5, 7, 8)), function), times), kernel=kernel, sheet_density=1.0, model="opacity",
             depth_rule="midpoint-1",
         )
-        told, (x, y) = splat.differences(), places(splat)
+        told, (x, y) = splat.differences(), positions(splat)
         seen += told.edges
         claim = "rays through opacities of one that differ by more than the reference implementation's so much denser"
         record("K6", claim, told.odd, 0, width)
@@ -232,8 +232,8 @@ def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(recor
             inside = np.ix_((y > 1.51) & (y < 4.49), (x > 1.51) & (x < 5.49))
             most, least = (0.5**2 * left**4 for left in (2.0**-24, 2.0**-22 + 2.0**-24))
             for image in (splat.image.pixels, splat.by_reference()):
-                clear = image[inside][..., 3]
-                off = np.maximum(most**power - clear, clear - least**power).max()
+                transmittance = image[inside][..., 3]
+                off = np.maximum(most**power - transmittance, transmittance - least**power).max()
                 record("K6", "transmittance beyond that of opacities from 1 - 2^-24 to 1 - 2^-22", off, 1e-6, width)
     assert seen > 0
 
@@ -253,7 +253,7 @@ def test_K7_rays_past_a_silhouette_that_end_as_those_before_it(record, width):
     _, splats, _ = by_stages(scene, EXACT)
     filled, kinds = 0, set()
     for splat, side in zip(splats, (REACH + 1, -REACH - 1), strict=True):  # past the edge, and short of it
-        told, (x, y) = splat.differences(), places(splat)
+        told, (x, y) = splat.differences(), positions(splat)
         filled += int((splat.image.pixels != splat.pixels).any(axis=-1).sum())
         unlike = told.ends + told.edges + told.odd
         claim = "rays of either picture that differ between kernels and reference implementation"

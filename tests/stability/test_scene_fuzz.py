@@ -187,9 +187,9 @@ def sheet_errors(scene, quality, seed=0):
             if quality.classification == "post":
                 # The medium ends at the box: of a ray within its face any part may be seen; either picture is right.
                 i, j, _ = AXES[plane.axis]
-                for place, slope, axis in ((x, dx, i), (y, dy, j)):
+                for position, slope, axis in ((x, dx, i), (y, dy, j)):
                     last = scene.volume.shape_xyz[axis] - 1.0
-                    mine &= (abs(slope) > 1e-9) | (np.minimum(abs(place), abs(place - last)) > 1e-6)
+                    mine &= (abs(slope) > 1e-9) | (np.minimum(abs(position), abs(position - last)) > 1e-6)
         chosen = np.flatnonzero(mine)
         chosen = random.permutation(chosen)[: 64 // len(caught)]
         if chosen.size == 0:

@@ -339,8 +339,8 @@ def test_V10_a_table_converges_with_its_size(record, dtype):
     steepest = 0.1 / (1.0 - 0.9)  # of optical depth per value: the last ramp's, at its end
     for entries in (0, 128, 512, 2048, 8192):
         table = lookup_table(volume, ramps, (float(stored.min()), float(stored.max())), 1.0, entries)
-        place = ((stored - table.origin) * table.rate).astype(np.int64)
-        off = np.abs(table.entries[place, 3] - true)
+        entry = ((stored - table.origin) * table.rate).astype(np.int64)
+        off = np.abs(table.entries[entry, 3] - true)
         if volume.voxels.dtype.kind != "f":
             record("V10", "error of a table over whole numbers", off.max(), 2.0**-22, "float32", "entries are float32")
         else:

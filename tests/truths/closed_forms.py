@@ -142,8 +142,8 @@ def voxel_tau(rays: Rays, index_to_world, voxel, sigma: float, degree: int = 1) 
     at = np.sort(np.clip(at, near[:, None], far[:, None]), axis=1)
     nodes, weights = np.polynomial.legendre.leggauss((3 * degree + 2) // 2)
     depth = at[:, :-1, None] + np.diff(at, axis=1)[..., None] * 0.5 * (nodes + 1.0)
-    places = start[:, None, None] + step[:, None, None] * depth[..., None]
-    values = bspline(places, degree).prod(axis=-1) @ (0.5 * weights)
+    positions = start[:, None, None] + step[:, None, None] * depth[..., None]
+    values = bspline(positions, degree).prod(axis=-1) @ (0.5 * weights)
     return sigma * (values * np.diff(at, axis=1)).sum(axis=1) * rays.length_per_depth
 
 

@@ -49,11 +49,11 @@ def middle(picture):
 
 def composed(*parts):
     """RGBA of homogeneous (depth, color) parts, front to back."""
-    clear, rgb = 1.0, np.zeros(3)
+    transmittance, rgb = 1.0, np.zeros(3)
     for depth, color in parts:
-        rgb += clear * -np.expm1(-depth) * np.array(color)
-        clear *= np.exp(-depth)
-    return np.array((*rgb, 1.0 - clear))
+        rgb += transmittance * -np.expm1(-depth) * np.array(color)
+        transmittance *= np.exp(-depth)
+    return np.array((*rgb, 1.0 - transmittance))
 
 
 def depth_of(alpha, length):

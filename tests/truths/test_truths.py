@@ -184,8 +184,8 @@ class Samples:
     def __init__(self, size):
         self.shape = (size,) * 3
 
-    def __getitem__(self, places):
-        z, y, x = (2.0 * place / (self.shape[0] - 1) - 1.0 for place in np.broadcast_arrays(*places))
+    def __getitem__(self, indices):
+        z, y, x = (2.0 * index / (self.shape[0] - 1) - 1.0 for index in np.broadcast_arrays(*indices))
         return marschner_lobb(np.stack((x, y, z), axis=-1))
 
 

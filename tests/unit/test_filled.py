@@ -54,11 +54,11 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
             assert not some[~inside].any() and np.isinf(image.half_depth[~inside]).all()
             # Up to blocks of pixels no more than that.
             for row in range(height):
-                places = np.flatnonzero(some[row])
-                if len(places) == 0:
+                columns = np.flatnonzero(some[row])
+                if len(columns) == 0:
                     assert first[row] >= last[row]
                 else:
-                    assert places[0] - BLOCK < first[row] <= places[0] < last[row] <= places[-1] + BLOCK
+                    assert columns[0] - BLOCK < first[row] <= columns[0] < last[row] <= columns[-1] + BLOCK
             shares.append(inside.mean())
             whole.append(replace(image, filled=np.array((np.zeros(height), np.full(height, width)), np.int32)))
         for ours, theirs in zip(found, warp(whole, *others), strict=True):

@@ -91,10 +91,10 @@ def test_no_whole_number_lies_where_two_entries_meet(dtype):
         for entries in (0, 100, 1024, 5000):
             first = 0 if dtype == np.uint16 else -32768
             table = lookup_table(volume(dtype), function((first, 0.3),), (first, first + span), DISTANCE, entries)
-            places = (np.arange(first, first + span + 1) - table.origin) * table.rate
-            beside = np.abs(places - np.rint(places))
+            positions = (np.arange(first, first + span + 1) - table.origin) * table.rate
+            beside = np.abs(positions - np.rint(positions))
             assert beside.min() > 0.49 * min(table.rate, 1.0)
-            assert (places >= 0.0).all() and (places < len(table.entries) - 1).all()
+            assert (positions >= 0.0).all() and (positions < len(table.entries) - 1).all()
 
 
 def test_a_step_of_whole_numbers_is_where_it_is():

@@ -237,7 +237,7 @@ def test_a_window_of_a_picture_is_the_same_to_the_bit(function, name):
         row, column = np.mgrid[top:bottom, left:right] + 0.5
         u, v, w = np.tensordot(tilted, (column, row, np.ones_like(row)), axes=1)
         u, v = u / w, v / w
-        first_u, first_v = (int(max(place.min() - 3, 0)) for place in (u, v))
+        first_u, first_v = (int(max(position.min() - 3, 0)) for position in (u, v))
         part = np.s_[first_v : int(v.max()) + 5, first_u : int(u.max()) + 5]
         found = run(
             function, pixels[part], tilted, name, (bottom - top, right - left), np.ascontiguousarray(half[part]),

@@ -35,7 +35,7 @@ MOST_ESCALATIONS = 3
 ACCEPTED = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
-LEFT_OUT = "pictures to a maximum error have none"  # why an effect is off, after its "off"
+LEFT_OUT = "it is not available with a maximum error"  # why an effect is off, after its "off"
 PILOTS_END = 0.2  # the fraction of the work after which the pilots end
 
 

@@ -58,9 +58,9 @@ def _between(slices, first: int, weights) -> np.ndarray | None:
 def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
     """The first axis of ``samples`` at ``count`` sheet pixels, linearly, none beyond its ends."""
     last = len(samples) - 1
-    place = np.clip((np.arange(count) - offset) / scale, 0.0, last)
-    cell = np.clip(place.astype(np.int64), 0, max(last - 1, 0))
-    share = (place - cell).astype(np.float32).reshape(-1, *(1,) * (samples.ndim - 1))
+    position = np.clip((np.arange(count) - offset) / scale, 0.0, last)
+    cell = np.clip(position.astype(np.int64), 0, max(last - 1, 0))
+    share = (position - cell).astype(np.float32).reshape(-1, *(1,) * (samples.ndim - 1))
     after = np.minimum(cell + 1, last)
     return samples[cell] * (ONE - share) + samples[after] * share
 
@@ -144,7 +144,7 @@ def cut_ends_numpy(limits, begin, end, here, there, least):
     counts = (here >= least) & (there >= least) & (from_ < to)
     with np.errstate(over="ignore", invalid="ignore"):
         first, last = (
-            there + (here - there) * ((place - begin) / (end - begin)).astype(np.float32) for place in (from_, to)
+            there + (here - there) * ((position - begin) / (end - begin)).astype(np.float32) for position in (from_, to)
         )
     return np.where(counts, first, there), np.where(counts, last, here)
 
@@ -193,9 +193,9 @@ def splat_scalar_sheets_numpy(
         inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
         in_slab = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet])
         if sign is not None:
-            place = first + sheets.slice_weights[sheet, 1]
-            place = place if sheets.begin[sheet] <= place <= sheets.end[sheet] else -place
-            _gather_numpy(here[..., 0], in_slab, sign, lookup[2], lookup[4], place, (enter, leave), state, half)
+            position = first + sheets.slice_weights[sheet, 1]
+            position = position if sheets.begin[sheet] <= position <= sheets.end[sheet] else -position
+            _gather_numpy(here[..., 0], in_slab, sign, lookup[2], lookup[4], position, (enter, leave), state, half)
             continue
         if sheets.kind[sheet] == OWN:
             sampled, counted, shine = _own_samples(here, lookup)

@@ -1,7 +1,7 @@
-"""Any edits of a scene with stages kept, P5: what is kept never outlives what it was made from.
+"""Any edits of a scene with a stage cache, P5: no result outlives what it was made from.
 
-After every edit the picture of a store of results is held against the one of a store without room, bit for bit; where
-one refuses, the other does in the same sentence.  Edits may be undone, and two scenes share parts and the store.
+After every edit the picture from a filled cache is held against the one from a cache without room, bit for bit; where
+one refuses, the other does in the same sentence.  Edits may be undone, and two scenes share parts and the cache.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def picture(shot: Shot, cache: StageCache):
 
 
 class Editing:
-    """A scene that is edited, what it was before, and the store of its stages."""
+    """A scene that is edited, what it was before, and its stage cache."""
 
     def __init__(self, shot: Shot):
         self.cache, self.shot, self.before = StageCache(MOST_BYTES), shot, [shot]
@@ -149,10 +149,10 @@ def plenty() -> int:
 
 
 @pytest.mark.parametrize("kind", SEARCHES)
-def test_P5_what_is_kept_never_outlives_what_it_was_made_from(record, kind):
+def test_P5_no_cached_result_outlives_what_it_was_made_from(record, kind):
     REUSED.clear()
     search(kind)
-    claim = f"numbers of pictures with stages kept that are not those of an empty store, {kind}"
+    claim = f"numbers of pictures from a filled stage cache that are not those from an empty one, {kind}"
     record("P5", claim, 0, 0, "either", "whole numbers")
     if compiled():
         assert not [stage for stage in SEARCHES[kind][2] if not REUSED[stage]]
