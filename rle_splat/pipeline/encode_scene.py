@@ -39,7 +39,7 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
     """Generator form of ``encode_scene``: yields Progress, returns (StoredVolume, report)."""
-    if quality.classification == "refined":
+    if quality.classification == "refined":  # asked here alone: a file is not rendered, so no source is chosen
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
     scene = called_for(scene, analyze(scene, quality))

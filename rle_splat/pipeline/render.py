@@ -102,10 +102,10 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
 def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool):
     """Generator: the stages of one sharp picture, in the paper's order; returns its Rendering."""
     clock, wanted, quality = Clock(), door.scene, door.quality
-    traced = traces_steep_pixels(wanted, quality)
-    source = choose_source(with_neighbors(wanted) if traced else wanted, quality)
-    source, view = seen(source, refuse_empty_view)
-    rays = RayEffects(source.scene, view.index_view, quality, source.ends_at_box, door.effects, clock)
+    source = choose_source(wanted, quality)
+    traced = traces_steep_pixels(source)
+    source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
+    rays = RayEffects(source.scene, view.index_view, quality, source.sheets.ends_at_box, door.effects, clock)
     work = _begin_work(source, view, rays, traced, cache, clock)
 
     # Classify and shade.

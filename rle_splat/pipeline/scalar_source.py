@@ -45,6 +45,7 @@ from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .memory_estimate import MemoryEstimate, scalar_estimate
+from .quick_estimate import ScalarSheets
 from .shadows import shadow_count
 from .source import Medium, Source, Work, array_key
 
@@ -116,8 +117,7 @@ class LitScalars:
 class ScalarSource(Source):
     """A scan whose values are interpolated inside each sheet and then classified."""
 
-    scalar_sheets = True
-    traces_rays = True
+    sheets = ScalarSheets
 
     @property
     def preview_stages(self) -> tuple[str, ...]:

@@ -36,6 +36,7 @@ from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .memory_estimate import MemoryEstimate, estimate_of
+from .quick_estimate import RefinedSheets
 from .shadows import shadow_count
 from .source import Medium, Source, Work, array_key
 from .stage_cache import StageCache
@@ -264,7 +265,7 @@ class MixedSource(ScanSource):
 class RefinedSource(ScanSource):
     """A scan that is interpolated on a finer grid and classified there; light falls on the scan's own voxels."""
 
-    ends_at_box = True
+    sheets = RefinedSheets
     bounds_previews = False
 
     @classmethod

@@ -19,8 +19,9 @@ from ..classify.visible import VisibleVoxels, row_offsets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.gradient import CHUNK
+from .chunk_light import LANES
 from .lighting import Lighting
-from .shading import DENSITY, LANES, normals, refuse_too_bright, shaded_colors
+from .shading import DENSITY, normals, refuse_too_bright, shaded_colors
 
 LIGHT = 3  # channels of a voxel's light, and of its highlight
 _ZERO = np.float32(0.0)

@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.blender import scenes
+
 BONE = {
     "name": "Bone", "unit": "HU", "opacity_unit_distance": 1.5,
     "opacity": [[-16.4458, 0.0], [150.0, 0.0], [150.0, 0.3], [641.385, 0.716]],
@@ -190,3 +192,29 @@ def test_without_a_volume_the_buttons_say_why(addon):
         assert not getattr(bpy.ops.rle_splat, name).poll()
     with pytest.raises(RuntimeError, match="Import a volume first"):
         bpy.ops.rle_splat.apply_preset()
+
+
+@pytest.mark.parametrize("node", ["Opacity", "Color"])
+@pytest.mark.parametrize("way", ["deleted", "renamed", "exchanged"])
+def test_B60_a_transfer_function_without_a_node_is_refused_in_a_sentence(
+    volume_object, refused, bridge, core, tmp_path, node, way
+):
+    tree = volume_object.rle_splat.transfer
+    volume_object.copy()  # shares the node group
+    if way == "renamed":
+        tree.nodes[node].name = "mine"
+    else:
+        tree.nodes.remove(tree.nodes[node])
+    if way == "exchanged":
+        tree.nodes.new("ShaderNodeMath").name = node
+    scenes.add_camera((0.0, 0.0, 10.0))
+    words = f"lacks its node '{node}'; undo, or apply a preset"
+    refused(bpy.ops.rle_splat.window_level, words, preset="DATA", keep_values=True)
+    refused(bpy.ops.rle_splat.keyframe_transfer, words)
+    refused(bpy.ops.rle_splat.own_transfer, words)
+    refused(bpy.ops.rle_splat.save_transfer, words, filepath=str(tmp_path / "function.json"))
+    refused(bpy.ops.rle_splat.render_image, words)
+    assert not bridge("previews").histogram_icons(volume_object)
+    assert bpy.ops.rle_splat.apply_preset(preset="mr-head") == {"FINISHED"}
+    assert bpy.ops.rle_splat.window_level(preset="DATA", keep_values=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}

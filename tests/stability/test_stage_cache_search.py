@@ -25,9 +25,10 @@ from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
-from tests.stability.edits import EDITS, Shot, limited_blur, shots, taken_over
+from tests.stability.edits import EDITS, limited_blur, taken_over
 from tests.stability.effect_strategies import reach_of
 from tests.stability.fuzz import examples
+from tests.stability.shots import Shot, shots
 from tests.stability.strategies import field_of, rotation, stored
 from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 

@@ -13,6 +13,7 @@ from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.planner.single_rays import single_ray_steps
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.pipeline.choose_source import choose_source
 from rle_splat.pipeline.single_rays import can_trace
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
@@ -91,9 +92,13 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
 
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
     scene = stage.on_turntable(waves(), size=SIZE, transfer_function=CURVES["wide"])
-    assert can_trace(scene, POST) and can_trace(replace(scene, triangles=np.empty((0, 3, 3))), POST)
+
+    def may_be_traced(quality=POST, **changed):
+        return can_trace(choose_source(replace(scene, **changed), quality))
+
+    assert may_be_traced() and may_be_traced(triangles=np.empty((0, 3, 3)))
     triangle = np.array([[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]])
-    assert not can_trace(replace(scene, triangles=triangle), POST)
-    assert not can_trace(scene, Quality(classification="pre"))
-    assert not can_trace(scene, Quality(classification="refined"))
-    assert not can_trace(replace(scene, volume=stage.volume(waves()[:1])), POST)
+    assert not may_be_traced(triangles=triangle)
+    assert not may_be_traced(Quality(classification="pre"))
+    assert not may_be_traced(Quality(classification="refined"))
+    assert not may_be_traced(volume=stage.volume(waves()[:1]))

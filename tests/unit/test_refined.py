@@ -14,6 +14,7 @@ from rle_splat.classify.refined import FineVoxels, RefinedVolume, fine_block_ste
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
 from rle_splat.pipeline import memory_estimate as estimate
+from rle_splat.pipeline import quick_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
@@ -154,7 +155,7 @@ def test_blocks_bound_every_fine_voxel(dtype, refinement, backend):
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
 def test_what_is_shown_is_what_the_whole_grid_shows(dtype, refinement, backend, monkeypatch):
     """Made slab by slab and block by block, as from the whole grid at once."""
-    monkeypatch.setattr("rle_splat.classify.visible.FINE_VOXELS_AT_ONCE", 1)  # one row of blocks at a time
+    monkeypatch.setattr("rle_splat.classify.refined.FINE_VOXELS_AT_ONCE", 1)  # one row of blocks at a time
     volume = RefinedVolume(waves(dtype), FUNCTION, refinement)
     shown, blocks = _visibility(volume, backend)
     relevant = shown.relevant(blocks)
@@ -274,7 +275,7 @@ def noise(n=48, dtype=np.uint8):
 @pytest.mark.parametrize("headlight", (False, True))
 @pytest.mark.parametrize(("refinement", "dtype"), ((2, np.uint8), (3, np.uint8), (2, np.float32)))
 def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, monkeypatch):
-    for name in ("classify.visible", "classify.sizes"):  # as large volumes have it: some planes at a time
+    for name in ("classify.refined", "classify.sizes"):  # as large volumes have it: some planes at a time
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 16)
     scene, quality = scene_of(noise(dtype=dtype), headlight=headlight), refined_quality(refinement)
     render(scene, quality)  # whatever is made once
@@ -285,7 +286,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
     needed = report["memory_estimate_bytes"]["needed"]
     assert 0.9 * peak <= needed <= 2.0 * peak
     assert report["memory_estimate_bytes"]["volume"] == scene.volume.voxels.nbytes
-    quick = estimate.estimate(scene.volume, FUNCTION, quality, shaded=headlight)
+    quick = quick_estimate.estimate(scene.volume, FUNCTION, quality, shaded=headlight)
     assert quick.needed == pytest.approx(needed, rel=0.4) and quick.refinement == refinement
 
 
@@ -296,7 +297,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
      (0.001, 16, "crop or downsample the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
-    for name in ("classify.visible", "classify.sizes"):
+    for name in ("classify.refined", "classify.sizes"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
     monkeypatch.setattr(sys.modules["rle_splat.encode.sizes"], "VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
