@@ -182,10 +182,10 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     plane = _LikelyPlane.of(kind, shape, quality, width, height)
 
     def wanted(meshes: bool):
-        limited = meshes or kind.ends_at_box
-        scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, limited)
+        shortened = meshes or kind.ends_at_box
+        scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, shortened)
         picture = picture_bytes(
-            (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch,
+            (plane,), width, height, quality, shortened=shortened, meshes=meshes, scratch=scratch,
             traced=quality.rays > 0.0 and not meshes)  # single rays are not used with meshes
         return estimate_from_histogram(
             counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,

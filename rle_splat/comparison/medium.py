@@ -16,7 +16,7 @@ from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
 from ..view.eye import IndexView, index_view
 from ..view.principal_axis import dominant_axis
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 
 CHANNELS = 4  # of a voxel record: extinction * RGB, extinction
 

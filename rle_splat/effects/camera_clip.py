@@ -10,7 +10,7 @@ from ..scene import LARGEST_LENGTH, LEAST_LENGTH, Quality, Scene
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
-from ..view.ray_limits import box_depths, ray_limits
+from ..view.ray_intervals import box_depths, ray_intervals
 from .kind import Kind
 from .ray_pass import RayEffect, RayPass
 
@@ -82,7 +82,7 @@ class CameraClip(RayEffect):
         if not self.moves_depth and ray_pass.surface is None:
             return plane, intervals
         backend, threads = self._machine
-        found = ray_limits(
+        found = ray_intervals(
             plane, *self._distances, ray_pass.surface, ray_pass.first_pixel, backend=backend, threads=threads
         )
         return plane, found

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..scene import CLIP_KINDS, Clip, Quality, Scene
 from ..view.base_plane import BasePlane
-from ..view.clip_limits import Cuts, clip_limits, what_is_left
+from ..view.clip_intervals import Cuts, clip_intervals, what_is_left
 from ..view.footprints import FOOTPRINTS
 from ..warp.warp import TAPS, warp_reach
 from .kind import Kind
@@ -66,7 +66,7 @@ class ClipBodies(RayEffect):
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
         """See ``RayEffect.shortened``."""
         quality = self._quality
-        found = clip_limits(plane, self._cuts, intervals, quality.backend, quality.threads)
+        found = clip_intervals(plane, self._cuts, intervals, quality.backend, quality.threads)
         # A pass that takes pixels over needs all of the plane.
         return (plane, found) if ray_pass.before else what_is_left(plane, found, warp_reach(quality) + TAPS)
 

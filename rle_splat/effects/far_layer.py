@@ -12,7 +12,7 @@ import numpy as np
 from ..splat.intermediate_image import IntermediateImage
 from ..splat.pixel_block import BLOCK
 from ..view.base_plane import BasePlane
-from ..view.ray_limits import MOST
+from ..view.ray_intervals import MOST
 from .depth_layers import DepthLayers
 
 
@@ -46,17 +46,17 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
     return found
 
 
-def leave_out_like(plane: BasePlane, limits, near: BasePlane, near_limits) -> np.ndarray:
+def leave_out_like(plane: BasePlane, intervals, near: BasePlane, near_intervals) -> np.ndarray:
     """Make those rays of a far layer empty whose block has the same ray intervals in the near layer.
 
     Parameters
     ----------
     plane : BasePlane
         Of the far layer, a window of ``near``.
-    limits : (2, H, W) ndarray of float32
+    intervals : (2, H, W) ndarray of float32
         Its ray intervals; changed in place.
     near : BasePlane
-    near_limits : (2, height, width) ndarray of float32
+    near_intervals : (2, height, width) ndarray of float32
         The ray intervals of ``near``.
 
     Returns
@@ -65,10 +65,10 @@ def leave_out_like(plane: BasePlane, limits, near: BasePlane, near_limits) -> np
         The pixels whose rays were made empty.
     """
     column, row = (plane.origin[n] - near.origin[n] for n in (0, 1))  # a whole number of blocks
-    there = near_limits[:, row : row + plane.height, column : column + plane.width]
-    blocks = np.logical_and.reduceat((limits == there).all(axis=0), np.arange(0, plane.width, BLOCK), axis=1)
+    there = near_intervals[:, row : row + plane.height, column : column + plane.width]
+    blocks = np.logical_and.reduceat((intervals == there).all(axis=0), np.arange(0, plane.width, BLOCK), axis=1)
     like = np.repeat(blocks, BLOCK, axis=1)[:, : plane.width]
-    limits[0][like], limits[1][like] = MOST, -MOST
+    intervals[0][like], intervals[1][like] = MOST, -MOST
     return like
 
 

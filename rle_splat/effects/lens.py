@@ -16,7 +16,7 @@ import numpy as np
 from ..scene import Camera, Quality, Scene
 from ..view.eye import index_view
 from ..view.projection import fitted_pixels
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 from .kind import Kind
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))

@@ -11,7 +11,7 @@ from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
-from ..view.ray_limits import pixels_read
+from ..view.ray_intervals import pixels_read
 from .camera_clip import slab_depths
 from .depth_layers import HALO, DepthLayers, depth_layers
 from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
@@ -61,9 +61,9 @@ class MeshSurfaces(RayEffect):
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
         """See ``RayEffect.shortened``; ``CameraClip`` has shortened the rays, this leaves out repeated blocks."""
         if ray_pass.before is None:
-            ray_pass.ends[number] = plane, intervals
+            ray_pass.intervals[number] = plane, intervals
         else:
-            ray_pass.alike[number] = leave_out_like(plane, intervals, *ray_pass.before.ends[number])
+            ray_pass.alike[number] = leave_out_like(plane, intervals, *ray_pass.before.intervals[number])
         return plane, intervals
 
     def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:

@@ -18,13 +18,13 @@ from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..warp.warp import warp_reach
 from .analyze import EffectSet
-from .box_ends import BoxEnds
+from .box_intervals import BoxIntervals
 from .camera_clip import CameraClip
 from .clips import ClipBodies
 from .mesh_occlusion import MeshSurfaces
 from .ray_pass import RayEffect, RayPass
 
-RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, BoxEnds.of, MeshSurfaces.of, ClipBodies.of)
+RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, BoxIntervals.of, MeshSurfaces.of, ClipBodies.of)
 
 
 class RayEffects:

@@ -25,7 +25,7 @@ class RayPass:
     first_pixel : (column, row)
     before : RayPass or None
         A pass whose blocks of pixels this one takes over where rays end alike.
-    ends : dict
+    intervals : dict
         Number of a plane -> the plane and its intervals, before clip objects.
     images : dict
         Number of a plane -> its intermediate image; none where no ray is left.
@@ -38,7 +38,7 @@ class RayPass:
     surface: np.ndarray | None = None
     first_pixel: tuple[int, int] = (0, 0)
     before: RayPass | None = None
-    ends: dict = field(default_factory=dict)
+    intervals: dict = field(default_factory=dict)
     images: dict = field(default_factory=dict)
     alike: dict = field(default_factory=dict)
 

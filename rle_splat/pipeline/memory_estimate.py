@@ -234,12 +234,12 @@ def estimate_classified(found: Found, record: int, axes: int, shaded: bool, pict
 
 
 def picture_bytes(
-    planes, width: int, height: int, quality: Quality, *, limited: bool = False, meshes: bool = False, scratch: int = 0,
-    traced: bool = False,
+    planes, width: int, height: int, quality: Quality, *, shortened: bool = False, meshes: bool = False,
+    scratch: int = 0, traced: bool = False,
 ) -> int:
     """What the sheets and the finished pixels of a picture take.
 
-    ``planes``: its base planes, each with a width and a height.  ``limited``: whether clip distances or meshes
+    ``planes``: its base planes, each with a width and a height.  ``shortened``: whether clip distances or meshes
     shorten rays.  ``meshes``: whether there are any; behind their silhouettes all may be splatted twice.
     ``scratch``: of the splat, which is kept.  ``traced``: whether steep pixels have rays of their own.
     """
@@ -247,7 +247,7 @@ def picture_bytes(
     sheets = [plane.width * plane.height for plane in planes]
     largest = max(sheets, default=0)
     splatting = (1 + meshes) * SHEET_PIXEL * sum(sheets) + MESH_LAYERS * meshes * pixels
-    splatting += (filter_bytes(quality.warp_filter) + INTERVALS * limited) * largest
+    splatting += (filter_bytes(quality.warp_filter) + INTERVALS * shortened) * largest
     tracing = (STEEP_PIXEL * pixels + AT_ONCE * RAY) * traced
     after = PICTURE_PIXEL * pixels + max(splatting, WRITTEN * pixels, tracing)
     return scratch + max(MESH_PIXEL * meshes * pixels, after)

@@ -140,7 +140,7 @@ def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cach
     scratch = max((source.splat_bytes(plane, rays.shorten_rays) for plane in view.planes), default=0)
     triangles = source.scene.triangles
     needed = picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, limited=rays.shorten_rays,
+        view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
         meshes=triangles is not None and len(triangles) > 0, scratch=scratch, traced=traced,
     )  # fmt: skip
     cache.make_room(needed)

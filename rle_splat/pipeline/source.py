@@ -132,9 +132,9 @@ class Source(ABC):
         """Sentences on what became of it."""
         return () if medium.visible_voxels else (ALL_TRANSPARENT,)
 
-    def splat_bytes(self, plane: BasePlane, limited: bool) -> int:
-        """Scratch memory of the splat on to a base plane; ``limited``: whether rays are shortened."""
-        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.sheets.scalar_sheets, limited)
+    def splat_bytes(self, plane: BasePlane, shortened: bool) -> int:
+        """Scratch memory of the splat on to a base plane; ``shortened``: whether rays are shortened."""
+        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.sheets.scalar_sheets, shortened)
 
     def tables_held(self, encodings: dict) -> dict:
         """Principal axis -> tables that are held in memory, given those that the picture needs."""

@@ -11,7 +11,7 @@ from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import axis_shares, candidate_pyramids
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
 from .choose_source import minified
 from .source import Source

@@ -17,7 +17,7 @@ from ..runtime.prefetch import fetch_ahead
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .arguments import Tables, Wide
 from .band_walker import band_walker, row_walker, scanline_walker
-from .limited_blocks import count_live, is_outside, is_shortened
+from .interval_blocks import count_live, is_outside, is_shortened
 from .mist_block import MistRays, copy_colors, fade_added
 from .pixel_block import (
     BLOCK,
@@ -241,7 +241,7 @@ def _slab_of(medium, sheets, first, together, waiting):
 @inner_loop(forceinline=True)
 def _row_of(medium, slab, v, r, here, there, waiting):
     """See ``band_walker.row_walker``."""
-    return True, Row(here.row_slot[r], here.row_line[r], here.row_place[r])
+    return True, Row(here.row_slot[r], here.row_line[r], here.row_position[r])
 
 
 @inner_loop(forceinline=True)
@@ -278,13 +278,13 @@ def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks,
 
 
 @inner_loop(forceinline=True)
-def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
-    """Shorten the rays of one block to the part of a slab within their limits (see ``arguments.Rays``)."""
+def _inside_intervals(intervals, v, first_pixel, count, begin, end, lengths, deep, length_inside):
+    """Shorten the rays of one block to the part of a slab within their intervals (see ``arguments.Rays``)."""
     for i in range(count):
         u = first_pixel + i
-        outside = max(limits[0, v, u] - begin, 0.0) + max(end - limits[1, v, u], 0.0)
-        for hole in range(2, limits.shape[0], 2):
-            outside += max(min(end, limits[hole + 1, v, u]) - max(begin, limits[hole, v, u]), 0.0)
+        outside = max(intervals[0, v, u] - begin, 0.0) + max(end - intervals[1, v, u], 0.0)
+        for hole in range(2, intervals.shape[0], 2):
+            outside += max(min(end, intervals[hole + 1, v, u]) - max(begin, intervals[hole, v, u]), 0.0)
         length_inside[i] = lengths[deep + i] * np.float32(min(max(1.0 - outside / (end - begin), 0.0), 1.0))
 
 
@@ -321,7 +321,7 @@ def _lay_over(
 
 @inner_loop(forceinline=True)
 def _composite_slab(
-    limits, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
+    intervals, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
 ):  # fmt: skip
     """Composite block ``b`` of row ``r`` of the band; how many of its pixels are not opaque."""
     begin, end, thickness, _ = slab
@@ -331,15 +331,15 @@ def _composite_slab(
     at = BLOCK * (r * blocks + b)
     state, to = rows.state, 4 * at
     shortened = False
-    if limits is not None:
+    if intervals is not None:
         if is_outside(rows.bounds, r, b, begin, end):
             return LIVE
         shortened = is_shortened(rows.bounds, r, b, begin, end)
     upper, lower = _scanline_positions(wide, slab, row, b, blocks, here)
     length, deep = rows.length, at
-    if limits is not None:
+    if intervals is not None:
         if shortened:
-            _inside_limits(limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
+            _inside_intervals(intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
             length, deep = block.length_inside, 0
     if mist is not None:
         copy_colors(state, to, block.colors)
@@ -352,15 +352,16 @@ def _composite_slab(
     bright = pixels >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        if limits is None:
+        if intervals is None:
             note_half_depth(
                 block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
             )  # fmt: skip
         else:
             note_half_depth_inside(
-                limits, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
+                intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
+                block.samples,
             )
-    return count_live(limits, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
+    return count_live(intervals, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 
 
 @inner_loop(forceinline=True)
@@ -368,7 +369,7 @@ def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here
     """See ``band_walker.row_walker``."""
     _, half, _ = image
     live = _composite_slab(
-        rays.limits, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
+        rays.intervals, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
         own.rows, own.block, half,
     )
     return live, queued
@@ -410,7 +411,7 @@ def splat_rows(
     """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
     What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination
-    of footprint, model, mist and limits.
+    of footprint, model, mist and intervals.
 
     Parameters
     ----------

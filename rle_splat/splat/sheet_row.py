@@ -105,12 +105,12 @@ def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixe
 
 
 @inner_loop
-def note_half_depth_inside(limits, before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
-    """As ``note_half_depth``, where the slab is only what lies between ``limits`` (2 or more, H, W) of its ray."""
+def note_half_depth_inside(intervals, before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
+    """As ``note_half_depth``, where the slab is only what lies between ``intervals`` (2 or more, H, W) of its ray."""
     bits = half_way(before, after, at, parts) & (ALL_BITS >> np.uint64(WORD - count))
     while bits != NO_BITS:
         i = lowest_bit(bits)
         bits &= bits - ONE_BIT
-        begin = max(slab_begin, limits[0, v, first_pixel + i])
-        end = min(slab_end, limits[1, v, first_pixel + i])
+        begin = max(slab_begin, intervals[0, v, first_pixel + i])
+        end = min(slab_end, intervals[1, v, first_pixel + i])
         half[v, first_pixel + i] = begin + parts[i] * (end - begin)

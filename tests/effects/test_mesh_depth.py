@@ -10,7 +10,7 @@ from rle_splat.scene import Camera
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids
-from rle_splat.view.ray_limits import ray_limits
+from rle_splat.view.ray_intervals import ray_intervals
 
 
 def intersect(origins, directions, triangles, ahead):
@@ -130,7 +130,7 @@ def test_a_silhouette_along_the_side_of_the_picture_ends_the_rays_beside_it():
     plane = base_plane(view, (6, 6, 4), 2, -1, "slice", 1.0)
     layer = np.full((40, 40), np.inf)
     layer[:, 0] = 2.5
-    end = ray_limits(plane, 0.1, 50.0, layer)[1]
+    end = ray_intervals(plane, 0.1, 50.0, layer)[1]
     x, y = plane.points()
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     depth = at_zero + end * plane.sign * per_voxel
@@ -176,7 +176,7 @@ def test_references_end_rays_at_the_same_places_for_any_number_of_threads(kind, 
         if plane is None:
             continue
         one, again, two = (
-            ray_limits(plane, 0.1, 50.0, layer, backend=backend, threads=threads)
+            ray_intervals(plane, 0.1, 50.0, layer, backend=backend, threads=threads)
             for backend, threads in (("numba", 1), ("numba", 2), ("numpy", 1))
         )
         np.testing.assert_array_equal(one, again)

@@ -114,7 +114,7 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
     stages, kernels = worked(scene_of(triangles=MESH), classification)
     assert stages == STAGES[classification]
     assert kernels - KERNELS[classification] == {
-        "effects.mesh_depth.rasterize", "effects.depth_layers.find_layers", "view.ray_limits.limit_rays"
+        "effects.mesh_depth.rasterize", "effects.depth_layers.find_layers", "view.ray_intervals.find_intervals"
     }  # fmt: skip
 
 

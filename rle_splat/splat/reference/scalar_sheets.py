@@ -133,10 +133,10 @@ def _add_depths_numpy(depth, slab, state, half):
     half[crossed] = slab[0][crossed] + part * (slab[1] - slab[0])[crossed]
 
 
-def cut_ends_numpy(limits, begin, end, here, there, least):
+def cut_ends_numpy(intervals, begin, end, here, there, least):
     """(H, W) values of the scalar where rays begin in a slab and where they end; see ``cut_slab.cut_ends``."""
-    from_, to = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
-    for into, out in zip(limits[2::2], limits[3::2]):
+    from_, to = np.maximum(begin, intervals[0]), np.minimum(end, intervals[1])
+    for into, out in zip(intervals[2::2], intervals[3::2]):
         at_front = (into <= from_) & (from_ < out)
         at_back = ~at_front & (into < to) & (to <= out)
         from_ = np.where(at_front, np.minimum(out, to), from_)
@@ -160,8 +160,8 @@ def splat_scalar_sheets_numpy(
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
     leave = np.minimum(box.columns[1], box.rows[1][:, None]).astype(np.float64)
-    if rays.limits is not None:
-        enter, leave = np.maximum(enter, rays.limits[0]), np.minimum(leave, rays.limits[1])
+    if rays.intervals is not None:
+        enter, leave = np.maximum(enter, rays.intervals[0]), np.minimum(leave, rays.intervals[1])
     numbers = accumulator(len(sheets.begin))
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
@@ -188,8 +188,8 @@ def splat_scalar_sheets_numpy(
             continue
         slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
         deep = slab[1] - slab[0]
-        if rays.limits is not None:
-            deep = deep - within_holes(rays.limits, *slab)
+        if rays.intervals is not None:
+            deep = deep - within_holes(rays.intervals, *slab)
         inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
         in_slab = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet])
         if sign is not None:
@@ -201,10 +201,10 @@ def splat_scalar_sheets_numpy(
             sampled, counted, shine = _own_samples(here, lookup)
         else:
             first_value, last_value = there[..., 0], here[..., 0]
-            if rays.limits is not None:
+            if rays.intervals is not None:
                 slab_ends = sheets.begin[sheet], sheets.end[sheet]
                 first_value, last_value = cut_ends_numpy(
-                    rays.limits, *slab_ends, last_value, first_value, lookup[4]
+                    rays.intervals, *slab_ends, last_value, first_value, lookup[4]
                 )
             sampled, counted, shine = _samples_between(here, there, lookup, first_value, last_value)
         if thinning:

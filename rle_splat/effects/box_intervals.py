@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ..view.base_plane import BasePlane
-from ..view.ray_limits import within_box
+from ..view.ray_intervals import within_box
 from .ray_pass import RayEffect, RayPass
 
 
-class BoxEnds(RayEffect):
+class BoxIntervals(RayEffect):
     """Ends rays where they enter and leave the box of the voxel centers.
 
     Parameters
@@ -22,7 +22,7 @@ class BoxEnds(RayEffect):
         self._shape_xyz = shape_xyz
 
     @classmethod
-    def of(cls, scene, view, quality, ends_at_box: bool) -> BoxEnds | None:
+    def of(cls, scene, view, quality, ends_at_box: bool) -> BoxIntervals | None:
         """The effect, None where rays need not end at the box; parameters as of ``RayEffects``."""
         return cls(scene.volume.shape_xyz) if ends_at_box else None
 
