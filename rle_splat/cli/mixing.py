@@ -16,7 +16,8 @@ def add_mixing_options(parser) -> None:
     group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers")
     group.add_argument(
         "--label-functions", metavar="FILE.json",
-        help="the looks of the labels: a list of {label, name, hidden, color, preset, transfer_function}",
+        help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
+        "transfer_function}",
     )
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
@@ -33,7 +34,7 @@ def mixing_inputs(args) -> tuple:
     return args.labels, args.label_functions, *args.channel, *args.channel_function
 
 
-def read_looks(args) -> tuple[tuple, tuple]:
+def read_mixing(args) -> tuple[tuple, tuple]:
     """Read the JSON files of the options, and check the options, before any volume is read.
 
     Parameters
@@ -43,8 +44,8 @@ def read_looks(args) -> tuple[tuple, tuple]:
 
     Returns
     -------
-    looks : tuple of LabelLook
-        The looks of the labels.
+    styles : tuple of LabelStyle
+        The appearance of the labels.
     functions : tuple of TransferFunction
         The transfer functions of the channels.
 
@@ -60,11 +61,11 @@ def read_looks(args) -> tuple[tuple, tuple]:
             f"There are {len(args.channel)} --channel and {len(args.channel_function)} --channel-function; give each "
             "channel its function."
         )
-    looks = () if args.label_functions is None else read_label_styles(args.label_functions)
-    return looks, tuple(TransferFunction.from_json(path) for path in args.channel_function)
+    styles = () if args.label_functions is None else read_label_styles(args.label_functions)
+    return styles, tuple(TransferFunction.from_json(path) for path in args.channel_function)
 
 
-def mixed(args, scene: Scene, looks, functions) -> Scene:
+def mixed(args, scene: Scene, styles, functions) -> Scene:
     """Add the labels and channels of the options to a scene.
 
     Parameters
@@ -73,8 +74,8 @@ def mixed(args, scene: Scene, looks, functions) -> Scene:
         With ``labels`` and ``channel``.
     scene : Scene
         The scene.
-    looks, functions
-        The results of ``read_looks``.
+    styles, functions
+        The results of ``read_mixing``.
 
     Returns
     -------
@@ -82,7 +83,7 @@ def mixed(args, scene: Scene, looks, functions) -> Scene:
         The scene with labels and channels.
     """
     if args.labels is not None:
-        labels = labels_of(_read_beside(scene, args.labels), looks, scene.volume, scene.transfer_function)
+        labels = labels_of(_read_beside(scene, args.labels), styles, scene.volume, scene.transfer_function)
         scene = replace(scene, labels=labels)
     channels = zip(args.channel, functions, strict=True)
     return replace(scene, channels=tuple(Channel(_read_beside(scene, path), function) for path, function in channels))

@@ -22,7 +22,7 @@ from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..volume.axes import AXES
 
-SPAN = 4.0  # entries of a value table from which on a mean is taken over them; below, two of them are mixed
+SPAN = 4.0  # entries of a lookup table from which on a mean is taken over them; below, two of them are mixed
 SLIVER = 1e-9  # voxels of depth: what is shorter is nothing
 WORD_BITS, IN_WORD = 6, 63  # 2**WORD_BITS voxels of a row share a word of bits
 BRICK_BITS = 2  # of a brick's 2**BRICK_BITS voxels along each side, all of which are leaped over together
@@ -121,10 +121,10 @@ def _pair_at(bits, row_start, row, x):
     after = (word >> ONE_BIT) if (x & IN_WORD) < IN_WORD else bits[row, at + 1]
     if after & ONE_BIT == np.uint64(0):
         return -1
-    place = row_start[row] + count_bits(bits[row, at] & ((ONE_BIT << shift) - ONE_BIT))
+    record = row_start[row] + count_bits(bits[row, at] & ((ONE_BIT << shift) - ONE_BIT))
     for before in range(at):
-        place += count_bits(bits[row, before])
-    return place
+        record += count_bits(bits[row, before])
+    return record
 
 
 @inner_loop(forceinline=True)
@@ -190,19 +190,19 @@ def _absorbed(thick):
 
 @inner_loop(forceinline=True)
 def _composite_stretch(
-    lights, scalars, light_unit, lookup, matt, gloss, corners, place, step, a, deep, length, slabs, least, shine, ray,
+    lights, scalars, light_unit, lookup, matt, gloss, corners, start, step, a, deep, length, slabs, least, shine, ray,
 ):
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
     ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``lookup`` to ``gloss``, ``slabs``, ``least``: see
-    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``place``: where the stretch
+    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``start``: where the stretch
     begins in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins,
     and its length, in voxels of depth; ``length``: world length per voxel of depth.  ``shine``: scratch, (POWERS *
     channels of light,) float64.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
     table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     i, j, k, m = corners
-    px, py, pz = place
+    px, py, pz = start
     dx, dy, dz = step
     red, green, blue, transmittance, at_half = ray
     shining = len(matt) + len(gloss)
@@ -237,9 +237,9 @@ def _composite_stretch(
             value = 0.5 * (smallest + largest)
             if value < low or value > high:
                 continue
-            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
-            entry = int(place)
-            share, after = place - entry, 4 * min(entry + 1, last - 1)
+            position = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
+            entry = int(position)
+            share, after = position - entry, 4 * min(entry + 1, last - 1)
             entry *= 4
             sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
             if sigma <= 0.0:

@@ -113,8 +113,8 @@ class _Folder(UserProvidedCacheLocator):
         """
         super().__init__(py_func, py_file)
         digits = hashlib.blake2b(py_func.__module__.encode(), digest_size=4).hexdigest()
-        room = os.path.basename(os.path.dirname(os.path.abspath(py_file)))
-        self._cache_path = os.path.join(self.path, f"{room}_{digits}")
+        folder = os.path.basename(os.path.dirname(os.path.abspath(py_file)))
+        self._cache_path = os.path.join(self.path, f"{folder}_{digits}")
 
     @classmethod
     def from_function(cls, py_func, py_file):

@@ -34,8 +34,8 @@ from ..runtime.jit import inner_loop
 from ..runtime.parallel import taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import begin_band, live_voxels, slice_ahead, write_rows
-from .limited_blocks import NO_MORE, SOME, bound_blocks, reached_blocks
-from .ray_ends import NO_ROW
+from .interval_blocks import NO_MORE, SOME, bound_blocks, reached_blocks
+from .rays_in_box import NO_ROW
 from .scratch import BAND, SPREAD, BlockScratch, Rows, Scanlines, Scratch, VoxelLine, WaitingBlocks
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
@@ -63,8 +63,8 @@ class Window(NamedTuple):
 @inner_loop(forceinline=True)
 def _scanlines_of(all_workers, mine):
     """Row ``mine`` of each array of ``scratch.Scanlines``."""
-    samples, marks, row_slot, row_line, row_place = all_workers
-    return Scanlines(samples[mine], marks[mine], row_slot[mine], row_line[mine], row_place[mine])
+    samples, marks, row_slot, row_line, row_position = all_workers
+    return Scanlines(samples[mine], marks[mine], row_slot[mine], row_line[mine], row_position[mine])
 
 
 @inner_loop(forceinline=True)
@@ -154,7 +154,7 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
                 tapped = first_line - 1
             sheet.row_slot[first_row + r] = slot + first_line - tapped
             # Stored, not computed again: rounded otherwise, it might fall on the other side of a voxel.
-            sheet.row_line[first_row + r], sheet.row_place[first_row + r] = first_line, y
+            sheet.row_line[first_row + r], sheet.row_position[first_row + r] = first_line, y
             for scanline in range(tapped + 1, first_line + taps):
                 tapped = scanline
                 slot += 1
@@ -269,18 +269,18 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets."""
         own = _scratch_of(scratch, worker * SPREAD)
         pixels, half, filled = image
-        along, along_slope, across, across_slope, seen, limits = rays
+        along, along_slope, across, across_slope, seen, intervals = rays
         state, length, alive, bright, bounds, reached = own.rows
         window = Window(top_row, rows, along.size)
         band_alive = alive[BAND]
-        limited = bounds.size > 0
-        wanted = reached if limited else band_alive
+        shortened = bounds.size > 0
+        wanted = reached if shortened else band_alive
         clear_scratch(medium, own)
         begin_band(
             state, length, alive, bright, own.line.placed, half, top_row, rows, along, along_slope, across,
             across_slope, seen,
         )
-        bound_blocks(limits, top_row, rows, bounds)
+        bound_blocks(intervals, top_row, rows, bounds)
         here, there = own.sheet, own.sheet_before
         found_before = False
         sheet = np.int64(0)  # a literal would have the loops compiled twice
@@ -292,7 +292,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
                 if kind != OWN:  # what was here is the sheet before
                     here, there = there, here
             some = SOME
-            if limited:
+            if shortened:
                 some = reached_blocks(bounds, sheets.begin[first], sheets.far[first], band_alive, reached)
                 if some == NO_MORE:
                     break

@@ -21,11 +21,11 @@ from .arguments import Box, Light, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
 from .cut_slab import cut_ends
 from .half_depth import half_way
-from .limited_blocks import count_live, is_outside, is_shortened
+from .interval_blocks import count_live, is_outside, is_shortened
 from .mist_block import MistRays, copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
-from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
+from .rays_in_box import NO_ROW, block_at, inside_box, interval_in_box
 from .scalar_block import (
     classify_spans,
     classify_values,
@@ -62,8 +62,8 @@ class ScalarMedium(NamedTuple):
         True where only the sum of optical depths is wanted; the table has one channel then.
     mist : MistRays or None
     grouped : True or None
-        True where sheets are handled in groups (``scalar_group``), which needs the three above to be None, no limits,
-        no thinning, and sheets with slabs of their own.
+        True where sheets are handled in groups (``scalar_group``), which needs the three above to be None, whole
+        rays, no thinning, and sheets with slabs of their own.
     least : float32
         Transmittance at which a pixel is opaque.
     """
@@ -248,7 +248,7 @@ def _group_downs(grouped, slab, r, here, waiting):
     if grouped is not None:
         for number in range(slab.together):
             at = BAND * number + r
-            waiting.downs[number] = here.row_place[at] - here.row_line[at] if here.row_slot[at] != NO_ROW else 0.0
+            waiting.downs[number] = here.row_position[at] - here.row_line[at] if here.row_slot[at] != NO_ROW else 0.0
 
 
 @inner_loop(forceinline=True)
@@ -257,8 +257,8 @@ def _row_of(medium, slab, v, r, here, there, waiting):
     enter, leave = medium.box.rows[0, v], medium.box.rows[1, v]
     slot = here.row_slot[r]
     slot_before = there.row_slot[r] if slab.kind == BETWEEN else NO_ROW
-    down = np.float32(here.row_place[r] - here.row_line[r]) if slot != NO_ROW else NO_SHARE
-    down_before = np.float32(there.row_place[r] - there.row_line[r]) if slot_before != NO_ROW else NO_SHARE
+    down = np.float32(here.row_position[r] - here.row_line[r]) if slot != NO_ROW else NO_SHARE
+    down_before = np.float32(there.row_position[r] - there.row_line[r]) if slot_before != NO_ROW else NO_SHARE
     is_crossed = slab.behind > enter and slab.front < leave
     if is_crossed:
         _group_downs(medium.grouped, slab, r, here, waiting)
@@ -294,7 +294,7 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
 
 
 @inner_loop(forceinline=True)
-def _look_up(limits, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
+def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
     """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
     _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
     sheet, upper, lower, down = here
@@ -302,10 +302,10 @@ def _look_up(limits, lookup, kind, is_shortened, begin, end, here, there, pixels
     samples, entries, spans, shares = block.samples, block.entries, block.spans, block.shares
     if kind == OWN:
         return look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
-    if limits is not None:
+    if intervals is not None:
         if is_shortened and cut_ends(
-            limits, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before, upper_before,
-            lower_before, down_before, least, samples,
+            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
+            upper_before, lower_before, down_before, least, samples,
         ):
             return look_between(
                 samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
@@ -329,8 +329,8 @@ def _classify(lookup, seen, block):
 
 
 @inner_loop(forceinline=True)
-def _note_half_depth(cut, box, limits, begin, end, state, to, pixels, block, half):
-    """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by limits."""
+def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, half):
+    """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by intervals."""
     if not cut:
         note_half_depth(
             block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
@@ -342,14 +342,14 @@ def _note_half_depth(cut, box, limits, begin, end, state, to, pixels, block, hal
     while halved != NO_BITS:
         i = lowest_bit(halved)
         halved &= halved - ONE_BIT
-        from_, behind = end_in_box(box.columns, box.rows, limits, pixels.v, pixels.first, i)
+        from_, behind = interval_in_box(box.columns, box.rows, intervals, pixels.v, pixels.first, i)
         from_, behind = max(begin, from_), min(end, behind)
         half[pixels.v, pixels.first + i] = from_ + parts[i] * (behind - from_)
 
 
 @inner_loop(forceinline=True)
 def _composite_classified(
-    limits, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+    intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
 ):  # fmt: skip
     """Composite a classified block; how many of its pixels are not opaque."""
     r, b, v, first_pixel, count = pixels
@@ -367,31 +367,31 @@ def _composite_classified(
     bright = found >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        _note_half_depth(cut, medium.box, limits, begin, end, state, to, pixels, block, half)
-    return count_live(limits, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
+        _note_half_depth(cut, medium.box, intervals, begin, end, state, to, pixels, block, half)
+    return count_live(intervals, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
 
 
 @inner_loop(forceinline=True)
 def _composite_slab(
-    limits, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
+    intervals, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
     block, half,
 ):  # fmt: skip
     """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
     are not opaque.
 
-    ``limits``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
+    ``intervals``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
     ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet and the one before.
     """
     _, box, lookup, light, _, _, _, _, _ = medium
     r, b, v, first_pixel, count = pixels
     shortened = False
-    if limits is not None:
+    if intervals is not None:
         if is_outside(rows.bounds, r, b, begin, end):
             return LIVE
         shortened = is_shortened(rows.bounds, r, b, begin, end)
     seen = 0
     if sign is None:
-        seen = _look_up(limits, lookup, kind, shortened, begin, end, here, there, pixels, block)
+        seen = _look_up(intervals, lookup, kind, shortened, begin, end, here, there, pixels, block)
         if seen == 0:
             return LIVE
     at = BLOCK * (r * rows.bright.shape[1] + b)
@@ -400,7 +400,7 @@ def _composite_slab(
     cut = shortened or not whole
     if cut:
         inside_box(
-            box.columns, box.rows, limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside
+            box.columns, box.rows, intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside
         )
         length, deep = block.length_inside, 0
     sheet, upper, lower, down = here
@@ -408,7 +408,7 @@ def _composite_slab(
         position = sheets.first_slice[number] + sheets.slice_weights[number, 1]
         gather_values(
             sheet, upper, lower, down, sign, lookup.origin, lookup.least, length, deep, thickness, rows.state, 4 * at,
-            sheet_depth(position, begin, end), cut, box.columns, box.rows, limits, v, first_pixel, count,
+            sheet_depth(position, begin, end), cut, box.columns, box.rows, intervals, v, first_pixel, count,
             block.samples, half,
         )
         return LIVE
@@ -422,13 +422,13 @@ def _composite_slab(
     if absorbs is not None:
         add_depths(
             lookup.table, lookup.sums, block.entries, block.spans, block.shares, seen, length, deep, thickness,
-            rows.state, 4 * at, begin, end, cut, box.columns, box.rows, limits, v, first_pixel, count, block.before,
+            rows.state, 4 * at, begin, end, cut, box.columns, box.rows, intervals, v, first_pixel, count, block.before,
             half,
         )
         return LIVE
     _classify(lookup, seen, block)
     return _composite_classified(
-        limits, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+        intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
     )
 
 
@@ -438,8 +438,8 @@ def _composite_member(medium, sheets, slab, member, row, slot, down, pixels, ray
     number = slab.first + member
     planes, blocks = _planes(medium.light), own.rows.bright.shape[1]
     return _composite_slab(
-        rays.limits, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind, sheets.begin[number],
-        sheets.end[number], np.float32(sheets.thickness[number]), row,
+        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind,
+        sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number]), row,
         _samples_of(here, slot, down, pixels.b, planes, blocks),
         _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks),
         pixels, own.rows, own.block, half,

@@ -17,7 +17,7 @@ from ..runtime.prefetch import fetch_ahead
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .arguments import Tables, Wide
 from .band_walker import band_walker, row_walker, scanline_walker
-from .limited_blocks import count_live, is_outside, is_shortened
+from .interval_blocks import count_live, is_outside, is_shortened
 from .mist_block import MistRays, copy_colors, fade_added
 from .pixel_block import (
     BLOCK,
@@ -89,12 +89,12 @@ class Slab(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``place`` among
-    scanlines, in voxels."""
+    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``position``
+    among scanlines, in voxels."""
 
     slot: int
     line: int
-    place: float
+    position: float
 
 
 @inner_loop
@@ -241,7 +241,7 @@ def _slab_of(medium, sheets, first, together, waiting):
 @inner_loop(forceinline=True)
 def _row_of(medium, slab, v, r, here, there, waiting):
     """See ``band_walker.row_walker``."""
-    return True, Row(here.row_slot[r], here.row_line[r], here.row_place[r])
+    return True, Row(here.row_slot[r], here.row_line[r], here.row_position[r])
 
 
 @inner_loop(forceinline=True)
@@ -278,18 +278,18 @@ def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks,
 
 
 @inner_loop(forceinline=True)
-def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
-    """Shorten the rays of one block to the part of a slab within their limits (see ``arguments.Rays``)."""
+def _inside_intervals(intervals, v, first_pixel, count, begin, end, lengths, deep, length_inside):
+    """Shorten the rays of one block to the part of a slab within their intervals (see ``arguments.Rays``)."""
     for i in range(count):
         u = first_pixel + i
-        outside = max(limits[0, v, u] - begin, 0.0) + max(end - limits[1, v, u], 0.0)
-        for hole in range(2, limits.shape[0], 2):
-            outside += max(min(end, limits[hole + 1, v, u]) - max(begin, limits[hole, v, u]), 0.0)
+        outside = max(intervals[0, v, u] - begin, 0.0) + max(end - intervals[1, v, u], 0.0)
+        for hole in range(2, intervals.shape[0], 2):
+            outside += max(min(end, intervals[hole + 1, v, u]) - max(begin, intervals[hole, v, u]), 0.0)
         length_inside[i] = lengths[deep + i] * np.float32(min(max(1.0 - outside / (end - begin), 0.0), 1.0))
 
 
 @inner_loop(forceinline=True)
-def _scanline_places(wide, slab, row, b, blocks, here):
+def _scanline_positions(wide, slab, row, b, blocks, here):
     """Where block ``b`` of the two scanlines of a row begins; of a wide footprint, whose scanlines are added up here,
     twice where their sum is."""
     samples, marks = here.samples, here.marks
@@ -300,7 +300,7 @@ def _scanline_places(wide, slab, row, b, blocks, here):
         lower = 4 * BLOCK * ((row.slot + 1) * blocks + b) if _is_marked(marks, row.slot + 1, b) else empty
         return upper, lower
     kind, _, _, _, stretch, _, taps = slab.footprint
-    _add_scanlines(kind, row.place, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
+    _add_scanlines(kind, row.position, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
     return mixed, mixed
 
 
@@ -321,7 +321,7 @@ def _lay_over(
 
 @inner_loop(forceinline=True)
 def _composite_slab(
-    limits, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
+    intervals, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
 ):  # fmt: skip
     """Composite block ``b`` of row ``r`` of the band; how many of its pixels are not opaque."""
     begin, end, thickness, _ = slab
@@ -331,36 +331,37 @@ def _composite_slab(
     at = BLOCK * (r * blocks + b)
     state, to = rows.state, 4 * at
     shortened = False
-    if limits is not None:
+    if intervals is not None:
         if is_outside(rows.bounds, r, b, begin, end):
             return LIVE
         shortened = is_shortened(rows.bounds, r, b, begin, end)
-    upper, lower = _scanline_places(wide, slab, row, b, blocks, here)
+    upper, lower = _scanline_positions(wide, slab, row, b, blocks, here)
     length, deep = rows.length, at
-    if limits is not None:
+    if intervals is not None:
         if shortened:
-            _inside_limits(limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
+            _inside_intervals(intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
             length, deep = block.length_inside, 0
     if mist is not None:
         copy_colors(state, to, block.colors)
     pixels = _lay_over(
-        wide, additive_opacity, here.samples, upper, lower, np.float32(row.place - row.line), length, deep, thickness,
-        least, state, to, block.before,
+        wide, additive_opacity, here.samples, upper, lower, np.float32(row.position - row.line), length, deep,
+        thickness, least, state, to, block.before,
     )
     if mist is not None:
         fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
     bright = pixels >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        if limits is None:
+        if intervals is None:
             note_half_depth(
                 block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
             )  # fmt: skip
         else:
             note_half_depth_inside(
-                limits, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
+                intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
+                block.samples,
             )
-    return count_live(limits, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
+    return count_live(intervals, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 
 
 @inner_loop(forceinline=True)
@@ -368,7 +369,7 @@ def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here
     """See ``band_walker.row_walker``."""
     _, half, _ = image
     live = _composite_slab(
-        rays.limits, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
+        rays.intervals, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
         own.rows, own.block, half,
     )
     return live, queued
@@ -410,7 +411,7 @@ def splat_rows(
     """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
     What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination
-    of footprint, model, mist and limits.
+    of footprint, model, mist and intervals.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK
-from .ray_ends import NO_ROW
+from .rays_in_box import NO_ROW
 from .scalar_group import GROUP, composite_group, look_up_group
 from .scratch import BAND
 from .sheet_row import note_half_depth

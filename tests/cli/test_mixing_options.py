@@ -30,7 +30,7 @@ def labels(tmp_path, voxels):
     return path
 
 
-def test_labels_hide_and_colour_what_they_name(picture, labels, write_json):
+def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     functions = write_json([{"label": 1, "name": "left", "hidden": True}, {"label": 2, "color": [0.0, 1.0, 0.0]}])
     rgba, report = picture("--labels", labels, "--label-functions", functions)
     whole, _ = picture("--classification", "pre")

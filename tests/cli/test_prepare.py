@@ -71,13 +71,13 @@ def test_after_it_default_pictures_compile_nothing(environ, tmp_path):
     lights = tmp_path / "lights.json"
     lights.write_text(json.dumps([{"type": "POINT", "energy": 1e7, "matrix_world": np.eye(4).tolist()}]))
     run(environ, "-m", "rle_splat", *scan(tmp_path, "uint8", 256))
-    looks = (
+    functions = (
         [], ["--perspective"], ["--azimuth", "90"], ["--elevation", "80"], ["--azimuth", "30", "--elevation", "20"],
         ["--lights", str(lights), "--perspective"], ["--lights", str(lights), "--shadows"],
     )  # fmt: skip
     modes = ([], ["--quality", "draft"])
     scans = [[*scan(tmp_path, stored, 80), "--size", "64"] for stored in prepare.STORED_TYPES]
-    renders = [[*words, *look, *mode] for words in scans for look in looks for mode in modes]
+    renders = [[*words, *function, *mode] for words in scans for function in functions for mode in modes]
     run(environ, "-c", RENDERS, given=json.dumps(renders))
     assert {path: path.stat().st_mtime_ns for path in kept.rglob("*") if path.is_file()} == files
 
