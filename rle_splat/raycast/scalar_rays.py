@@ -111,7 +111,7 @@ def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, cl
     return RayList(first, step, enter, leave, length, np.ascontiguousarray(depth))
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _pair_at(bits, row_start, row, x):
     """Where the record of voxel ``x`` of a row is; -1 where it, or the next one, is not kept."""
     at, shift = x >> WORD_BITS, np.uint64(x & IN_WORD)
@@ -127,7 +127,7 @@ def _pair_at(bits, row_start, row, x):
     return record
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _is_shown(scalars, i, j, k, m, shown):
     """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones."""
     low = min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
@@ -140,7 +140,7 @@ def _is_shown(scalars, i, j, k, m, shown):
     return False
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
     """The trilinear value along a ray from ``x``, ``y``, ``z`` in a cell to so much further, as powers 0 to 3 of the
     way there.  ``a0``, ``a1``: corners along x; ``b``: further along y; ``c`` and ``d``: these two further along z."""
@@ -152,19 +152,19 @@ def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
     return near + away * z, near_p + away_p * z + away * dz, near_pp + away_pp * z + away_p * dz, away_pp * dz
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _light_at(codes, unit, at, channel):
     bits = np.uint32(np.uint32(codes[at, channel]) << CODE_BITS)
     return np.float64(bits.view(np.float32) * unit)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _power_sum(cubic, channel, t):
     at = POWERS * channel
     return ((cubic[at + 3] * t + cubic[at + 2]) * t + cubic[at + 1]) * t + cubic[at]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _mean(table, sums, channel, first, second, last, width):
     """The table's mean between two of its entries, which may be parts of entries."""
     i, j = min(int(first), last - 1), min(int(second), last - 1)
@@ -173,13 +173,13 @@ def _mean(table, sums, channel, first, second, last, width):
     return max((high - low) / width, 0.0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _crossing(at, size, first, step, inverse):
     """Where a ray leaves the voxels from ``at`` on, ``size`` of them; infinitely far where it runs along them."""
     return (at + (size if step > 0.0 else 0) - first) * inverse if step != 0.0 else math.inf
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _absorbed(thick):
     """1 - exp(-thick), by its series where that is short (relative error below 1e-9)."""
     if thick < 0.125:
@@ -188,7 +188,7 @@ def _absorbed(thick):
     return 1.0 - math.exp(-thick)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_stretch(
     lights, scalars, light_unit, lookup, matt, gloss, corners, start, step, a, deep, length, slabs, least, shine, ray,
 ):

@@ -60,14 +60,14 @@ class Window(NamedTuple):
     image_width: int
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _scanlines_of(all_workers, mine):
     """Row ``mine`` of each array of ``scratch.Scanlines``."""
     samples, marks, row_slot, row_line, row_position = all_workers
     return Scanlines(samples[mine], marks[mine], row_slot[mine], row_line[mine], row_position[mine])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _scratch_of(scratch, mine):
     """Row ``mine`` of each array of the Scratch: the one worker's own."""
     line, reach, live, cells, weights, placed = scratch.line
@@ -125,7 +125,7 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
                     medium, footprint, is_new, b, slot * blocks + b, shift_u, scale_u, line, sheet.samples, block
                 )
 
-    @inner_loop(forceinline=True)
+    @inner_loop
     def resample_sheet(medium, sheets, number, member, window, line, sheet, block, wanted):
         """Sheet ``number``, which is number ``member`` of its group; ``wanted``: (words,) a bit for each block of
         pixels that counts.  Returns whether anything was found, and whether every pixel of the band is opaque."""
@@ -201,7 +201,7 @@ def row_walker(slab_of, row_of, marked, composite_block, composite_queue):
         Composite the blocks that wait; whether any became opaque.
     """
 
-    @inner_loop(forceinline=True)
+    @inner_loop
     def composite_sheets(medium, sheets, first, together, window, rays, here, there, own, image):
         """Sheets number ``first`` to ``first + together - 1``; whether any block became opaque."""
         alive = own.rows.alive

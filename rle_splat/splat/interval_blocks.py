@@ -84,20 +84,20 @@ def reached_blocks(bounds, begin, far, alive, reached):
     return found
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def is_outside(bounds, r, b, begin, end):
     """Whether no ray of a block of a row is within its interval anywhere in a slab."""
     return end <= bounds[r, FIRST, b] or begin >= bounds[r, LAST, b]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def is_shortened(bounds, r, b, begin, end):
     """Whether any ray of a block of a row is outside its interval somewhere in a slab."""
     inside = begin >= bounds[r, ALL_BEGUN, b] and end <= bounds[r, NONE_ENDED, b]
     return not inside or (bounds[r, HOLE, b] < end and bounds[r, HOLE_END, b] > begin)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def count_live(intervals, live, bounds, r, b, end, state, at, least, v, first_pixel, count):
     """How many pixels of a block go on behind a slab: those that are not opaque and whose ray has not ended.
 

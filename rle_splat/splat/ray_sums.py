@@ -23,14 +23,14 @@ HALF = np.float32(math.log(2.0))  # optical depth at which half the light is lef
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def sheet_depth(position, begin, end):
     """Where a sheet at ``position`` of the principal axis lies along the viewing direction, which is one of the axis or
     against it: inside its slab [``begin``, ``end``]."""
     return position if begin <= position <= end else -position
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def gather_values(
     sheet, upper, lower, down, sign, origin, least, length, deep, thickness, state, row, depth, cut, box_columns,
     box_rows, intervals, v, first_pixel, count, found, half,
@@ -74,7 +74,7 @@ def gather_values(
             half[v, first_pixel + i] = at
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def add_depths(
     table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end, cut, box_columns,
     box_rows, intervals, v, first_pixel, count, before, half,
@@ -109,7 +109,7 @@ def add_depths(
             half[v, first_pixel + i] = from_ + (HALF - before[i]) / (after - before[i]) * (to - from_)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def thin_slab(
     sheet, upper, lower, down, before, upper_before, lower_before, down_before, plane, shares, length, deep, thinned
 ):

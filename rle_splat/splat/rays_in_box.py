@@ -11,7 +11,7 @@ from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i):
     """Where the ray of pixel ``first_pixel + i`` of row ``v`` begins and ends, along the viewing direction."""
     u = first_pixel + i
@@ -21,7 +21,7 @@ def interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i):
     return enter, leave
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def inside_box(box_columns, box_rows, intervals, v, first_pixel, count, begin, end, lengths, deep, length_inside):
     """Shorten the rays of one block to the part of a slab that lies in the box and within their intervals."""
     length_inside[:] = np.float32(0.0)
@@ -37,7 +37,7 @@ def inside_box(box_columns, box_rows, intervals, v, first_pixel, count, begin, e
         length_inside[i] = lengths[deep + i] * np.float32(min(max(left / (end - begin), 0.0), 1.0))
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def block_at(marks, slot, b, planes, blocks, absent):
     """Where block ``b`` of a slot's scanline begins; ``absent`` where it holds nothing."""
     if (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:

@@ -27,7 +27,7 @@ from .voxel_scanline import BEFORE, BLOCK_BITS, SLACK, mark_blocks
 NOT_KEPT = np.float32(-3e38)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def put_scanline(
     line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, lights, light_unit, weight, run, voxel,
     far_weight, far_run, far_voxel, width, live, live_count, matt, gloss,
@@ -95,7 +95,7 @@ def put_scanline(
             s += 1
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def put_scalars(line, to, count, scalars, weight, voxel, far_weight, far_voxel, pair):
     """``count`` voxels of a scanline from number ``to`` on; see ``put_scanline``."""
     if scalars.uint8.size > 0:
@@ -125,7 +125,7 @@ def _put_stored(line, to, count, stored, weight, voxel, far_weight, far_voxel, p
         i += size
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def fetch_scalars(scalars, first, count):
     """Ask for the memory of ``count`` voxels from number ``first`` on."""
     if scalars.uint8.size > 0:
@@ -138,7 +138,7 @@ def fetch_scalars(scalars, first, count):
         fetch_ahead(scalars.uint16, first, count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def put_lights(
     line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss
 ):

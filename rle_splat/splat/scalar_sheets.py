@@ -124,19 +124,19 @@ class Pixels(NamedTuple):
     count: int
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _planes(light):
     """Numbers that a sheet holds of a pixel."""
     return 1 + len(light.matt) + len(light.gloss) + len(light.thinning)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _footprint_of(medium, scale_u, scale_v):
     """See ``band_walker.scanline_walker``: always the tent, and samples beside the box are taken at its face."""
     return 1.0 + medium.box.overhang, medium.box.overhang, 2, None
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _place_row(medium, footprint, sheets, number, v, shift_v, scale_v):
     """See ``band_walker.scanline_walker``."""
     box_rows, n_scanlines = medium.box.rows, medium.tables.pointers.shape[1]
@@ -146,7 +146,7 @@ def _place_row(medium, footprint, sheets, number, v, shift_v, scale_v):
     return True, y, max(min(int(y), n_scanlines - 2), 0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _slices_of(sheets, number):
     """The nearer slice that a sheet reads and its weight, and the weight of the next one, 0 where it reads one only."""
     first, weight, far_weight = (
@@ -157,7 +157,7 @@ def _slices_of(sheets, number):
     return first, weight, far_weight
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _is_filled(medium, sheets, number, scanline):
     """See ``band_walker.scanline_walker``: a sample that lacks one of its voxels is transparent."""
     near, _, far_weight = _slices_of(sheets, number)
@@ -167,7 +167,7 @@ def _is_filled(medium, sheets, number, scanline):
     return far_weight == np.float32(0.0) or int(pointers[near + 1, scanline]) >= 0
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     near, weight, far_weight = _slices_of(sheets, number)
     far_run, far_voxel = 0, 0
@@ -182,7 +182,7 @@ def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, l
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     """See ``band_walker.scanline_walker``."""
     line.reach[1] = 0
@@ -194,7 +194,7 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _fetch(lights, tables, ahead, scanline, count):
     first = tables.data_starts[ahead, scanline]
     fetch_scalars(tables.scalars, first, count)
@@ -202,13 +202,13 @@ def _fetch(lights, tables, ahead, scanline, count):
         fetch_ahead(lights, first * lights.shape[1], count * lights.shape[1])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
     _fetch(medium.tables.lights, medium.tables, ahead, scanline, count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     voxels, _, _, cells, fractions, _ = line
@@ -221,13 +221,13 @@ def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, sa
         resample_plane(voxels, plane * stride, cells, fractions, BLOCK * b, samples, to)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _clear_line(medium, line):
     """See ``band_walker.scanline_walker``: light of voxels that are not kept does not count."""
     line.line[line.reach[0] : line.reach[1]] = NOT_KEPT
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_depths(grouped, sheets, first, together, waiting):
     """The thickness of each sheet of a group."""
     if grouped is not None:
@@ -235,14 +235,14 @@ def _group_depths(grouped, sheets, first, together, waiting):
             waiting.depths[number] = sheets.thickness[first + number]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _slab_of(medium, sheets, first, together, waiting):
     """See ``band_walker.row_walker``."""
     _group_depths(medium.grouped, sheets, first, together, waiting)
     return Slab(first, together, sheets.kind[first], sheets.begin[first], sheets.end[first + together - 1])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_downs(grouped, slab, r, here, waiting):
     """The fraction of a row towards the second of its scanlines, in each sheet of a group."""
     if grouped is not None:
@@ -251,7 +251,7 @@ def _group_downs(grouped, slab, r, here, waiting):
             waiting.downs[number] = here.row_position[at] - here.row_line[at] if here.row_slot[at] != NO_ROW else 0.0
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _row_of(medium, slab, v, r, here, there, waiting):
     """See ``band_walker.row_walker``."""
     enter, leave = medium.box.rows[0, v], medium.box.rows[1, v]
@@ -265,7 +265,7 @@ def _row_of(medium, slab, v, r, here, there, waiting):
     return is_crossed, Row(enter, leave, slot, down, slot_before, down_before)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _marked_in_group(grouped, together, r, word, here):
     """The blocks that a row has in the other sheets of a group than the first."""
     bits = NO_BITS
@@ -275,14 +275,14 @@ def _marked_in_group(grouped, together, r, word, here):
     return bits
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _marked(medium, slab, row, r, word, here, there):
     """See ``band_walker.row_walker``."""
     bits = marked_by_both(here.marks, row.slot, word) | marked_by_both(there.marks, row.slot_before, word)
     return bits | _marked_in_group(medium.grouped, slab.together, r, word, here)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _samples_of(sheet, slot, down, b, planes, blocks):
     """Where block ``b`` of a row's two scanlines is; where there is nothing, at the block without samples."""
     absent = sheet.samples.size - planes * BLOCK
@@ -293,7 +293,7 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
     return Samples(sheet.samples, upper, lower, down)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
     """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
     _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
@@ -317,7 +317,7 @@ def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pix
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _classify(lookup, seen, block):
     """Extinction times color, and extinction, of a block's entries, to ``block.samples``."""
     if seen & 255 > seen >> 8:
@@ -328,7 +328,7 @@ def _classify(lookup, seen, block):
         classify_spans(lookup.sums, block.spans, block.shares, block.samples)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, half):
     """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by intervals."""
     if not cut:
@@ -347,7 +347,7 @@ def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, 
         half[pixels.v, pixels.first + i] = from_ + parts[i] * (behind - from_)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_classified(
     intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
 ):  # fmt: skip
@@ -371,7 +371,7 @@ def _composite_classified(
     return count_live(intervals, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_slab(
     intervals, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
     block, half,
@@ -432,7 +432,7 @@ def _composite_slab(
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_member(medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
     """Composite a block of one sheet of a group, number ``member``; how many of its pixels are not opaque."""
     number = slab.first + member
@@ -446,7 +446,7 @@ def _composite_member(medium, sheets, slab, member, row, slot, down, pixels, ray
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half):
     """Composite a block of all sheets of a group, one after the other; how many of its pixels are not opaque."""
     b, word = pixels.b, pixels.b // WORD
@@ -467,7 +467,7 @@ def _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own
     return live
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, half):
     box_blocks = medium.box.blocks
     if slab.behind <= box_blocks[0, b] or slab.front >= box_blocks[3, b]:
@@ -487,7 +487,7 @@ def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, h
     return _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half), queued
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
@@ -496,7 +496,7 @@ def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_queued(grouped, medium, sheets, slab, window, r, word, queued, here, own, half):
     if grouped is None:
         return False
@@ -506,14 +506,14 @@ def _composite_queued(grouped, medium, sheets, slab, window, r, word, queued, he
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
     return _composite_queued(medium.grouped, medium, sheets, slab, window, r, word, queued, here, own, half)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
     planes = _planes(medium.light)
@@ -527,7 +527,7 @@ def _clear_scratch(medium, own):
         samples[absent : absent + BLOCK] = NOT_KEPT
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _count_together(grouped, sheets, sheet):
     if grouped is None:
         return 1
@@ -535,7 +535,7 @@ def _count_together(grouped, sheets, sheet):
     return GROUP if last < sheets.kind.size and sheets.kind[last] == OWN else 1
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_at(medium, sheets, sheet):
     """See ``band_walker.band_walker``."""
     return _count_together(medium.grouped, sheets, sheet)

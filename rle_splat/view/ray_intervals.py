@@ -131,13 +131,13 @@ def _interval_rows(
             intervals[0, v, u], intervals[1, v, u] = first, last
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _within(position, last):
     """Coordinate of the picture from the center of its first pixel, clamped to its sides; 0 for NaN."""
     return 0.0 if position != position else min(max(position - 0.5, 0.0), last)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _sample(layer, left, top, column, row):
     """Kernel of ``_sampled``, for one position."""
     c, r = int(column), int(row)
