@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.bits import lowest_bit
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..runtime.prefetch import fetch_ahead
@@ -19,31 +18,16 @@ from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
 from .arguments import Box, Light, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
-from .cut_slab import cut_ends
-from .half_depth import half_way
-from .interval_blocks import count_live, is_outside, is_shortened
-from .mist_block import MistRays, copy_colors, fade_added
-from .pixel_block import BLOCK, TRANSMITTANCE
-from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
-from .rays_in_box import NO_ROW, block_at, inside_box, interval_in_box
-from .scalar_block import (
-    classify_spans,
-    classify_values,
-    composite_classified,
-    look_between,
-    look_up,
-    place_inside,
-    resample_plane,
-)
+from .mist_block import MistRays
+from .pixel_block import BLOCK
+from .rays_in_box import NO_ROW, block_at
+from .scalar_block import place_inside, resample_plane
 from .scalar_group import GROUP
 from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
+from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab, plane_count
 from .scratch import BAND
-from .sheet_row import note_half_depth
-from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 from .waiting_blocks import composite_waiting, look_up_waiting, marked_by_both
-
-LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
-NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 
 
 class ScalarMedium(NamedTuple):
@@ -103,33 +87,6 @@ class Row(NamedTuple):
     down_before: np.float32
 
 
-class Samples(NamedTuple):
-    """A block of one sheet: ``samples`` of the scanlines that begin at ``upper`` and ``lower``, and the fraction
-    ``down`` (float32) towards the latter."""
-
-    samples: np.ndarray
-    upper: int
-    lower: int
-    down: np.float32
-
-
-class Pixels(NamedTuple):
-    """A block of the intermediate image: number ``b`` in row ``r`` of the band, ``count`` pixels of row ``v`` from
-    ``first`` on."""
-
-    r: int
-    b: int
-    v: int
-    first: int
-    count: int
-
-
-@inner_loop
-def _planes(light):
-    """Numbers that a sheet holds of a pixel."""
-    return 1 + len(light.matt) + len(light.gloss) + len(light.thinning)
-
-
 @inner_loop
 def _footprint_of(medium, scale_u, scale_v):
     """See ``band_walker.scanline_walker``: always the tent, and samples beside the box are taken at its face."""
@@ -175,7 +132,7 @@ def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, l
         far_run, far_voxel = int(tables.pointers[near + 1, scanline]), tables.data_starts[near + 1, scanline]
     line.reach[0] = tables.width
     put_scanline(
-        line.line, line.line.size // _planes(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
+        line.line, line.line.size // plane_count(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
         tables.runs, tables.scalars, tables.lights, tables.light_unit, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
         light.matt, light.gloss + light.thinning,
@@ -212,7 +169,7 @@ def _fetch_next(medium, ahead, scanline, count):
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     voxels, _, _, cells, fractions, _ = line
-    planes = _planes(medium.light)
+    planes = plane_count(medium.light)
     stride = voxels.size // planes
     if is_new:
         place_inside(cells, fractions, BLOCK * b, b * BLOCK - shift_u, scale_u, medium.tables.width - 1.0)
@@ -294,150 +251,11 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
 
 
 @inner_loop
-def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
-    """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
-    _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    samples, entries, spans, shares = block.samples, block.entries, block.spans, block.shares
-    if kind == OWN:
-        return look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
-    if intervals is not None:
-        if is_shortened and cut_ends(
-            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
-            upper_before, lower_before, down_before, least, samples,
-        ):
-            return look_between(
-                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
-                rate, last, entries, spans, shares,
-            )
-    return look_between(
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest, furthest,
-        origin, rate, last, entries, spans, shares,
-    )
-
-
-@inner_loop
-def _classify(lookup, seen, block):
-    """Extinction times color, and extinction, of a block's entries, to ``block.samples``."""
-    if seen & 255 > seen >> 8:
-        classify_values(lookup.table, block.entries, block.samples)
-    else:
-        block.samples[:] = np.float32(0.0)
-    if seen >> 8 > 0:
-        classify_spans(lookup.sums, block.spans, block.shares, block.samples)
-
-
-@inner_loop
-def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, half):
-    """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by intervals."""
-    if not cut:
-        note_half_depth(
-            block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
-            block.samples,
-        )
-        return
-    parts = block.samples
-    halved = half_way(block.before, state, to + TRANSMITTANCE, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
-    while halved != NO_BITS:
-        i = lowest_bit(halved)
-        halved &= halved - ONE_BIT
-        from_, behind = interval_in_box(box.columns, box.rows, intervals, pixels.v, pixels.first, i)
-        from_, behind = max(begin, from_), min(end, behind)
-        half[pixels.v, pixels.first + i] = from_ + parts[i] * (behind - from_)
-
-
-@inner_loop
-def _composite_classified(
-    intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
-):  # fmt: skip
-    """Composite a classified block; how many of its pixels are not opaque."""
-    r, b, v, first_pixel, count = pixels
-    state, to = rows.state, 4 * BLOCK * (r * rows.bright.shape[1] + b)
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    if mist is not None:
-        copy_colors(state, to, block.colors)
-    found = composite_classified(
-        block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
-        medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,
-    )
-    if mist is not None:
-        fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
-    bright = found >> 8
-    if bright != rows.bright[r, b]:
-        rows.bright[r, b] = bright
-        _note_half_depth(cut, medium.box, intervals, begin, end, state, to, pixels, block, half)
-    return count_live(intervals, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
-
-
-@inner_loop
-def _composite_slab(
-    intervals, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
-    block, half,
-):  # fmt: skip
-    """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
-    are not opaque.
-
-    ``intervals``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
-    ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet and the one before.
-    """
-    _, box, lookup, light, _, _, _, _, _ = medium
-    r, b, v, first_pixel, count = pixels
-    shortened = False
-    if intervals is not None:
-        if is_outside(rows.bounds, r, b, begin, end):
-            return LIVE
-        shortened = is_shortened(rows.bounds, r, b, begin, end)
-    seen = 0
-    if sign is None:
-        seen = _look_up(intervals, lookup, kind, shortened, begin, end, here, there, pixels, block)
-        if seen == 0:
-            return LIVE
-    at = BLOCK * (r * rows.bright.shape[1] + b)
-    length, deep = rows.length, at
-    whole = begin >= max(box.blocks[1, b], row.enter) and end <= min(box.blocks[2, b], row.leave)
-    cut = shortened or not whole
-    if cut:
-        inside_box(
-            box.columns, box.rows, intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside
-        )
-        length, deep = block.length_inside, 0
-    sheet, upper, lower, down = here
-    if sign is not None:
-        position = sheets.first_slice[number] + sheets.slice_weights[number, 1]
-        gather_values(
-            sheet, upper, lower, down, sign, lookup.origin, lookup.least, length, deep, thickness, rows.state, 4 * at,
-            sheet_depth(position, begin, end), cut, box.columns, box.rows, intervals, v, first_pixel, count,
-            block.samples, half,
-        )
-        return LIVE
-    if len(light.thinning) > 0:
-        before, upper_before, lower_before, down_before = there
-        thin_slab(
-            sheet, upper, lower, down, before, upper_before, lower_before, down_before, (_planes(light) - 1) * BLOCK,
-            block.shares, length, deep, block.length_inside,
-        )
-        length, deep = block.length_inside, 0
-    if absorbs is not None:
-        add_depths(
-            lookup.table, lookup.sums, block.entries, block.spans, block.shares, seen, length, deep, thickness,
-            rows.state, 4 * at, begin, end, cut, box.columns, box.rows, intervals, v, first_pixel, count, block.before,
-            half,
-        )
-        return LIVE
-    _classify(lookup, seen, block)
-    return _composite_classified(
-        intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
-    )
-
-
-@inner_loop
 def _composite_member(medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
     """Composite a block of one sheet of a group, number ``member``; how many of its pixels are not opaque."""
     number = slab.first + member
-    planes, blocks = _planes(medium.light), own.rows.bright.shape[1]
-    return _composite_slab(
+    planes, blocks = plane_count(medium.light), own.rows.bright.shape[1]
+    return composite_slab(
         rays.intervals, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind,
         sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number]), row,
         _samples_of(here, slot, down, pixels.b, planes, blocks),
@@ -482,7 +300,7 @@ def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, h
     enters, leaves = max(box_blocks[1, b], row.enter), min(box_blocks[2, b], row.leave)
     if slab.together == GROUP and slab.front >= enters and slab.behind <= leaves:
         return LIVE, look_up_waiting(
-            queued, r, b, here, _planes(medium.light), own.rows.bright.shape[1], own.waiting, medium.lookup
+            queued, r, b, here, plane_count(medium.light), own.rows.bright.shape[1], own.waiting, medium.lookup
         )
     return _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half), queued
 
@@ -516,7 +334,7 @@ def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, i
 @inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
-    planes = _planes(medium.light)
+    planes = plane_count(medium.light)
     line = own.line.line
     stride = line.size // planes
     line[:stride] = NOT_KEPT
