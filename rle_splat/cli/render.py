@@ -14,7 +14,7 @@ from .appearance import choose_transfer_function, read_transfer_function
 from .frames import add_frames_option, each_frame
 from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
-from .mixing import add_mixing_options, mixed, mixing_inputs, read_looks
+from .mixing import add_mixing_options, mixed, mixing_inputs, read_mixing
 from .options import (
     add_clip_option,
     add_image_options,
@@ -95,8 +95,8 @@ class Checked:
     Attributes
     ----------
     quality : Quality
-    poses, looks
-        The results of ``read_motion`` and ``read_looks``.
+    poses, mixing
+        The results of ``read_motion`` and ``read_mixing``.
     crop : tuple or None
     is_encoded : bool
         Whether the volume is a .rle file.
@@ -104,7 +104,7 @@ class Checked:
 
     quality: Quality
     poses: list
-    looks: tuple
+    mixing: tuple
     crop: tuple | None
     is_encoded: bool
 
@@ -148,12 +148,12 @@ def _checked(args, frames) -> Checked:
     check_scene_options(args)
     check_light_effects(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
-    poses, looks = read_motion(args.motion), read_looks(args)
+    poses, mixing = read_motion(args.motion), read_mixing(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
             "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
-    return Checked(quality_from(args, "pre" if is_encoded else None), poses, looks, crop, is_encoded)
+    return Checked(quality_from(args, "pre" if is_encoded else None), poses, mixing, crop, is_encoded)
 
 
 def _passes(args) -> list:
@@ -167,7 +167,7 @@ def _prepared(args, checked: Checked, line, like: Like | None) -> tuple[Prepared
         prepared = _prepare_tables(args, checked.quality)
     else:
         prepared, like = _prepare_voxels(args, checked.quality, line, like)
-    scene, noticed = mixed(args, moving(prepared.scene, checked.poses), *checked.looks, line)
+    scene, noticed = mixed(args, moving(prepared.scene, checked.poses), *checked.mixing, line)
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=(*prepared.remarks, *noticed)), like
 
 

@@ -29,6 +29,7 @@ from .header import (
     checked_kind,
     damaged,
     frame_remark,
+    library,
     sensible_spacing,
 )
 from .streaming import EndsEarly, Part, bytes_steps, plain_name, voxel_steps, write_voxel_steps, written
@@ -92,8 +93,7 @@ def _partner(path: Path, suffix: str) -> Path:
 
 def _facts(path: Path) -> _Facts:
     """Read and check the header of a file."""
-    import nibabel
-
+    nibabel = library("nibabel", "nibabel", "NIfTI")
     is_image = bool(re.search(r"\.img(\.gz)?$", path.name, flags=re.IGNORECASE)) and not recognizes_nifti(head_of(path))
     source = _partner(path, ".hdr") if is_image else path
     content = head_of(source).content
@@ -136,8 +136,7 @@ def _scale(header, version: int) -> tuple[float, float]:
 
 def _geometry(path, header, version: int):
     """The affine to LPS millimeters, or the spacing alone; returns (affine, unit, space, remarks)."""
-    import nibabel
-
+    nibabel = library("nibabel", "nibabel", "NIfTI")
     spacing, remarks = sensible_spacing(header["pixdim"][1:4])
     if version == 0:
         return np.diag((*spacing, 1.0)), "mm", None, (*remarks, "Analyze files do not say where left and right are.")
@@ -146,16 +145,17 @@ def _geometry(path, header, version: int):
     if code not in LENGTH_UNITS:
         remarks += ("The file states no unit of length; mm is assumed.",)
     try:
-        affine = header.get_sform(coded=True)[0]
-        if affine is None:
-            affine = header.get_qform(coded=True)[0]
+        with np.errstate(invalid="ignore"):  # damaged numbers; checked_affine refuses them
+            affine = header.get_sform(coded=True)[0]
+            if affine is None:
+                affine = header.get_qform(coded=True)[0]
     except (ValueError, nibabel.spatialimages.HeaderDataError):
         raise damaged(path, "its rotation is not one") from None
     if affine is None:
         remarks += ("The file does not say how it lies in the patient, so left and right are not known.",)
         return np.diag((*spacing, 1.0)), unit, None, remarks
-    affine = checked_affine(path, np.diag((*[MILLIMETERS[unit]] * 3, 1.0)) @ affine)
-    return lps_from_ras(affine), "mm", PATIENT, remarks
+    scale = np.diag((*[MILLIMETERS[unit]] * 3, 1.0))
+    return lps_from_ras(scale @ checked_affine(path, affine)), "mm", PATIENT, remarks
 
 
 def read_nifti_steps(path, frame=None):
@@ -242,8 +242,7 @@ def write_nifti_steps(volume: Volume, path):
 
 def _header_of(volume: Volume):
     """The nibabel header of a volume, little-endian."""
-    import nibabel
-
+    nibabel = library("nibabel", "nibabel", "NIfTI")
     kind = nibabel.Nifti2Header if max(volume.shape_xyz) > LARGEST_SHORT else nibabel.Nifti1Header
     header = kind(endianness="<")
     header.set_data_dtype(volume.voxels.dtype)
