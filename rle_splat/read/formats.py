@@ -10,6 +10,7 @@ import os
 import secrets
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 from ..runtime.steps import drain
@@ -17,6 +18,7 @@ from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
+from .dicom.refusals import no_images
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
@@ -74,6 +76,7 @@ FORMATS = (
     ),
 )  # fmt: skip
 RAW = FORMATS[0]
+FILES_COUNTED = 20_000  # of a folder without images
 OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.all_options))
 
 
@@ -111,7 +114,7 @@ def _chosen(path: Path, given: dict) -> Format:
         raise RleSplatError(f"There is no file {path}; check the path.")
     chosen = format_of(path)
     if chosen is None and path.is_dir():
-        raise RleSplatError(f"{path} is a folder; give a volume file ({', '.join(suffixes())}).")
+        raise no_images(path, sum(1 for file in islice(path.rglob("*"), FILES_COUNTED) if file.is_file()))
     if "shape" in given and format_named(path) in (None, RAW):
         chosen = RAW
     if chosen is None:

@@ -259,16 +259,23 @@ def write_classic(
 
 
 def write_enhanced(
-    path, where: Geometry, axis: int = 2, encoding: Encoding = PLAIN, times: int = 1, change=None
+    path,
+    where: Geometry,
+    axis: int = 2,
+    encoding: Encoding = PLAIN,
+    times: int = 1,
+    change=None,
+    shuffled: bool = True,
 ) -> Path:
-    """Write one multi-frame object whose frames are in no order.
+    """Write one multi-frame object whose frames are in no order, unless not ``shuffled``.
 
     With several ``times`` the values of time t are 100 t higher; ``change(dataset)`` may alter the dataset before its
     voxels are set.
     """
     dataset = _common(encoding, generate_uid(), ENHANCED_CT)
     order = [(i, time) for time in range(times) for i in range(len(where.positions))]
-    random.Random(5).shuffle(order)
+    if shuffled:
+        random.Random(5).shuffle(order)
     shared = Dataset()
     shared.PlaneOrientationSequence = one(ImageOrientationPatient=[*where.row, *where.column])
     shared.PixelMeasuresSequence = one(PixelSpacing=list(where.spacing), SliceThickness=77.0)

@@ -189,6 +189,26 @@ def test_the_chooser(tmp_path: Path):
     assert picture.dtype == np.uint8 and picture.shape == (33, 36)
 
 
+def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path):
+    """RT dose: one position, and the offset of each frame along the normal."""
+    where = GEOMETRIES["oblique"]
+    steps = np.arange(SLICES) * 1.5
+
+    def change(dataset):
+        for name in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
+            delattr(dataset, name)
+        dataset.SOPClassUID, dataset.Modality, dataset.DoseUnits = "1.2.840.10008.5.1.4.1.1.481.2", "RTDOSE", "GY"
+        dataset.ImagePositionPatient = [f"{value:.6f}" for value in where.positions[0]]
+        dataset.ImageOrientationPatient = [f"{value:.10f}" for value in (*where.row, *where.column)]
+        dataset.PixelSpacing, dataset.DoseGridScaling = list(where.spacing), 0.5
+        dataset.GridFrameOffsetVector = steps.tolist()
+
+    encoding = phantoms.Encoding(slopes=(0.5,))
+    path = phantoms.write_enhanced(tmp_path / "a.dcm", where, encoding=encoding, change=change, shuffled=False)
+    volume = read_volume(path)
+    assert error_of(volume) <= 0.03 and (volume.value_unit, volume.slope) == ("Gy", 0.5)
+
+
 def test_files_without_preamble_and_meta(tmp_path: Path):
     for path in phantoms.write_classic(
         tmp_path, AXIAL, encoding=phantoms.with_syntax(phantoms.PLAIN, "1.2.840.10008.1.2")
@@ -228,7 +248,9 @@ def test_padding_above_the_lowest_value_becomes_it(tmp_path: Path, value: int, s
 class TestBadInput:
     def test_a_folder_without_images(self, tmp_path: Path):
         (tmp_path / "notes.txt").write_text("nothing")
-        refusal(tmp_path)
+        assert refusal(tmp_path).endswith(
+            "holds no medical images, only 1 other file; choose the folder of the series."
+        )
 
     def test_one_slice(self, tmp_path: Path):
         where = phantoms.geometry("one", (1, 0, 0), (0, 1, 0), [0.0])

@@ -328,12 +328,11 @@ def _apart(dataset, groups, content, types) -> dict:
     else:
         found = [
             read.number(content, "TemporalPositionIndex"),
-            read.number(
-                _group(frame, shared, "CardiacSynchronizationSequence"), "NominalCardiacTriggerDelayTime"
-            ),
+            read.number(_group(frame, shared, "CardiacSynchronizationSequence"), "NominalCardiacTriggerDelayTime"),
             read.number(_group(frame, shared, "MREchoSequence"), "EffectiveEchoTime"),
             read.number(_group(frame, shared, "MRDiffusionSequence"), "DiffusionBValue"),
-            read.number(content, "FrameAcquisitionNumber"), None,
+            read.number(content, "FrameAcquisitionNumber") or read.number(dataset, "AcquisitionNumber"),
+            _seconds(read.text(dataset, "AcquisitionTime")),  # the frames' own time includes the date
         ]  # fmt: skip
     named = {name: value for name, value in zip(SEPARATORS, (*found, types or None)) if value is not None}
     for i, value in enumerate(read.numbers(content, "DimensionIndexValues") or ()):

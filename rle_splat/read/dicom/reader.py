@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...runtime.steps import Progress, part
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
 from . import elements
-from .discovery import MOST_FILES, Found, find_pictures
+from .discovery import Found, find_pictures
 from .grouping import Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
@@ -30,6 +31,7 @@ from .values import (
     stored_dtype,
 )  # fmt: skip
 
+FILES_LOOKED_AT = 2000  # 0.1 s; before reading begins nothing can be canceled
 HEADERS = 0.2  # share of the time that finding pictures takes
 
 
@@ -39,13 +41,11 @@ def recognizes_dicom(head) -> bool:
 
 
 def reads_dicom_folder(path) -> bool:
-    """Whether a folder holds a DICOM file, in it or in its folders."""
-    seen = 0
-    for file in Path(path).rglob("*"):
-        seen += 1
+    """Whether a folder holds a DICOM file, in it or in its folders, among the first FILES_LOOKED_AT."""
+    for file in islice(Path(path).rglob("*"), FILES_LOOKED_AT):
         try:
-            if seen > MOST_FILES or (file.is_file() and elements.is_dicom(file)):
-                return True  # of too many files the reader tells
+            if file.is_file() and elements.is_dicom(file):
+                return True
         except OSError:
             continue
     return False
