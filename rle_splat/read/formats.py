@@ -40,6 +40,7 @@ FORMATS = (
     Format(
         "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
         ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
+        names_volume=True,
     ),
     Format(
         "OpenVDB", (".vdb",), "one grid of numbers of an OpenVDB file, with its transform and background",

@@ -220,7 +220,7 @@ def chosen(groups, series: int | None, titles) -> Group:
     """
     if series is not None:
         if not 1 <= series <= len(groups):
-            raise RleSplatError(f"There is no series {series}; use 1 to {len(groups)}:{_listed(groups, titles)}")
+            raise RleSplatError(f"There is no series {series}; choose one of {_listed(groups, titles)}.")
         return groups[series - 1]
     usable = [group for group in groups if not group.localizer and group.slices >= ENOUGH_SLICES]
     usable = usable or [group for group in groups if group.slices >= FEWEST_SLICES] or list(groups)
@@ -228,8 +228,8 @@ def chosen(groups, series: int | None, titles) -> Group:
         return usable[0]
     if all(group.slices < FEWEST_SLICES for group in usable):
         raise single_picture()
-    raise RleSplatError(f"There are {len(groups)} series; choose one with --series N:{_listed(groups, titles)}")
+    raise RleSplatError(f"There are {len(groups)} series; choose one with --series N: {_listed(groups, titles)}.")
 
 
 def _listed(groups, titles) -> str:
-    return "".join(f"\n  {i}: {titles(group)}" for i, group in enumerate(groups, 1))
+    return "; ".join(f"{i}: {titles(group)}" for i, group in enumerate(groups, 1))
