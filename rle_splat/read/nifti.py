@@ -154,8 +154,8 @@ def _geometry(path, header, version: int):
     if affine is None:
         remarks += ("The file does not say how it lies in the patient, so left and right are not known.",)
         return np.diag((*spacing, 1.0)), unit, None, remarks
-    affine = checked_affine(path, np.diag((*[MILLIMETERS[unit]] * 3, 1.0)) @ affine)
-    return lps_from_ras(affine), "mm", PATIENT, remarks
+    scale = np.diag((*[MILLIMETERS[unit]] * 3, 1.0))
+    return lps_from_ras(scale @ checked_affine(path, affine)), "mm", PATIENT, remarks
 
 
 def read_nifti_steps(path, frame=None):

@@ -112,7 +112,7 @@ def _axes(path, header: dict) -> _Axes:
         raise RleSplatError(f"The voxels of {Path(path).name} are colors; export one number for each voxel.")
     if len(sizes) == 3:
         return _Axes(checked_grid(path, sizes), (0, 1, 2), 1, False, "time")
-    rows = _directions(header)
+    rows = _directions(path, header)
     apart = [i for i in range(4) if rows is not None and not np.isfinite(rows[i]).any()]
     apart = apart or [i for i in range(len(kinds)) if kinds[i] not in SPATIAL_KINDS and kinds[i] not in ("", "???")]
     axis = apart[0] if len(apart) == 1 else 3
@@ -127,12 +127,15 @@ def _axes(path, header: dict) -> _Axes:
     return _Axes(shape, spatial, sizes[axis], axis == 0, "time" if in_time else kind or "kind")
 
 
-def _directions(header: dict):
+def _directions(path, header: dict):
     """(axes, dimensions) float64 of the space directions, NaN for an axis without one; None if there are none."""
     rows = header.get("space directions")
     if rows is None:
         return None
-    width = max((len(row) for row in rows if row is not None), default=3)
+    width = max((np.size(row) for row in rows if row is not None), default=3)
+    sizes = {np.size(row) for row in rows if row is not None}
+    if len(rows) != len(header["sizes"]) or sizes - {width} or width < 3:
+        raise damaged(path, "its space directions do not fit its axes")
     return np.array([[np.nan] * width if row is None else row for row in rows], dtype=np.float64)
 
 
@@ -141,16 +144,20 @@ def _geometry(path, header: dict, axes: _Axes):
     units = [unit.lower() for unit in header.get("space units", header.get("units", ()))]
     unit = next((unit for unit in units if unit in MILLIMETERS), None)
     space = re.sub(r"-time$|(?<=^[lr][ap]s)t$", "", header.get("space", "").lower())
-    rows = _directions(header)
+    rows = _directions(path, header)
     remarks = ()
     if rows is None:
         spacings = np.atleast_1d(header.get("spacings", (np.nan,) * len(header["sizes"])))
+        if len(spacings) != len(header["sizes"]):
+            raise damaged(path, "its spacings do not fit its axes")
         spacing, remarks = sensible_spacing([spacings[i] for i in axes.spatial])
         affine = np.diag((*spacing, 1.0))
     else:
         affine = np.eye(4)
         affine[:3, :3] = rows[list(axes.spatial), :3].T
         origin = np.atleast_1d(header.get("space origin", np.zeros(3)))[:3]
+        if len(origin) != 3:
+            raise damaged(path, "its space origin is not a point")
         affine[:3, 3] = np.where(np.isfinite(origin), origin, 0.0)
         affine = checked_affine(path, affine)
     if rows is not None and space in SIGNS:

@@ -4,9 +4,13 @@ import bpy
 import numpy as np
 import pytest
 
-nibabel = pytest.importorskip("nibabel")
-
 AFFINE = np.array([(-2.0, 0.3, 0, 30), (0, 1.5, 0.4, -20), (0, 0, 3.0, 100), (0, 0, 0, 1)])  # to LPS, sheared
+
+
+@pytest.fixture
+def nibabel(addon):
+    """nibabel from the extension's wheels, which are there when the extension is."""
+    return pytest.importorskip("nibabel")
 
 
 def active():
@@ -19,7 +23,7 @@ def values():
 
 
 @pytest.fixture
-def nifti(tmp_path, values):
+def nifti(tmp_path, values, nibabel):
     path = tmp_path / "scan.nii.gz"
     image = nibabel.Nifti1Image(values, np.diag((-1.0, -1, 1, 1)) @ AFFINE)
     image.header.set_xyzt_units("mm")
@@ -72,7 +76,7 @@ def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridg
     np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
 
 
-def test_a_frame_is_chosen_and_kept(tmp_path, bridge):
+def test_a_frame_is_chosen_and_kept(tmp_path, bridge, nibabel):
     values = np.arange(3 * 4 * 5 * 6, dtype=np.int16).reshape(3, 4, 5, 6)
     nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), tmp_path / "a.nii")
     bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "a.nii"), frame=4)
@@ -91,7 +95,7 @@ def test_bad_files_are_refused_in_a_sentence_and_change_nothing(nifti, refused, 
     assert len(bpy.data.objects) == before
 
 
-def test_named_labels_fill_the_rows(nifti, tmp_path):
+def test_named_labels_fill_the_rows(nifti, tmp_path, nibabel):
     bpy.ops.rle_splat.import_volume(filepath=str(nifti))
     owner = active()
     labels = np.zeros((6, 7, 8), np.uint8)

@@ -80,7 +80,7 @@ class Reader:
     def read(self, path: Path) -> dict:
         if self.process is None:
             self.process = subprocess.Popen(
-                [sys.executable, str(Path(__file__).with_name("fuzz_child.py"))], stdin=subprocess.PIPE,
+                [sys.executable, str(Path(__file__).with_name("reading_child.py"))], stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             )  # fmt: skip
         self.process.stdin.write(f"{path}\n")

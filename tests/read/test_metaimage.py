@@ -4,7 +4,6 @@ import zlib
 
 import numpy as np
 import pytest
-import SimpleITK
 
 from rle_splat.read.formats import format_of, read_volume
 from rle_splat.scene import RleSplatError
@@ -13,6 +12,8 @@ from rle_splat.volume.volume import PATIENT
 
 from .judges import affine_by_itk
 from .phantoms import AFFINES, LEAST_ERROR, coordinates, worst_error
+
+SimpleITK = pytest.importorskip("SimpleITK")  # not in the benchmarks' environment
 
 ORTHOGONAL = [name for name in AFFINES if name != "sheared"]  # ITK writes no other
 HEADER = ("ObjectType = Image\nNDims = 3\nDimSize = 9 7 5\nElementSpacing = 1 2 3\nElementType = MET_SHORT\n"

@@ -5,7 +5,6 @@ import gzip
 import nrrd
 import numpy as np
 import pytest
-import SimpleITK
 
 from rle_splat.read.formats import format_of, read_volume, write_volume
 from rle_splat.scene import RleSplatError
@@ -14,6 +13,8 @@ from rle_splat.volume.volume import PATIENT, STORED_TYPES, Volume
 
 from .judges import affine_by_itk
 from .phantoms import AFFINES, LEAST_ERROR, SHAPE, coordinates, ras, worst_error
+
+SimpleITK = pytest.importorskip("SimpleITK")  # not in the benchmarks' environment
 
 SPACES = {
     "left-posterior-superior": np.eye(4), "RAS": ras(np.eye(4)),

@@ -4,12 +4,13 @@ import nibabel
 import nrrd
 import numpy as np
 import pytest
-import SimpleITK
 
 from rle_splat import Quality, Scene, fit_preset, read_volume, render, turntable
 
 from .head import head, reordered
 from .phantoms import ras
+
+SimpleITK = pytest.importorskip("SimpleITK")  # not in the benchmarks' environment
 
 SIZE = 144
 
