@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..pipeline.memory_estimate import estimate, likely_sides, picture_bytes
+from ..read.dicom.choosing import SeveralSeries
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
@@ -47,17 +48,38 @@ def run(args) -> None:
 
     with ProgressLine(args.progress) as line:
         given_function = read_transfer_function(args)
-        volume = read_input(args, line)
-        line.show(None, "counting values")
-        choice = choose_transfer_function(args, volume, given_function)
-        line.show(None, "counting visible voxels")
-        report = describe(volume, choice)
+        try:
+            volume = read_input(args, line)
+        except SeveralSeries as several:
+            report, lines_of = describe_series(several.series), series_lines
+        else:
+            line.show(None, "counting values")
+            choice = choose_transfer_function(args, volume, given_function)
+            line.show(None, "counting visible voxels")
+            report, lines_of = describe(volume, choice), text_lines
         report["command"] = "info"
         report["input"] = str(args.volume)
         with whole_files(outputs) as parts:
             if args.json:
                 write_report(parts[0], report)
-    print("\n".join(text_lines(report)))
+    print("\n".join(lines_of(report)))
+
+
+def describe_series(series) -> dict:
+    """The report of a place that holds several series: what each is, without its free text."""
+    names = ("number", "modality", "body_part", "slices", "size", "spacing", "frames", "axis", "localizer", "problem")
+    rows = [{**{name: getattr(one, name) for name in names}, "title": one.title} for one in series]
+    return {"series": rows}
+
+
+def series_lines(report: dict) -> list[str]:
+    """The report of several series as lines of text."""
+    found = [str(report["input"])]
+    for row in report["series"]:
+        found.append(f"  series {row['number']:<5}{row['title']}")
+        if row["problem"]:
+            found.append(f"  {'odd':<12}{row['problem']}")
+    return [*found, "Choose one with --series N."]
 
 
 def describe(volume, choice) -> dict:

@@ -13,8 +13,8 @@ from pydicom.encaps import encapsulate
 from pydicom.fileset import FileSet
 from pydicom.uid import MPEG2MPML, generate_uid
 
+from rle_splat.read.dicom.choosing import series_info, thumbnail
 from rle_splat.read.dicom.reader import series_steps
-from rle_splat.read.dicom.titles import series_info, thumbnail
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError

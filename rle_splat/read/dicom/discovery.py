@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...runtime.steps import Progress, mapped
+from ...runtime.steps import Progress, mapped, within
 from . import elements as read
-from .pictures import is_segmentation, pictures_of
+from .pictures import is_segmentation, picture_steps
 from .refusals import Damaged, Refused, damaged, no_images, unreadable
 
 MOST_FILES = 20_000
@@ -72,7 +72,7 @@ def find_pictures(path):
         found = yield from _scan(listed)
         return _checked(found, path)
     parsed = yield from _parsed(path)
-    own = _pictures(parsed, segmentations=True)
+    own = yield from _pictures(parsed, segmentations=True)
     if own is None:
         raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
     if not own:
@@ -106,7 +106,7 @@ def _scan(paths):
     for i, path in enumerate(paths):
         try:
             parsed = yield from _parsed(path)
-            own = _pictures(parsed)
+            own = yield from _pictures(parsed)
             others += own is None
             pictures += own or ()
         except Damaged:
@@ -125,15 +125,19 @@ def _parsed(path: Path):
 
 
 def _pictures(found: read.Elements | None, segmentations: bool = False):
-    """The pictures of a parsed file; None if it is none of DICOM's images, () for a segmentation if they are wanted."""
+    """Generator of Progress: the pictures of a parsed file.
+
+    Returns None if it is none of DICOM's images, and () for a segmentation if they are wanted.
+    """
 
     def sort_out():
         if found is None or (not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS):
             return None
-        return () if segmentations and is_segmentation(found) else pictures_of(found)
+        return () if segmentations and is_segmentation(found) else (yield from picture_steps(found))
 
     try:
-        return read.quietly(sort_out)
+        steps = within(sort_out(), read.quiet)
+        return (yield from mapped(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
     except read.problems():
         raise damaged(found.path) from None
 

@@ -283,14 +283,21 @@ def _items(stream, implicit: bool, little_endian: bool, length: int):
     return tuple(found)
 
 
-def quietly(function, *arguments, **options):
-    """Call a function without the warnings of pydicom, which may quote values."""
+@contextmanager
+def quiet():
+    """Context manager: without the warnings of pydicom, which may quote values."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        yield
+
+
+def quietly(function, *arguments, **options):
+    """Call a function within ``quiet``."""
+    with quiet():
         return function(*arguments, **options)
 
 
-# The functions below convert values, about which pydicom may warn: call them by way of ``quietly``.
+# The functions below convert values, about which pydicom may warn: call them within ``quiet``.
 def text(dataset, name: str) -> str:
     """A named element as text, stripped; "" if it is absent or unreadable."""
     found = _value(dataset, name)

@@ -14,7 +14,6 @@ from .stacking import Stack, axes, parallel_lines, places, sorted_along, stack, 
 
 SAME_DIRECTION = 1e-4
 FEWEST_SLICES = 2
-ENOUGH_SLICES = 3  # a group with fewer is not taken by itself beside others
 MIXED = "sequence"
 
 
@@ -200,36 +199,3 @@ def _frames_by(name: str, pictures, place):
     frames = tuple(tuple(complete[value][here] for here in sorted(complete[value])) for value in values)
     axis = "time" if name in TIMES else name if name in SEPARATORS else MIXED
     return frames, axis, tuple(values), remarks
-
-
-def chosen(groups, series: int | None, titles) -> Group:
-    """The group to read.
-
-    Parameters
-    ----------
-    groups : list of Group
-    series : int or None
-        Number of a group, from 1; None takes the only one that is a stack of slices.
-    titles : callable
-        ``titles(group) -> str`` for the list in the refusal.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no such group, or several and none is given.
-    """
-    if series is not None:
-        if not 1 <= series <= len(groups):
-            raise RleSplatError(f"There is no series {series}; choose one of {_listed(groups, titles)}.")
-        return groups[series - 1]
-    usable = [group for group in groups if not group.localizer and group.slices >= ENOUGH_SLICES]
-    usable = usable or [group for group in groups if group.slices >= FEWEST_SLICES] or list(groups)
-    if len(usable) == 1:
-        return usable[0]
-    if all(group.slices < FEWEST_SLICES for group in usable):
-        raise single_picture()
-    raise RleSplatError(f"There are {len(groups)} series; choose one with --series N: {_listed(groups, titles)}.")
-
-
-def _listed(groups, titles) -> str:
-    return "; ".join(f"{i}: {titles(group)}" for i, group in enumerate(groups, 1))
