@@ -87,6 +87,23 @@ def test_frames_without_a_slice_are_left_out(tmp_path: Path):
     assert volume.frames == 2 and any("lack slices" in remark for remark in volume.remarks)
 
 
+def test_acquisitions_that_overlap_are_volumes(tmp_path: Path):
+    """Two neighboring regions of one series that share two slices."""
+    series = generate_uid()
+    for number, begin in ((1, 0), (2, 5)):
+        steps = (begin + np.arange(7)) * 1.5
+        region = phantoms.geometry("region", (1, 0, 0), (0, 1, 0), steps)
+
+        def change(dataset, i, number=number):
+            dataset.AcquisitionNumber = number
+
+        phantoms.write_classic(tmp_path, region, series=series, change=change, first=100 * number)
+    assert "There are 2 series" in refusal(tmp_path)
+    for number in (1, 2):
+        volume = read_volume(tmp_path, series=number)
+        assert volume.voxels.shape[0] == 7 and error_of(volume) <= 0.05 + 1e-6
+
+
 def test_slices_that_nothing_tells_apart_are_refused(tmp_path: Path):
     frames_of(tmp_path, "InstanceCreationTime", ("101010", "101011"))
     assert "tells them apart" in refusal(tmp_path)
