@@ -11,7 +11,7 @@ from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
 from ..rle_splat.volume.histogram import histogram
-from ..rle_splat.volume.orientation import orientation_text
+from ..rle_splat.volume.orientation import short_orientation_text
 from ..rle_splat.volume.volume import PATIENT
 
 BINS = 256
@@ -70,7 +70,7 @@ def fact_lines(volume, file_name: str) -> list[str]:
         f"In Memory: {memory_text(volume.voxels.nbytes)}",
     ]
     if volume.space == PATIENT:
-        lines.insert(2, f"Orientation: {orientation_text(volume.affine)}")
+        lines.insert(2, f"Orientation: {short_orientation_text(volume.affine)}")
     if volume.frames > 1:
         lines.insert(2, f"Frames: {volume.frames}")
     if volume.modality:

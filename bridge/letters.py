@@ -57,7 +57,7 @@ def placed_letters(volume_object) -> list:
 def _draw() -> None:
     """Draw the letters of all visible volumes into the region that is drawn."""
     context = bpy.context
-    if not context.overlay.show_overlays:
+    if not context.space_data.overlay.show_overlays:
         return
     shown = [owner for owner in volumes.volume_objects(context.scene) if owner.visible_get()]
     color = context.preferences.themes[0].view_3d.space.text_hi

@@ -11,6 +11,7 @@ from itertools import permutations
 import numpy as np
 
 LETTERS = ("RL", "AP", "IS")  # of the two ends of the axes of LPS, the low end first
+LEAST_OBLIQUE = 0.05  # degrees; less is not worth a word
 LPS_FROM_RAS = np.diag((-1.0, -1.0, 1.0, 1.0))
 
 
@@ -69,5 +70,11 @@ def oblique_degrees(affine) -> float:
 def orientation_text(affine) -> str:
     """Letters and obliqueness of an affine to LPS, such as "voxel axes L, P, S; 12.3 degrees oblique"."""
     degrees = oblique_degrees(affine)
-    oblique = f"; {degrees:.1f} degrees oblique" if degrees >= 0.05 else ""
+    oblique = f"; {degrees:.1f} degrees oblique" if degrees >= LEAST_OBLIQUE else ""
     return f"voxel axes {', '.join(axis_letters(affine))}{oblique}"
+
+
+def short_orientation_text(affine) -> str:
+    """As ``orientation_text`` for a narrow panel, such as "L P S, 12.3° oblique"."""
+    degrees = oblique_degrees(affine)
+    return " ".join(axis_letters(affine)) + (f", {degrees:.1f}° oblique" if degrees >= LEAST_OBLIQUE else "")

@@ -38,7 +38,7 @@ def test_a_nifti_lies_in_the_world_as_the_patient_does(nifti, values, bridge):
     np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values)
     np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
     assert owner.name == "scan" and owner.rle_splat.space == "patient"
-    assert "Orientation: voxel axes R, P, S; " in owner.rle_splat.facts
+    assert "Orientation: R P S, 11.3° oblique" in owner.rle_splat.facts
     np.testing.assert_array_equal(np.array(owner.matrix_world), np.eye(4))
     holder = owner.instance_collection.objects[0]
     first = np.array(holder.matrix_world @ holder.data.vertices[0].co)
@@ -136,3 +136,26 @@ def test_lzw_pages_are_decoded_by_blenders_own_module(tmp_path, bridge):
         assert file.pages[0].compression.name == "LZW"
     bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "page0.tif"))
     np.testing.assert_array_equal(bridge("volumes").load_volume(active()).voxels, values)
+
+
+def one_of_each_family(folder, nibabel):
+    """Small files of every family, by the libraries in the extension or by hand: (name, values (x, y, z))."""
+    nrrd, tifffile = pytest.importorskip("nrrd"), pytest.importorskip("tifffile")
+    values = (np.arange(5 * 7 * 9) * 37 % 30000).astype(np.int16).reshape(9, 7, 5)
+    nibabel.save(nibabel.Nifti2Image(values, np.eye(4)), folder / "two.nii.gz")
+    nibabel.save(nibabel.AnalyzeImage(values, np.eye(4)), folder / "pair.img")
+    nibabel.save(nibabel.freesurfer.MGHImage(values, np.eye(4)), folder / "a.mgz")
+    nrrd.write(str(folder / "a.nrrd"), values, {"encoding": "gzip"})
+    nrrd.write(str(folder / "b.nhdr"), values, {"encoding": "raw"})
+    text = "ObjectType = Image\nNDims = 3\nDimSize = 9 7 5\nElementType = MET_SHORT\nElementDataFile = LOCAL\n"
+    (folder / "a.mha").write_bytes(text.encode() + values.T.tobytes())
+    tifffile.imwrite(folder / "a.ome.tif", np.ascontiguousarray(values.T), ome=True, compression="zlib")
+    return ("two.nii.gz", "pair.img", "a.mgz", "a.nrrd", "b.nhdr", "a.mha", "a.ome.tif"), values
+
+
+def test_one_file_of_each_family(tmp_path, bridge, nibabel):
+    names, values = one_of_each_family(tmp_path, nibabel)
+    for name in names:
+        assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / name)) == {"FINISHED"}
+        volume = bridge("volumes").load_volume(active())
+        np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values, err_msg=name)
