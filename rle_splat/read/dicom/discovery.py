@@ -9,11 +9,9 @@ from pathlib import Path
 from ...runtime.steps import Progress, mapped, within
 from . import elements as read
 from .pictures import is_segmentation, picture_steps
-from .refusals import Damaged, Refused, damaged, no_images, unreadable
+from .refusals import Damaged, Refused, damaged, no_images
 
 MOST_FILES = 20_000
-DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
-DIRECTORY_RECORDS = 0x00041220
 YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
 
 
@@ -67,11 +65,10 @@ def find_pictures(path):
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
         return _checked(found, path)
-    listed = yield from _directory_files(path)
-    if listed is not None:
-        found = yield from _scan(listed)
-        return _checked(found, path)
     parsed = yield from _parsed(path)
+    if parsed is not None and parsed.is_directory:
+        found = yield from _scan((yield from _directory_files(parsed)))
+        return _checked(found, path)
     own = yield from _pictures(parsed, segmentations=True)
     if own is None:
         raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
@@ -131,7 +128,7 @@ def _pictures(found: read.Elements | None, segmentations: bool = False):
     """
 
     def sort_out():
-        if found is None or (not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS):
+        if found is None or found.is_directory:
             return None
         return () if segmentations and is_segmentation(found) else (yield from picture_steps(found))
 
@@ -142,31 +139,18 @@ def _pictures(found: read.Elements | None, segmentations: bool = False):
         raise damaged(found.path) from None
 
 
-def _directory_files(path: Path):
-    """Generator: files that a DICOMDIR lists and that exist; None if the file is no DICOMDIR."""
-    from pydicom.filereader import dcmread
-
-    try:
-        if not read.is_dicom(path):
-            return None
-        dataset = read.quietly(dcmread, path, specific_tags=[DIRECTORY_RECORDS], stop_before_pixels=True, force=True)
-        records = read.quietly(read.items, dataset, "DirectoryRecordSequence")
-    except OSError as problem:
-        raise unreadable(path, problem) from None
-    except read.problems():
-        return None
-    if not records:
-        return None
-    found = []
-    for record in records:
+def _directory_files(found: read.Elements):
+    """Generator: files that a DICOMDIR lists and that exist."""
+    files = []
+    for record in found.frames:
         names = read.quietly(read.texts, record, "ReferencedFileID")
-        file = _listed(path.parent, names) if names else None
+        file = _listed(found.path.parent, names) if names else None
         if file is not None:
-            found.append(file)
-        yield Progress(0.0, f"Reading {path.name}")
-    if not found:
-        raise Refused(f"The files that {path.name} lists are not beside it; choose the folder that holds them.")
-    return found
+            files.append(file)
+        yield Progress(0.0, f"Reading {found.path.name}")
+    if not files:
+        raise Refused(f"The files that {found.path.name} lists are not beside it; choose the folder that holds them.")
+    return files
 
 
 def _listed(folder: Path, names) -> Path | None:
@@ -188,8 +172,8 @@ def _checked(found: Found, path: Path) -> Found:
     """Refuse a path without pictures, by the reason that fits."""
     if found.pictures:
         return found
-    if found.refused:
-        raise found.refused[0]
     if found.broken:
         raise damaged(found.broken[0])
+    if found.refused:
+        raise found.refused[0]
     raise no_images(path, found.others)

@@ -35,7 +35,9 @@ TAGS = {
     "DoseGridScaling": 0x3004000E, "SharedFunctionalGroupsSequence": 0x52009229,
     "ExtendedOffsetTable": 0x7FE00001, "ExtendedOffsetTableLengths": 0x7FE00002,
 }  # fmt: skip
-FRAMES_TAG = 0x52009230  # PerFrameFunctionalGroupsSequence, read item by item
+# Sequences that are read item by item: DirectoryRecordSequence and PerFrameFunctionalGroupsSequence.
+LONG_SEQUENCES = (0x00041220, 0x52009230)
+DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
 VOXEL_TAGS = {0x7FE00008: "float", 0x7FE00009: "double", 0x7FE00010: "integer"}
 ITEM_TAG, SEQUENCE_END = 0xFFFEE000, 0xFFFEE0DD
 UNDEFINED = 0xFFFFFFFF
@@ -58,11 +60,13 @@ class Elements:
     path : Path
     syntax : str
         UID of the transfer syntax; "" if the file does not say.
+    is_directory : bool
+        Whether the file is a DICOMDIR.
     little_endian : bool
     dataset : pydicom.Dataset
         The named elements.
     frames : tuple of pydicom.Dataset
-        Functional groups of each frame of an enhanced object; empty for others.
+        Functional groups of each frame of an enhanced object, or records of a DICOMDIR; empty for others.
     kind : str
         "integer", "float" or "double"; "" if the file has no voxels.
     offset, length : int
@@ -76,6 +80,7 @@ class Elements:
 
     path: Path
     syntax: str
+    is_directory: bool
     little_endian: bool
     dataset: object
     frames: tuple
@@ -171,7 +176,7 @@ class _Inflated:
 def _to_dataset(stream):
     """Read what comes before the dataset; the stream stays at its begin.
 
-    Returns (transfer syntax, implicit, little_endian).
+    Returns (transfer syntax, whether the file is a DICOMDIR, implicit, little_endian).
     """
     from pydicom.filereader import read_partial
 
@@ -182,10 +187,11 @@ def _to_dataset(stream):
         syntax = next(syntax for syntax in DEFLATED if syntax.encode() in head)
         if head[128:132] == b"DICM" and head[132:136] == b"\2\0\0\0" and syntax.encode() in head[:end]:
             stream.seek(end)
-            return syntax, False, True
+            return syntax, False, False, True
     dataset = read_partial(stream, stop_when=lambda tag, vr, length: True, force=True)
     implicit, little_endian = dataset.original_encoding
-    return str(dataset.file_meta.get("TransferSyntaxUID", "")), bool(implicit), bool(little_endian)
+    syntax, kind = (str(dataset.file_meta.get(f"{name}UID", "")) for name in ("TransferSyntax", "MediaStorageSOPClass"))
+    return syntax, kind == DIRECTORY_CLASS, bool(implicit), bool(little_endian)
 
 
 def read_elements(path):
@@ -211,37 +217,39 @@ def read_elements(path):
             return None
         with Bounded(path) as stream:
             size = stream.size
-            syntax, implicit, little_endian = quietly(_to_dataset, stream)
+            syntax, *facts = quietly(_to_dataset, stream)
             if syntax in DEFLATED:
                 pieces = _Inflated(stream)
                 yield from pieces
                 stream = pieces.stream
-            return (yield from _parsed(path, stream, syntax, implicit, little_endian, size))
+            return (yield from _parsed(path, stream, size, syntax, *facts))
     except OSError as problem:
         raise unreadable(path, problem) from None
     except problems():
         raise damaged(path) from None
 
 
-def _parsed(path, stream, syntax, implicit, little_endian, size):
+def _parsed(path, stream, size, syntax, is_directory, implicit, little_endian):
     """Generator, as ``read_elements``, for a stream at its dataset."""
     from pydicom.filereader import read_dataset
 
-    stops = {FRAMES_TAG, *VOXEL_TAGS}
+    stops = {*LONG_SEQUENCES, *VOXEL_TAGS}
     options = dict(stop_when=lambda tag, vr, length: tag in stops, specific_tags=list(TAGS.values()))
     dataset = quietly(read_dataset, stream, implicit, little_endian, **options)
     implicit = bool(dataset.original_encoding[0])  # pydicom corrects a wrong transfer syntax
     tag, length, representation = _element_header(stream, implicit, little_endian)
     frames = ()
-    if tag == FRAMES_TAG:
+    if tag in LONG_SEQUENCES:
         frames = yield from _items(stream, implicit, little_endian, length)
-        stops.discard(FRAMES_TAG)
+        stops.difference_update(LONG_SEQUENCES)
         if not _at_end(stream):
             dataset.update(quietly(read_dataset, stream, implicit, little_endian, **options))
         tag, length, representation = _element_header(stream, implicit, little_endian)
     words = representation in (b"", b"OW")
     kind = VOXEL_TAGS.get(tag, "")
-    return Elements(path, syntax, little_endian, dataset, frames, kind, stream.tell(), length, words, size)
+    return Elements(
+        path, syntax, is_directory, little_endian, dataset, frames, kind, stream.tell(), length, words, size
+    )
 
 
 def _at_end(stream) -> bool:
