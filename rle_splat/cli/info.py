@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..pipeline.memory_estimate import estimate, likely_sides, picture_bytes
-from ..read.dicom.choosing import SeveralSeries
+from ..read.dicom.grouping import SeveralSeries
+from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
@@ -51,7 +52,9 @@ def run(args) -> None:
         try:
             volume = read_input(args, line)
         except SeveralSeries as several:
-            report, lines_of = describe_series(several.series), series_lines
+            if args.series is not None:
+                raise
+            report, lines_of = describe_series(several), series_lines
         else:
             line.show(None, "counting values")
             choice = choose_transfer_function(args, volume, given_function)
@@ -65,10 +68,13 @@ def run(args) -> None:
     print("\n".join(lines_of(report)))
 
 
-def describe_series(series) -> dict:
+def describe_series(several: SeveralSeries) -> dict:
     """The report of a place that holds several series: what each is, without its free text."""
     names = ("number", "modality", "body_part", "slices", "size", "spacing", "frames", "axis", "localizer", "problem")
-    rows = [{**{name: getattr(one, name) for name in names}, "title": one.title} for one in series]
+    rows = []
+    for number, (group, title) in enumerate(zip(several.groups, several.titles), 1):
+        info = series_info(group, number)
+        rows.append({**{name: getattr(info, name) for name in names}, "title": title})
     return {"series": rows}
 
 

@@ -13,8 +13,8 @@ from pydicom.encaps import encapsulate
 from pydicom.fileset import FileSet
 from pydicom.uid import MPEG2MPML, generate_uid
 
-from rle_splat.read.dicom.choosing import series_info, thumbnail
 from rle_splat.read.dicom.reader import series_steps
+from rle_splat.read.dicom.titles import series_info, thumbnail
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
@@ -150,7 +150,7 @@ def two_series(folder: Path) -> None:
 def test_several_series_are_listed(tmp_path: Path):
     two_series(tmp_path)
     text = refusal(tmp_path)
-    assert "--series N" in text and "1: CT HEAD, 36 x 33, 9 slices, 0.6 x 0.6 x 1.5 mm; 2: CT" in text
+    assert "--series N" in text and "1 is CT HEAD, 36 x 33, 9 slices, 0.6 x 0.6 x 1.5 mm; 2 is CT" in text
     assert read_volume(tmp_path, series=1).affine[1, 2] == 0.0
     assert read_volume(tmp_path, series=2).affine[1, 2] > 0.4
     assert "There is no series 3" in refusal(tmp_path, series=3)

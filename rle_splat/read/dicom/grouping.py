@@ -14,7 +14,31 @@ from .stacking import Stack, axes, parallel_lines, places, sorted_along, stack, 
 
 SAME_DIRECTION = 1e-4
 FEWEST_SLICES = 2
+ENOUGH_SLICES = 3  # a group with fewer is not taken by itself beside others
 MIXED = "sequence"
+
+
+class SeveralSeries(RleSplatError):
+    """A path holds several series, and none of them is chosen.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        A series' number is its place among them, from 1.
+    titles : callable
+        ``titles(group) -> str``: one line about a group, without free text of the files.
+    asked : int or None
+        The number that was asked for, which there is not; None if there was none.
+    """
+
+    def __init__(self, groups, titles, asked: int | None = None):
+        self.problem = f"There are {len(groups)} series" if asked is None else f"There is no series {asked}"
+        advice = "choose one with --series N" if asked is None else f"use 1 to {len(groups)}"
+        self.groups = tuple(groups)
+        self.titles = tuple(titles(group) for group in groups)
+        self.thumbnails = None  # one for each group, from whoever shows a chooser
+        listed = "; ".join(f"{number} is {title}" for number, title in enumerate(self.titles, 1))
+        super().__init__(f"{self.problem}; {advice}: {listed}.")
 
 
 @dataclass(frozen=True)
@@ -212,3 +236,32 @@ def _frames_of(name: str, split: dict, count: int):
     frames = tuple(tuple(part[here] for here in sorted(part)) for part in complete.values())
     axis = "time" if name in TIMES else name if name in SEPARATORS else MIXED
     return frames, axis, tuple(complete), remarks
+
+
+def chosen(groups, series: int | None, titles) -> Group:
+    """The group to read.
+
+    Parameters
+    ----------
+    groups : list of Group
+    series : int or None
+        Number of a group, from 1; None takes the only one that is a stack of slices.
+    titles : callable
+        ``titles(group) -> str`` for the list in the refusal.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such group, or several and none is given (SeveralSeries).
+    """
+    if series is not None:
+        if not 1 <= series <= len(groups):
+            raise SeveralSeries(groups, titles, series)
+        return groups[series - 1]
+    usable = [group for group in groups if not group.localizer and group.slices >= ENOUGH_SLICES]
+    usable = usable or [group for group in groups if group.slices >= FEWEST_SLICES] or list(groups)
+    if len(usable) == 1:
+        return usable[0]
+    if all(group.slices < FEWEST_SLICES for group in usable):
+        raise single_picture()
+    raise SeveralSeries(groups, titles)

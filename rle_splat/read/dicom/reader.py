@@ -13,14 +13,14 @@ from ...runtime.steps import Progress, part
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
 from . import elements
-from .choosing import chosen, series_info
 from .discovery import Found, find_pictures
-from .grouping import Group, groups_of, has_geometry
+from .grouping import Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
 from .refusals import damaged, segmentation_alone
 from .segmentation import read_segmentation_steps
 from .stacking import Stack
+from .titles import group_title, volume_name
 from .values import (
     between,
     common_mapping,
@@ -62,7 +62,7 @@ def series_steps(path):
     Returns
     -------
     list of grouping.Group
-        The number of a series, from 1, is its place in this list. ``choosing`` describes them.
+        The number of a series, from 1, is its place in this list. ``titles`` describes them.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     found = yield from part(find_pictures(path), 0.0, HEADERS)
     if found.segmentation is not None:
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
-    group = chosen(groups_in(found), series)
+    group = chosen(groups_in(found), series, group_title)
     number = _frame_index(group, frame)
     stack = group.stack(number, spacing)
     pictures = group.frames[number]
@@ -131,7 +131,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     first = pictures[0]
     return Volume(
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
-        value_unit=first.series.value_unit, modality=first.series.modality or None, name=series_info(group, 0).name,
+        value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames),
         remarks=(*_broken_remark(found.broken), *group.remarks, *_remarks(group, stack, mapping, padded)),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Which series is read, and what a chooser says about each: data, a line, a thumbnail."""
+"""What a chooser says about a series: data and one line. Nothing here names a patient."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...scene import RleSplatError
-from .grouping import FEWEST_SLICES, Group
+from .grouping import Group
 from .pixels import stored_planes
-from .refusals import single_picture
 
-ENOUGH_SLICES = 3  # a group with fewer is not taken by itself beside others
 THUMBNAIL_SIDE = 128
 WINDOW_PERCENT = (1.0, 99.0)  # of a slice's values, shown black and white where the file has no window
 
@@ -52,62 +50,6 @@ class SeriesInfo:
     localizer: bool
     problem: str
 
-    @property
-    def name(self) -> str:
-        """Coded values: "CT CHEST"."""
-        return " ".join(word for word in (self.modality, self.body_part) if word) or "DICOM"
-
-    @property
-    def title(self) -> str:
-        """One line without free text."""
-        words = [self.name, f"{self.size[0]} x {self.size[1]}", _count(self.slices, "slice")]
-        if self.spacing is not None:
-            words.append(" x ".join(f"{s:.4g}" for s in self.spacing) + " mm")
-        if self.frames > 1:
-            words.append(f"{self.frames} time points" if self.axis == "time" else f"{self.frames} of {self.axis}")
-        if self.localizer:
-            words.append("localizer")
-        return ", ".join(words)
-
-
-class SeveralSeries(RleSplatError):
-    """A path holds several series and none was chosen; ``series``: a SeriesInfo of each."""
-
-    def __init__(self, text: str, series: tuple):
-        super().__init__(text)
-        self.series = series
-
-
-def chosen(groups, series: int | None) -> Group:
-    """The group to read.
-
-    Parameters
-    ----------
-    groups : list of Group
-    series : int or None
-        Number of a group, from 1; None takes the only one that is a stack of slices.
-
-    Raises
-    ------
-    SeveralSeries
-        If there are several and none is given.
-    RleSplatError
-        If there is no such group.
-    """
-    infos = tuple(series_info(group, number) for number, group in enumerate(groups, 1))
-    listed = "; ".join(f"{info.number}: {info.title}" for info in infos)
-    if series is not None:
-        if not 1 <= series <= len(groups):
-            raise RleSplatError(f"There is no series {series}; choose one of {listed}.")
-        return groups[series - 1]
-    usable = [group for group in groups if not group.localizer and group.slices >= ENOUGH_SLICES]
-    usable = usable or [group for group in groups if group.slices >= FEWEST_SLICES] or list(groups)
-    if len(usable) == 1:
-        return usable[0]
-    if all(group.slices < FEWEST_SLICES for group in usable):
-        raise single_picture()
-    raise SeveralSeries(f"There are {len(groups)} series; choose one with --series N: {listed}.", infos)
-
 
 def series_info(group: Group, number: int) -> SeriesInfo:
     """The row of a chooser for a group."""
@@ -123,8 +65,27 @@ def series_info(group: Group, number: int) -> SeriesInfo:
     )  # fmt: skip
 
 
+def group_title(group: Group) -> str:
+    """One line about a group for a list of series: coded values and sizes, no free text."""
+    info = series_info(group, 0)
+    words = [volume_name(group), f"{info.size[0]} x {info.size[1]}, {_count(info.slices, 'slice')}"]
+    if info.spacing is not None:
+        words.append(" x ".join(f"{s:.4g}" for s in info.spacing) + " mm")
+    if info.frames > 1:
+        words.append(f"{info.frames} time points" if info.axis == "time" else f"{info.frames} of {info.axis}")
+    if info.localizer:
+        words.append("localizer")
+    return ", ".join(words)
+
+
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def volume_name(group: Group) -> str:
+    """Name of a volume, by coded values: "CT CHEST"."""
+    series = group.first.series
+    return " ".join(word for word in (series.modality, series.body_part) if word) or "DICOM"
 
 
 def thumbnail(group: Group) -> np.ndarray:
