@@ -15,7 +15,7 @@ from pydicom.uid import MPEG2MPML, generate_uid
 
 from rle_splat.read.dicom.reader import series_steps
 from rle_splat.read.dicom.titles import series_info, thumbnail
-from rle_splat.read.formats import read_volume
+from rle_splat.read.formats import format_of, read_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 
@@ -260,6 +260,18 @@ def test_padding_above_the_lowest_value_becomes_it(tmp_path: Path, value: int, s
         stated = value * slopes[k % len(slopes)] + 2100.0
         np.testing.assert_allclose(found[k, 0, :3], min(stated, real.min()), atol=1e-3)
     assert phantoms.worst_error(real, volume.affine, 0) <= 0.05 + 1e-3
+
+
+@pytest.mark.parametrize(
+    "begin", [[8, 0, 0, 0], [8, 5, 8, 0], [8, 24, 6, 0, 900, 901, 902], [2, 0, 0, 0], [2048, 2048]]
+)
+@pytest.mark.parametrize("dtype", ["<u2", ">u2", "u1"])
+def test_raw_voxels_are_not_taken_for_dicom(tmp_path: Path, begin, dtype: str):
+    values = np.zeros(64, np.uint16)
+    values[: len(begin)] = begin
+    path = tmp_path / "a.raw"
+    path.write_bytes(values.astype(dtype).tobytes())
+    assert format_of(path).name == "raw"
 
 
 class TestBadInput:

@@ -44,6 +44,10 @@ UNDEFINED = 0xFFFFFFFF
 DEFLATED = ("1.2.840.10008.1.2.1.99",)
 BIG_ENDIAN = "1.2.840.10008.1.2.2"
 HEAD = 1024  # bytes that tell whether a file is DICOM and whether it is deflated
+# Of the first element of a file without a preamble: group length, character set, image type, dates, class, instance.
+FIRST_ELEMENTS = (0x0000, 0x0001, 0x0005, 0x0008, 0x0012, 0x0013, 0x0016, 0x0018)
+FIRST_REPRESENTATIONS = (b"UL", b"CS", b"UI", b"DA", b"TM", b"LO")
+LONGEST_FIRST = 128
 LARGE_READ = 1 << 16  # reads beyond this are cut to what the file holds: a damaged length must not take memory
 INFLATE_PIECE = 1 << 20
 INFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
@@ -123,17 +127,27 @@ def is_dicom(path) -> bool:
 
 def is_dicom_head(head: bytes) -> bool:
     """As ``is_dicom``, for the first bytes of a file."""
-    if head[128:132] == b"DICM":
-        return True
+    return head[128:132] == b"DICM" or any(_begins_dataset(head, order) for order in "<>")
+
+
+def _begins_dataset(head: bytes, order: str) -> bool:
+    """Whether bytes begin with an element of group 2 or 8, as files without a preamble do; ``order``: "<" or ">".
+
+    Voxels of a raw file can look like a tag, so the element's length and text are looked at, too.
+    """
     if len(head) < 16:
         return False
-    for order in "<>":  # files without a preamble begin with group 2 or 8, and a short element
-        group, element = struct.unpack(f"{order}HH", head[:4])
-        if group in (0x0002, 0x0008) and element <= 0x0018:
-            explicit = head[4:6].isalpha() and head[4:6].isupper()
-            if explicit or struct.unpack(f"{order}L", head[4:8])[0] <= 256:
-                return True
-    return False
+    group, element = struct.unpack(f"{order}HH", head[:4])
+    if group not in (0x0002, 0x0008) or element not in FIRST_ELEMENTS:
+        return False
+    if head[4:6] in FIRST_REPRESENTATIONS:
+        length = struct.unpack(f"{order}H", head[6:8])[0]
+    else:
+        length = struct.unpack(f"{order}L", head[4:8])[0]
+    if element == 0:
+        return length == 4  # the group's length
+    value = head[8 : 8 + length].rstrip(b"\0")
+    return len(value) > 0 and length <= LONGEST_FIRST and length % 2 == 0 and all(32 <= byte < 127 for byte in value)
 
 
 @contextmanager
