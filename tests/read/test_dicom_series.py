@@ -226,6 +226,22 @@ def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path):
     assert error_of(volume) <= 0.03 and (volume.value_unit, volume.slope) == ("Gy", 0.5)
 
 
+def test_slices_of_several_types(tmp_path: Path):
+    """Signed and unsigned slices, some of 32 bits, in one series."""
+    series = generate_uid()
+    thirds = [AXIAL.positions[i::3] for i in range(3)]
+    encodings = (
+        phantoms.PLAIN,
+        phantoms.Encoding(signed=True),
+        phantoms.Encoding(allocated=32, stored=32, signed=True),
+    )
+    for number, (positions, encoding) in enumerate(zip(thirds, encodings)):
+        where = phantoms.Geometry("third", AXIAL.row, AXIAL.column, AXIAL.spacing, positions)
+        phantoms.write_classic(tmp_path, where, encoding=encoding, series=series, first=100 * number)
+    volume = read_volume(tmp_path)
+    assert volume.voxels.dtype == np.int32 and volume.voxels.shape[0] == SLICES and error_of(volume) <= 0.05 + 1e-6
+
+
 def test_files_without_preamble_and_meta(tmp_path: Path):
     for path in phantoms.write_classic(
         tmp_path, AXIAL, encoding=phantoms.with_syntax(phantoms.PLAIN, "1.2.840.10008.1.2")

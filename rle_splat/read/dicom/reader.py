@@ -23,12 +23,12 @@ from .stacking import Stack
 from .titles import group_title, volume_name
 from .values import (
     between,
+    common_dtype,
     common_mapping,
     lower_padding,
     lowest_real,
     padding_of,
     physical,
-    stored_dtype,
 )  # fmt: skip
 
 FILES_LOOKED_AT = 2000  # 0.1 s; before reading begins nothing can be canceled
@@ -116,6 +116,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     """
     found = yield from part(find_pictures(path), 0.0, HEADERS)
     if found.segmentation is not None:
+        if (series, frame, spacing) != (None, None, None):
+            raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     group = chosen(groups_in(found), series, group_title)
     number = _frame_index(group, frame)
@@ -154,7 +156,7 @@ def _voxel_steps(pictures, stack: Stack, mapping):
     on, so that no second array is needed.
     """
     storage = pictures[0].storage
-    dtype = np.result_type(*{stored_dtype(p.storage) for p in pictures}) if mapping else np.dtype(np.float32)
+    dtype = common_dtype(pictures) if mapping else np.dtype(np.float32)
     shape = (stack.slices, storage.rows, storage.columns)
     needed = math.prod(shape) * dtype.itemsize
     what = f"{storage.columns} x {storage.rows} x {stack.slices} voxels"
