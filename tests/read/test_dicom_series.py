@@ -206,6 +206,26 @@ def test_the_chooser(tmp_path: Path):
     assert picture.dtype == np.uint8 and picture.shape == (33, 36)
 
 
+@pytest.mark.parametrize(
+    ("steps", "slices", "word"),
+    [
+        ([0.0, 3.0], 2, ""),
+        ([0, 1, 2, 3, 7, 8], 9, "3 slices are missing and were interpolated: number 5, 6, 7 of 9"),
+        ([0, 2, 5, 7, 9], 10, "5 slices are missing"),  # the step is half of the smallest distance
+        ([0, 1.004, 2, 2.998, 4], 5, ""),  # within a hundredth of a step
+        ([0, 1, 2.2, 3], 5, "irregular distances and were resampled to 5 slices, 0.7537 mm apart"),
+        ([30.0, 31.0, 31.03, 33.0, 48.0], 40, "irregular"),  # at most eight times the files' slices
+        ([0.0, 20.0, 39.0, 39.02, 39.05], 40, "irregular"),  # dense at the end: not in place
+    ],
+)
+def test_distances(tmp_path: Path, steps, slices: int, word: str):
+    where = phantoms.geometry("steps", (1, 0, 0), (0, 1, 0), steps, shear=(0.1, 0.0))
+    phantoms.write_classic(tmp_path, where)
+    volume = read_volume(tmp_path)
+    assert volume.voxels.shape[0] == slices and word in " ".join(volume.remarks) and bool(word) == bool(volume.remarks)
+    assert error_of(volume) <= 0.1 + 1e-6
+
+
 def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path):
     """RT dose: one position, and the offset of each frame along the normal."""
     where = GEOMETRIES["oblique"]
