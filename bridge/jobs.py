@@ -54,7 +54,7 @@ class StepwiseOperator:
         if bpy.app.background or context.window is None:
             return self.execute(context)
         if StepwiseOperator._running:
-            self.report({"WARNING"}, "Other work is in progress; wait for it, or press Esc to cancel it.")
+            self.report({"WARNING"}, "Another picture is in progress; wait for it, or press Esc to cancel it.")
             return {"CANCELLED"}
         return self._guarded(context, self._start)
 
@@ -74,12 +74,6 @@ class StepwiseOperator:
         """
         self._finish(context)
 
-    def goes_on_in_window(self, context) -> bool:
-        """Whether ``execute`` was called by a dialog in a window, so that its work should not block the window."""
-        options = self.options
-        in_window = not bpy.app.background and context.window is not None
-        return in_window and options.is_invoke and not (options.is_repeat or options.is_repeat_last)
-
     def _guarded(self, context, action):
         """Run ``action(context)``; every failure ends in ``_abandon`` and one sentence for the user."""
         try:
@@ -92,7 +86,7 @@ class StepwiseOperator:
             self.report({"INFO"}, "Canceled; nothing was changed.")
         except MemoryError:
             self._abandon(context)
-            self.report({"ERROR"}, "There is not enough memory; make the image or the volume smaller.")
+            self.report({"ERROR"}, "There is not enough memory for this picture; make the image smaller.")
         except BaseException:
             self._abandon(context)
             raise

@@ -8,11 +8,8 @@ import os
 
 import bpy
 
-from ..rle_splat.read.formats import read_steps, read_volume
-from ..rle_splat.runtime.steps import part
+from ..rle_splat.read.formats import read_volume
 from ..rle_splat.scene import RleSplatError
-from ..rle_splat.volume.checks import check_values
-from ..rle_splat.volume.known import known_steps
 from .source_options import read_options
 from .source_paths import resolved_path
 
@@ -51,21 +48,6 @@ def volume_object(context):
 def expose_modules() -> None:
     """Make the modules that Blender bundles importable, such as OpenVDB and OpenImageIO, which readers use."""
     bpy.utils.expose_bundled_modules()
-
-
-def read_file_steps(path: str, options: dict):
-    """Generator of Progress: read a volume with Blender's bundled modules, and look at its values; return it.
-
-    Raises
-    ------
-    RleSplatError
-        If the file cannot be read, or no voxel holds a finite number.
-    """
-    expose_modules()
-    volume = yield from part(read_steps(path, **options), 0.0, 0.9)
-    volume = yield from part(known_steps(volume), 0.9, 1.0)
-    check_values(volume)
-    return volume
 
 
 def read_file(path: str, options: dict):

@@ -8,24 +8,23 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProp
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge import facts, new_volume, source_options, volumes
-from ..bridge.jobs import StepwiseOperator
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
-from ..rle_splat.read.formats import FORMATS, RAW, format_of, suffixes
-from ..rle_splat.read.guess import guess_raw, guess_raw_steps
-from ..rle_splat.runtime.steps import part
+from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
+from ..rle_splat.read.guess import guess_raw
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.volume.checks import check_values
+from .refusal import refuse
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
 # Without the suffixes of pictures and other files that Blender itself or other add-ons take when they are dropped.
 DROPPED_SUFFIXES = tuple(dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
-CHOICES = ("filepath", "directory", "preset", "at_cursor")  # what the dialog sets beside the source options
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to find a file's size while the dialog opens; about a second
 
 
-class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, StepwiseOperator, bpy.types.Operator, ImportHelper):
+class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operator, ImportHelper):
     """Import a volume for RLE Splat. Its voxels stay in the file"""
 
     bl_idname = "rle_splat.import_volume"
@@ -42,10 +41,6 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, StepwiseOperator,
         "coordinates of the file", default=False)
     guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
-    in_steps: BoolProperty(
-        name="In Steps", description="Begin at once, without the dialog, and keep the window alive meanwhile",
-        options={"SKIP_SAVE", "HIDDEN"})
-    is_new = False  # Blender makes the undo step itself, since the operator has the option UNDO
 
     @classmethod
     def poll(cls, context):
@@ -62,8 +57,6 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, StepwiseOperator,
         return [bpy.path.abspath(self.filepath)] if self.filepath else []
 
     def invoke(self, context, event):
-        if self.in_steps:
-            return StepwiseOperator.invoke(self, context, event)
         source_options.clear(self)  # Blender keeps the options of the last import, guesses included
         self.check(context)
         return self.invoke_popup(context)
@@ -91,7 +84,7 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, StepwiseOperator,
         layout.use_property_split = True
         layout.use_property_decorate = False
         paths = self.paths()
-        kind = format_of(paths[0]) if paths else None
+        kind = format_named(paths[0]) if paths else None
         if len(paths) > 1:
             layout.label(text=f"{len(paths)} files; each layout is guessed")
         elif kind is None or "shape" in kind.options:
@@ -125,30 +118,14 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, StepwiseOperator,
                     box.label(text=line)
 
     def execute(self, context):
-        if not self.goes_on_in_window(context):
-            return StepwiseOperator.execute(self, context)
-        options = {name: getattr(self, name) for name in (*source_options.NAMES, *CHOICES)}
-        for name in ("shape", "spacing"):
-            options[name] = tuple(options[name])
-        files = [{"name": entry.name} for entry in self.files]
-        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", in_steps=True, files=files, **options)
-        return {"CANCELLED"}  # the other one goes on
-
-    def prepare(self, context):
         paths = self.paths()
         if not paths:
-            raise RleSplatError("No file was chosen; set filepath, or directory and files.")
-        return self._steps(paths)
-
-    def _steps(self, paths):
-        """Generator of Progress: read all files; return a list of what ``_read_steps`` returns."""
-        read = []
-        for number, path in enumerate(paths):
-            steps = self._read_steps(path, explicit=len(paths) == 1)
-            read.append((yield from part(steps, number / len(paths), (number + 1) / len(paths))))
-        return read
-
-    def commit(self, context, read):
+            return refuse(self, "No file was chosen; set filepath, or directory and files.")
+        explicit = len(paths) == 1
+        try:
+            read = [self._read(path, explicit) for path in paths]
+        except RleSplatError as problem:
+            return refuse(self, problem)
         for path, options, volume, transfer_function, reason in read:
             owner, remark = new_volume.add_volume(
                 context, path, volume, options, transfer_function, at_cursor=self.at_cursor)
@@ -156,31 +133,27 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, StepwiseOperator,
                 if sentence:
                     self.report({"WARNING"}, sentence)
             self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", reason))))
+        return {"FINISHED"}
 
-    def _read_steps(self, path: str, explicit: bool):
-        """Generator of Progress: return (path, options, Volume, TransferFunction, reason for it).
-
-        The .blend is not changed.
-        """
+    def _read(self, path: str, explicit: bool):
+        """Return (path, options, Volume, TransferFunction, reason for it) without changing the .blend."""
         options = source_options.PlainOptions()
         if explicit:
             source_options.copy(self, options)
         if os.path.isfile(path) and format_of(path) is RAW:
-            yield from self._complete_steps(path, options)
-        volume = yield from volumes.read_file_steps(path, source_options.read_options(options))
+            self._complete(path, options)
+        volume = volumes.read_file(path, source_options.read_options(options))
+        check_values(volume)
         transfer_function, reason = chosen_transfer(self.preset, volume)
         return path, options, volume, transfer_function, reason
 
-    def _complete_steps(self, path: str, options):
-        """Generator of Progress: guess the missing layout of a raw file and report it.
-
-        RleSplatError if nothing fits its size.
-        """
+    def _complete(self, path: str, options) -> None:
+        """Guess the missing layout of a raw file and report it; raise RleSplatError when nothing fits its size."""
         if any(options.shape) and options.dtype != "AUTO":
             return
         known = {name: value for name, value in source_options.read_options(options).items()
                  if name in ("shape", "dtype", "byte_order", "header_bytes")}
-        guess = yield from guess_raw_steps(path, **known)
+        guess = guess_raw(path, **known)
         if guess.shape is None or guess.dtype is None or not guess.candidates:
             size = "too many" if guess.size is None else guess.size
             raise RleSplatError(

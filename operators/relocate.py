@@ -3,17 +3,17 @@
 import os
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..bridge import new_volume, source_options, volumes
-from ..bridge.held import Held
-from ..bridge.jobs import StepwiseOperator
+from ..rle_splat.scene import RleSplatError
+from ..rle_splat.volume.checks import check_values
 from .import_volume import LAST_SUFFIXES
-from .refusal import has_editable_volume
+from .refusal import has_editable_volume, refuse
 
 
-class RLE_SPLAT_OT_relocate(StepwiseOperator, bpy.types.Operator, ImportHelper):
+class RLE_SPLAT_OT_relocate(bpy.types.Operator, ImportHelper):
     """Choose the volume's file at its new place. It is read with the options of the import"""
 
     bl_idname = "rle_splat.relocate"
@@ -21,38 +21,25 @@ class RLE_SPLAT_OT_relocate(StepwiseOperator, bpy.types.Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
-    in_steps: BoolProperty(
-        name="In Steps", description="Begin at once, without the file browser, and keep the window alive meanwhile",
-        options={"SKIP_SAVE", "HIDDEN"})
-    is_new = False  # Blender makes the undo step itself, since the operator has the option UNDO
 
     @classmethod
     def poll(cls, context):
         return has_editable_volume(cls, context)
 
-    def invoke(self, context, event):
-        if self.in_steps:
-            return StepwiseOperator.invoke(self, context, event)
-        return ImportHelper.invoke(self, context, event)
-
     def execute(self, context):
-        if not self.goes_on_in_window(context):
-            return StepwiseOperator.execute(self, context)
-        bpy.ops.rle_splat.relocate("INVOKE_DEFAULT", in_steps=True, filepath=self.filepath)
-        return {"CANCELLED"}  # the other one goes on
-
-    def prepare(self, context):
         owner = volumes.volume_object(context)
-        self._owner, self._path = Held(owner), os.path.abspath(bpy.path.abspath(self.filepath))
-        return volumes.read_file_steps(self._path, source_options.read_options(owner.rle_splat))
-
-    def commit(self, context, volume):
-        owner = self._owner.get()
+        path = os.path.abspath(bpy.path.abspath(self.filepath))
         before = owner.rle_splat.data_key
-        new_volume.fill_volume(context.scene, owner, self._path, volume)
+        try:
+            volume = volumes.read_file(path, source_options.read_options(owner.rle_splat))
+            check_values(volume)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        new_volume.fill_volume(context.scene, owner, path, volume)
         if before and before != owner.rle_splat.data_key:
-            self.report({"WARNING"}, f"The voxels of {os.path.basename(self._path)} differ from those that were "
-                                     "imported; undo if this is the wrong file.")
+            self.report({"WARNING"}, f"The voxels of {os.path.basename(path)} differ from those that were imported; "
+                                     "undo if this is the wrong file.")
+        return {"FINISHED"}
 
 
 CLASSES = (RLE_SPLAT_OT_relocate,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,20 @@ MILLIMETERS = {
     "mm": 1.0, "millimeter": 1.0, "millimeters": 1.0, "m": 1e3, "meter": 1e3, "meters": 1e3, "cm": 10.0,
     "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "nm": 1e-6,
 }  # fmt: skip
+
+
+def library(name: str, package: str, formats: str):
+    """Import a module that reads a format; RleSplatError if this Python lacks it.
+
+    ``package``: its name in the package index. ``formats``: what needs it, as the subject of a sentence.
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        raise RleSplatError(
+            f"{formats} files need the package {package}, which this Python lacks; install it, or use the extension in "
+            "Blender, which includes it."
+        ) from None
 
 
 def damaged(path, what: str) -> RleSplatError:

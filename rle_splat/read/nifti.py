@@ -29,6 +29,7 @@ from .header import (
     checked_kind,
     damaged,
     frame_remark,
+    library,
     sensible_spacing,
 )
 from .streaming import EndsEarly, Part, bytes_steps, plain_name, voxel_steps, write_voxel_steps, written
@@ -92,8 +93,7 @@ def _partner(path: Path, suffix: str) -> Path:
 
 def _facts(path: Path) -> _Facts:
     """Read and check the header of a file."""
-    import nibabel
-
+    nibabel = library("nibabel", "nibabel", "NIfTI")
     is_image = bool(re.search(r"\.img(\.gz)?$", path.name, flags=re.IGNORECASE)) and not recognizes_nifti(head_of(path))
     source = _partner(path, ".hdr") if is_image else path
     content = head_of(source).content
@@ -136,8 +136,7 @@ def _scale(header, version: int) -> tuple[float, float]:
 
 def _geometry(path, header, version: int):
     """The affine to LPS millimeters, or the spacing alone; returns (affine, unit, space, remarks)."""
-    import nibabel
-
+    nibabel = library("nibabel", "nibabel", "NIfTI")
     spacing, remarks = sensible_spacing(header["pixdim"][1:4])
     if version == 0:
         return np.diag((*spacing, 1.0)), "mm", None, (*remarks, "Analyze files do not say where left and right are.")
@@ -242,8 +241,7 @@ def write_nifti_steps(volume: Volume, path):
 
 def _header_of(volume: Volume):
     """The nibabel header of a volume, little-endian."""
-    import nibabel
-
+    nibabel = library("nibabel", "nibabel", "NIfTI")
     kind = nibabel.Nifti2Header if max(volume.shape_xyz) > LARGEST_SHORT else nibabel.Nifti1Header
     header = kind(endianness="<")
     header.set_data_dtype(volume.voxels.dtype)

@@ -24,6 +24,7 @@ from .header import (
     checked_kind,
     damaged,
     frame_remark,
+    library,
     sensible_spacing,
 )
 from .layers import layer_steps, merged_layer_steps
@@ -75,8 +76,7 @@ def recognizes_nrrd(head: Head) -> bool:
 
 def _read_header(path: Path) -> tuple[dict, list[str], int]:
     """The fields of a header, the names of a LIST of data files, and where the header ends."""
-    import nrrd
-
+    nrrd = library("nrrd", "pynrrd", "NRRD")
     lines, names, is_list = [], [], False
     try:
         with open(path, "rb") as stream:

@@ -263,6 +263,8 @@ def storable_steps(voxels: np.ndarray, doing: str):
 
 def _converted_steps(voxels: np.ndarray, dtype, doing: str):
     """Generator of Progress: the voxels in another type, plane by plane."""
+    needed = voxels.size * np.dtype(dtype).itemsize
+    refuse_beyond(needed, "A copy of the voxels in another type needs", "crop or downsample the volume")
     converted = np.empty(voxels.shape, dtype=dtype)
     for plane, target in zip(voxels, converted):
         target[...] = plane

@@ -22,6 +22,7 @@ from .header import (
     checked_kind,
     damaged,
     frame_remark,
+    library,
     sensible_spacing,
 )
 from .layout import checked_spacing
@@ -30,6 +31,7 @@ from .streaming import Part, allocated, grid_text, plain_name, storable_steps, v
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 SUFFIXES = (".tif", ".tiff")
 DEPTH_AXES = "ZIQRHTC"  # the first of these that a series has is z; tifffile's letters
+COLORS = "S"  # samples of a pixel
 TIME_AXES = ("T",)
 MOST_FILES = 20_000
 PHYSICAL = re.compile(r'\bPhysicalSize([XYZ])(Unit)?="([^"]*)"')
@@ -124,7 +126,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
         index, series = max(enumerate(file.series), key=lambda pair: math.prod(pair[1].shape))
         pages, axes = list(series.pages), series.axes
         spacing, unit = _spacing(file, index)
-    if not axes.endswith("YX"):
+    if not axes.endswith("YX") or COLORS in axes:
         raise RleSplatError(f"The pages of {path.name} are colors; export one number for each pixel.")
     lengths = dict(zip(axes[:-2], series.shape))
     longer = {axis: n for axis, n in lengths.items() if n > 1}
@@ -166,8 +168,7 @@ def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
 
 def _files_steps(path: Path, files: list[Path]):
     """Generator of Progress: a stack of files with one page each; return (voxels, _Facts)."""
-    import tifffile
-
+    tifffile = library("tifffile", "tifffile", "TIFF")
     if len(files) > MOST_FILES:
         raise RleSplatError(f"{path.name} holds {len(files)} files; a stack has at most {MOST_FILES}.")
 
@@ -247,8 +248,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     RleSplatError
         If the file is damaged, its pages differ, or they are colors.
     """
-    import tifffile
-
+    tifffile = library("tifffile", "tifffile", "TIFF")
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")
     if path.is_dir():

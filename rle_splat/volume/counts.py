@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.steps import drain
-
 
 def counts_values(dtype) -> bool:
     """Whether a voxel type has so few values (8 or 16 bits) that each is counted."""
@@ -33,19 +31,13 @@ def count_values(voxels: np.ndarray) -> np.ndarray:
     (256,) or (65536,) ndarray of int64
         In the order of ``stored_values``.
     """
-    return drain(count_steps(voxels))
-
-
-def count_steps(voxels: np.ndarray):
-    """Generator of fractions done: the counts of ``count_values``, plane by plane."""
     unsigned = np.dtype(f"u{voxels.dtype.itemsize}")
     counts = np.zeros(1 << 16, np.int64)
     n = 1 << (8 * unsigned.itemsize)
     pairs = unsigned.itemsize == 1 and voxels[0].size % 2 == 0  # count two 8-bit voxels at once, separate them below
-    for z, plane in enumerate(voxels):
+    for plane in voxels:
         patterns = np.ascontiguousarray(plane).reshape(-1).view(np.uint16 if pairs else unsigned)
         counts += np.bincount(patterns, minlength=len(counts))
-        yield (z + 1) / len(voxels)
     if pairs:
         table = counts.reshape(n, n)
         counts = table.sum(axis=0) + table.sum(axis=1)

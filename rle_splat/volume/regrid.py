@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
+from ..runtime.memory import refuse_beyond
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from .volume import PATIENT, Volume
@@ -47,6 +49,8 @@ def on_grid_steps(labels: Volume, volume: Volume):
     moved = CORNERS * last @ matrix[:3, :3].T + matrix[:3, 3]
     if labels.shape_xyz == volume.shape_xyz and np.abs(moved - CORNERS * last).max() <= TOLERANCE:
         return labels
+    needed = math.prod(volume.shape_xyz) * labels.voxels.dtype.itemsize
+    refuse_beyond(needed, "Labels on the grid of the volume need", "crop or downsample the volume")
     yield Progress(0.0, DOING)
     order = _axis_order(matrix, last)
     if order is None:

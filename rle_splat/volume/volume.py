@@ -9,7 +9,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
 from .counts import count_values, counts_values, stored_values
 
@@ -151,7 +150,10 @@ class Volume:
     @cached_property
     def voxel_key(self) -> str:
         """Hash of the stored voxels, their type and shape. The first use reads the whole volume."""
-        return drain(hash_steps(self.voxels))
+        digest = hashlib.blake2b(f"{self.voxels.dtype.str}{self.voxels.shape}".encode(), digest_size=16)
+        for plane in self.voxels:
+            digest.update(plane)
+        return digest.hexdigest()
 
     @cached_property
     def key(self) -> str:
@@ -162,12 +164,3 @@ class Volume:
     def physical(self, stored) -> np.ndarray:
         """Convert stored values to physical values, float64."""
         return np.asarray(stored, dtype=np.float64) * self.slope + self.intercept
-
-
-def hash_steps(voxels: np.ndarray):
-    """Generator of fractions done: the hash of voxels, their type and shape, slice by slice."""
-    digest = hashlib.blake2b(f"{voxels.dtype.str}{voxels.shape}".encode(), digest_size=16)
-    for z, plane in enumerate(voxels):
-        digest.update(plane)
-        yield (z + 1) / len(voxels)
-    return digest.hexdigest()

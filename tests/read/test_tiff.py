@@ -112,6 +112,8 @@ def bad_files(folder):
     yield "one.tif", "single picture"
     tifffile.imwrite(folder / "colors.tif", np.zeros((5, 7, 9, 3), np.uint8), photometric="rgb")
     yield "colors.tif", "are colors"
+    tifffile.imwrite(folder / "planes.tif", np.zeros((3, 7, 9), np.uint8), photometric="rgb", planarconfig="separate")
+    yield "planes.tif", "are colors"
     (folder / "broken.tif").write_bytes(b"II*\0" + b"\xff" * 50)
     yield "broken.tif", "header of broken.tif is damaged"
     tifffile.imwrite(folder / "cut.tif", VALUES, photometric="minisblack")
