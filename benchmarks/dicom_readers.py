@@ -17,7 +17,8 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -128,7 +129,7 @@ def error_of(judge, paths, where) -> float | None:
     for axis, path in paths.items():
         truth = np.stack([where.values(i, axis) for i in range(len(where.positions))])
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), redirect_stderr(StringIO()):  # judges print tracebacks
                 warnings.simplefilter("ignore")
                 volumes = judge(path)
                 errors = [worst(values, affine, axis, truth.min(), truth.max()) for values, affine in volumes]

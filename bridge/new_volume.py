@@ -4,6 +4,7 @@ import os
 
 import bpy
 
+from ..rle_splat.read.formats import format_of
 from . import box, linked, source_options, source_paths, volumes
 from .facts import write_facts
 from .playback import FIXED, HOLD
@@ -35,8 +36,10 @@ def add_volume(context, found: Found, options, transfer_function, at_cursor: boo
     remark : str
         What of the transfer function could not be stored exactly, or "".
     """
-    volume = found.volume
-    name = os.path.basename(os.path.normpath(found.path)).split(".")[0] or "Volume"
+    path, volume = found.path, found.volume
+    kind = format_of(path)
+    named = volume.name if kind is not None and kind.names_volume else os.path.basename(os.path.normpath(path))
+    name = named.split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
     source_options.copy(options, properties)

@@ -16,7 +16,7 @@ import pytest
 
 pytest.importorskip("pydicom")
 
-from pydicom.uid import JPEGBaseline8Bit, JPEGLosslessSV1, JPEGLSLossless
+from pydicom.uid import JPEGBaseline8Bit, JPEGLSLossless
 
 from . import dicom_phantoms as phantoms
 from .test_dicom_segmentation import truth, write_seg
@@ -25,7 +25,7 @@ COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "120"))
 SEED = int(os.environ.get("RLE_SPLAT_FUZZ_SEED", "1"))
 SECONDS = 20.0  # for one file, on a busy machine; a decoder that hangs is ended after 10
 MEMORY = 64 << 20  # bytes beyond the honest file's peak
-SENTENCE = re.compile(r"[^\n]{10,250}[.:](\n  \d+: .+)*", re.DOTALL)
+SENTENCE = re.compile(r"[^\n]{10,400}\.")
 WHERE = phantoms.geometry("short", (1, 0, 0), (0, 1, 0), [0.0, 1.0, 2.0, 3.5])
 
 
@@ -37,7 +37,7 @@ def honest_files(folder: Path) -> list[Path]:
     except ImportError:
         pass
     else:
-        syntaxes += [JPEGLosslessSV1, JPEGLSLossless, JPEGBaseline8Bit, phantoms.HTJ2KLossless]
+        syntaxes += [JPEGLSLossless, JPEGBaseline8Bit, phantoms.HTJ2KLossless]
     found = []
     for number, syntax in enumerate(syntaxes):
         encoding = phantoms.with_syntax(phantoms.PLAIN, syntax)
@@ -80,7 +80,7 @@ class Reader:
     def read(self, path: Path) -> dict:
         if self.process is None:
             self.process = subprocess.Popen(
-                [sys.executable, str(Path(__file__).with_name("fuzz_child.py"))], stdin=subprocess.PIPE,
+                [sys.executable, str(Path(__file__).with_name("reading_child.py"))], stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             )  # fmt: skip
         self.process.stdin.write(f"{path}\n")

@@ -72,9 +72,10 @@ def test_outputs_of_the_command_line(scan: Path, tmp_path: Path, capfd):
     codes = [main([str(word) for word in command]) for command in commands(scan, out)]
     assert codes[:6] == [0] * 6 and codes[6:] == [2, 2]
     phantoms.write_classic(scan / "b", phantoms.geometries()["coronal"])
-    assert main(["info", str(scan)]) == 2  # lists two series
+    assert main(["info", str(scan), "--json", str(out / "series.json")]) == 0  # lists two series
+    assert main(["render", str(scan), "-o", str(out / "b.png")]) == 2
     captured = capfd.readouterr()
-    assert "CT HEAD" in captured.err
+    assert "CT HEAD" in captured.err and "series 2    CT HEAD" in captured.out
     words = secrets(scan)
     assert not said((captured.out + captured.err).encode(), words)
     written = sorted(out.iterdir())
@@ -90,8 +91,8 @@ def test_volume_and_chooser(scan: Path):
     facts = {name: value for name, value in vars(volume).items() if name != "voxels"}
     assert not said(repr(facts).encode(), words)
     group = drain(series_steps(scan))[0]
-    assert not said(group_title(group).encode(), words)
     info = series_info(group, 1)
+    assert not said(group_title(group).encode(), words)
     assert phantoms.PERSON in info.description  # shown in the chooser, and nowhere else
     assert not said(repr(group.frames).replace(repr(info.description), "").encode(), words)
 

@@ -56,7 +56,7 @@ def large(tmp_path_factory) -> Path:
 def test_peak_memory(tmp_path: Path, large: Path):
     """A child reads a small series, which loads the libraries, then the large one."""
     phantoms.write_classic(tmp_path, AXIAL)
-    child = [sys.executable, str(Path(__file__).with_name("fuzz_child.py"))]
+    child = [sys.executable, str(Path(__file__).with_name("reading_child.py"))]
     done = subprocess.run(child, input=f"{tmp_path}\n{tmp_path}\n{large}\n", capture_output=True, text=True, check=True)
     _, small, big = (json.loads(line) for line in done.stdout.splitlines())
     assert big["outcome"] == "read"

@@ -124,6 +124,12 @@ def test_names_and_colors(tmp_path: Path):
     np.testing.assert_allclose(volume.named_labels[1].color, (0.0, 1.0, 0.0), atol=2e-3)
 
 
+def test_options_that_would_be_lost(tmp_path: Path):
+    path = write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3))
+    with pytest.raises(RleSplatError, match="leave out"):
+        read_volume(path, frame=2)
+
+
 def test_a_segment_on_one_slice(tmp_path: Path):
     masks = np.zeros((1, len(GEOMETRIES["axial"].positions), phantoms.ROWS, phantoms.COLUMNS), dtype=bool)
     masks[0, 4, 2:5, 2:5] = True

@@ -6,14 +6,12 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...runtime.steps import Progress, mapped
+from ...runtime.steps import Progress, mapped, within
 from . import elements as read
-from .pictures import is_segmentation, pictures_of
-from .refusals import Damaged, Refused, damaged, no_images, unreadable
+from .pictures import is_segmentation, picture_steps
+from .refusals import Damaged, Refused, damaged, no_images
 
 MOST_FILES = 20_000
-DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
-DIRECTORY_RECORDS = 0x00041220
 YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
 
 
@@ -67,12 +65,11 @@ def find_pictures(path):
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
         return _checked(found, path)
-    listed = yield from _directory_files(path)
-    if listed is not None:
-        found = yield from _scan(listed)
-        return _checked(found, path)
     parsed = yield from _parsed(path)
-    own = _pictures(parsed, segmentations=True)
+    if parsed is not None and parsed.is_directory:
+        found = yield from _scan((yield from _directory_files(parsed)))
+        return _checked(found, path)
+    own = yield from _pictures(parsed, segmentations=True)
     if own is None:
         raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
     if not own:
@@ -106,7 +103,7 @@ def _scan(paths):
     for i, path in enumerate(paths):
         try:
             parsed = yield from _parsed(path)
-            own = _pictures(parsed)
+            own = yield from _pictures(parsed)
             others += own is None
             pictures += own or ()
         except Damaged:
@@ -125,44 +122,35 @@ def _parsed(path: Path):
 
 
 def _pictures(found: read.Elements | None, segmentations: bool = False):
-    """The pictures of a parsed file; None if it is none of DICOM's images, () for a segmentation if they are wanted."""
+    """Generator of Progress: the pictures of a parsed file.
+
+    Returns None if it is none of DICOM's images, and () for a segmentation if they are wanted.
+    """
 
     def sort_out():
-        if found is None or (not found.kind and read.text(found.dataset, "SOPClassUID") == DIRECTORY_CLASS):
+        if found is None or found.is_directory:
             return None
-        return () if segmentations and is_segmentation(found) else pictures_of(found)
+        return () if segmentations and is_segmentation(found) else (yield from picture_steps(found))
 
     try:
-        return read.quietly(sort_out)
+        steps = within(sort_out(), read.quiet)
+        return (yield from mapped(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
     except read.problems():
         raise damaged(found.path) from None
 
 
-def _directory_files(path: Path):
-    """Generator: files that a DICOMDIR lists and that exist; None if the file is no DICOMDIR."""
-    from pydicom.filereader import dcmread
-
-    try:
-        if not read.is_dicom(path):
-            return None
-        dataset = read.quietly(dcmread, path, specific_tags=[DIRECTORY_RECORDS], stop_before_pixels=True, force=True)
-        records = read.quietly(read.items, dataset, "DirectoryRecordSequence")
-    except OSError as problem:
-        raise unreadable(path, problem) from None
-    except read.problems():
-        return None
-    if not records:
-        return None
-    found = []
-    for record in records:
+def _directory_files(found: read.Elements):
+    """Generator: files that a DICOMDIR lists and that exist."""
+    files = []
+    for record in found.frames:
         names = read.quietly(read.texts, record, "ReferencedFileID")
-        file = _listed(path.parent, names) if names else None
+        file = _listed(found.path.parent, names) if names else None
         if file is not None:
-            found.append(file)
-        yield Progress(0.0, f"Reading {path.name}")
-    if not found:
-        raise Refused(f"The files that {path.name} lists are not beside it; choose the folder that holds them.")
-    return found
+            files.append(file)
+        yield Progress(0.0, f"Reading {found.path.name}")
+    if not files:
+        raise Refused(f"The files that {found.path.name} lists are not beside it; choose the folder that holds them.")
+    return files
 
 
 def _listed(folder: Path, names) -> Path | None:
@@ -184,8 +172,8 @@ def _checked(found: Found, path: Path) -> Found:
     """Refuse a path without pictures, by the reason that fits."""
     if found.pictures:
         return found
-    if found.refused:
-        raise found.refused[0]
     if found.broken:
         raise damaged(found.broken[0])
+    if found.refused:
+        raise found.refused[0]
     raise no_images(path, found.others)

@@ -35,13 +35,19 @@ TAGS = {
     "DoseGridScaling": 0x3004000E, "SharedFunctionalGroupsSequence": 0x52009229,
     "ExtendedOffsetTable": 0x7FE00001, "ExtendedOffsetTableLengths": 0x7FE00002,
 }  # fmt: skip
-FRAMES_TAG = 0x52009230  # PerFrameFunctionalGroupsSequence, read item by item
+# Sequences that are read item by item: DirectoryRecordSequence and PerFrameFunctionalGroupsSequence.
+LONG_SEQUENCES = (0x00041220, 0x52009230)
+DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
 VOXEL_TAGS = {0x7FE00008: "float", 0x7FE00009: "double", 0x7FE00010: "integer"}
 ITEM_TAG, SEQUENCE_END = 0xFFFEE000, 0xFFFEE0DD
 UNDEFINED = 0xFFFFFFFF
 DEFLATED = ("1.2.840.10008.1.2.1.99",)
 BIG_ENDIAN = "1.2.840.10008.1.2.2"
 HEAD = 1024  # bytes that tell whether a file is DICOM and whether it is deflated
+# Of the first element of a file without a preamble: group length, character set, image type, dates, class, instance.
+FIRST_ELEMENTS = (0x0000, 0x0001, 0x0005, 0x0008, 0x0012, 0x0013, 0x0016, 0x0018)
+FIRST_REPRESENTATIONS = (b"UL", b"CS", b"UI", b"DA", b"TM", b"LO")
+LONGEST_FIRST = 128
 LARGE_READ = 1 << 16  # reads beyond this are cut to what the file holds: a damaged length must not take memory
 INFLATE_PIECE = 1 << 20
 INFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
@@ -58,11 +64,13 @@ class Elements:
     path : Path
     syntax : str
         UID of the transfer syntax; "" if the file does not say.
+    is_directory : bool
+        Whether the file is a DICOMDIR.
     little_endian : bool
     dataset : pydicom.Dataset
         The named elements.
     frames : tuple of pydicom.Dataset
-        Functional groups of each frame of an enhanced object; empty for others.
+        Functional groups of each frame of an enhanced object, or records of a DICOMDIR; empty for others.
     kind : str
         "integer", "float" or "double"; "" if the file has no voxels.
     offset, length : int
@@ -76,6 +84,7 @@ class Elements:
 
     path: Path
     syntax: str
+    is_directory: bool
     little_endian: bool
     dataset: object
     frames: tuple
@@ -118,17 +127,27 @@ def is_dicom(path) -> bool:
 
 def is_dicom_head(head: bytes) -> bool:
     """As ``is_dicom``, for the first bytes of a file."""
-    if head[128:132] == b"DICM":
-        return True
+    return head[128:132] == b"DICM" or any(_begins_dataset(head, order) for order in "<>")
+
+
+def _begins_dataset(head: bytes, order: str) -> bool:
+    """Whether bytes begin with an element of group 2 or 8, as files without a preamble do; ``order``: "<" or ">".
+
+    Voxels of a raw file can look like a tag, so the element's length and text are looked at, too.
+    """
     if len(head) < 16:
         return False
-    for order in "<>":  # files without a preamble begin with group 2 or 8, and a short element
-        group, element = struct.unpack(f"{order}HH", head[:4])
-        if group in (0x0002, 0x0008) and element <= 0x0018:
-            explicit = head[4:6].isalpha() and head[4:6].isupper()
-            if explicit or struct.unpack(f"{order}L", head[4:8])[0] <= 256:
-                return True
-    return False
+    group, element = struct.unpack(f"{order}HH", head[:4])
+    if group not in (0x0002, 0x0008) or element not in FIRST_ELEMENTS:
+        return False
+    if head[4:6] in FIRST_REPRESENTATIONS:
+        length = struct.unpack(f"{order}H", head[6:8])[0]
+    else:
+        length = struct.unpack(f"{order}L", head[4:8])[0]
+    if element == 0:
+        return length == 4  # the group's length
+    value = head[8 : 8 + length].rstrip(b"\0")
+    return len(value) > 0 and length <= LONGEST_FIRST and length % 2 == 0 and all(32 <= byte < 127 for byte in value)
 
 
 @contextmanager
@@ -171,7 +190,7 @@ class _Inflated:
 def _to_dataset(stream):
     """Read what comes before the dataset; the stream stays at its begin.
 
-    Returns (transfer syntax, implicit, little_endian).
+    Returns (transfer syntax, whether the file is a DICOMDIR, implicit, little_endian).
     """
     from pydicom.filereader import read_partial
 
@@ -182,10 +201,11 @@ def _to_dataset(stream):
         syntax = next(syntax for syntax in DEFLATED if syntax.encode() in head)
         if head[128:132] == b"DICM" and head[132:136] == b"\2\0\0\0" and syntax.encode() in head[:end]:
             stream.seek(end)
-            return syntax, False, True
+            return syntax, False, False, True
     dataset = read_partial(stream, stop_when=lambda tag, vr, length: True, force=True)
     implicit, little_endian = dataset.original_encoding
-    return str(dataset.file_meta.get("TransferSyntaxUID", "")), bool(implicit), bool(little_endian)
+    syntax, kind = (str(dataset.file_meta.get(f"{name}UID", "")) for name in ("TransferSyntax", "MediaStorageSOPClass"))
+    return syntax, kind == DIRECTORY_CLASS, bool(implicit), bool(little_endian)
 
 
 def read_elements(path):
@@ -211,37 +231,39 @@ def read_elements(path):
             return None
         with Bounded(path) as stream:
             size = stream.size
-            syntax, implicit, little_endian = quietly(_to_dataset, stream)
+            syntax, *facts = quietly(_to_dataset, stream)
             if syntax in DEFLATED:
                 pieces = _Inflated(stream)
                 yield from pieces
                 stream = pieces.stream
-            return (yield from _parsed(path, stream, syntax, implicit, little_endian, size))
+            return (yield from _parsed(path, stream, size, syntax, *facts))
     except OSError as problem:
         raise unreadable(path, problem) from None
     except problems():
         raise damaged(path) from None
 
 
-def _parsed(path, stream, syntax, implicit, little_endian, size):
+def _parsed(path, stream, size, syntax, is_directory, implicit, little_endian):
     """Generator, as ``read_elements``, for a stream at its dataset."""
     from pydicom.filereader import read_dataset
 
-    stops = {FRAMES_TAG, *VOXEL_TAGS}
+    stops = {*LONG_SEQUENCES, *VOXEL_TAGS}
     options = dict(stop_when=lambda tag, vr, length: tag in stops, specific_tags=list(TAGS.values()))
     dataset = quietly(read_dataset, stream, implicit, little_endian, **options)
     implicit = bool(dataset.original_encoding[0])  # pydicom corrects a wrong transfer syntax
     tag, length, representation = _element_header(stream, implicit, little_endian)
     frames = ()
-    if tag == FRAMES_TAG:
+    if tag in LONG_SEQUENCES:
         frames = yield from _items(stream, implicit, little_endian, length)
-        stops.discard(FRAMES_TAG)
+        stops.difference_update(LONG_SEQUENCES)
         if not _at_end(stream):
             dataset.update(quietly(read_dataset, stream, implicit, little_endian, **options))
         tag, length, representation = _element_header(stream, implicit, little_endian)
     words = representation in (b"", b"OW")
     kind = VOXEL_TAGS.get(tag, "")
-    return Elements(path, syntax, little_endian, dataset, frames, kind, stream.tell(), length, words, size)
+    return Elements(
+        path, syntax, is_directory, little_endian, dataset, frames, kind, stream.tell(), length, words, size
+    )
 
 
 def _at_end(stream) -> bool:
@@ -283,14 +305,21 @@ def _items(stream, implicit: bool, little_endian: bool, length: int):
     return tuple(found)
 
 
-def quietly(function, *arguments, **options):
-    """Call a function without the warnings of pydicom, which may quote values."""
+@contextmanager
+def quiet():
+    """Context manager: without the warnings of pydicom, which may quote values."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        yield
+
+
+def quietly(function, *arguments, **options):
+    """Call a function within ``quiet``."""
+    with quiet():
         return function(*arguments, **options)
 
 
-# The functions below convert values, about which pydicom may warn: call them by way of ``quietly``.
+# The functions below convert values, about which pydicom may warn: call them within ``quiet``.
 def text(dataset, name: str) -> str:
     """A named element as text, stripped; "" if it is absent or unreadable."""
     found = _value(dataset, name)

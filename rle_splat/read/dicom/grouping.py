@@ -34,10 +34,11 @@ class SeveralSeries(RleSplatError):
     def __init__(self, groups, titles, asked: int | None = None):
         self.problem = f"There are {len(groups)} series" if asked is None else f"There is no series {asked}"
         advice = "choose one with --series N" if asked is None else f"use 1 to {len(groups)}"
-        super().__init__(f"{self.problem}; {advice}:{_listed(groups, titles)}")
         self.groups = tuple(groups)
         self.titles = tuple(titles(group) for group in groups)
         self.thumbnails = None  # one for each group, from whoever shows a chooser
+        listed = "; ".join(f"{number} is {title}" for number, title in enumerate(self.titles, 1))
+        super().__init__(f"{self.problem}; {advice}: {listed}.")
 
 
 @dataclass(frozen=True)
@@ -145,11 +146,15 @@ def _groups_of_kind(pictures, same_voxels) -> list[Group]:
     split = [np.flatnonzero(lines == line) for line in range(lines.max() + 1)]
     if min(len(part) for part in split) < FEWEST_SLICES:  # no parallel stacks: the stack's own refusal says how far off
         split = [np.arange(len(pictures))]
-    return [_with_frames([pictures[i] for i in part], positions[part], normal, same_voxels) for part in split]
+    return [
+        group
+        for part in split
+        for group in _told_apart([pictures[i] for i in part], positions[part], normal, same_voxels)
+    ]  # fmt: skip
 
 
-def _with_frames(pictures, positions, normal, same_voxels) -> Group:
-    """A group of pictures on one line, its frames told apart."""
+def _told_apart(pictures, positions, normal, same_voxels) -> list[Group]:
+    """The groups of pictures on one line: mostly one, with frames where places repeat."""
     order = sorted_along(positions, normal)
     pictures, positions = [pictures[i] for i in order], positions[order]
     place = places(positions, normal)
@@ -158,15 +163,21 @@ def _with_frames(pictures, positions, normal, same_voxels) -> Group:
     pictures, place = [pictures[i] for i in kept], place[kept]
     most = int(np.bincount(place).max())
     if most == 1:
-        return Group((tuple(pictures),), remarks=remarks)
-    for name in _separator_names(pictures):
-        frames = _frames_by(name, pictures, place)
+        return [Group((tuple(pictures),), remarks=remarks)]
+    splits = [(name, split) for name in _separator_names(pictures) if (split := _split_by(name, pictures, place))]
+    for name, split in splits:
+        frames = _frames_of(name, split, len(set(place.tolist())))
         if frames is not None:
-            return Group(*frames[:3], remarks + frames[3])
+            return [Group(*frames[:3], remarks + frames[3])]
+    if splits:  # parts that overlap, such as two acquisitions of neighboring regions
+        parts = splits[0][1]
+        return [
+            Group((tuple(parts[value][here] for here in sorted(parts[value])),), remarks=remarks) for value in parts
+        ]
     kept, copies = _without_copies(pictures, place, same_voxels)
     if len(kept) == len(set(place.tolist())):
-        return Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies))
-    return Group((tuple(pictures),), remarks=remarks, refusal=nothing_apart(most))
+        return [Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies))]
+    return [Group((tuple(pictures),), remarks=remarks, refusal=nothing_apart(most))]
 
 
 def _same_object(a: Picture, b: Picture) -> bool:
@@ -198,30 +209,33 @@ def _separator_names(pictures) -> list[str]:
     return [*SEPARATORS, *sorted(dimensions)]
 
 
-def _frames_by(name: str, pictures, place):
-    """(frames, axis, times, remarks) if a value tells all pictures at each place apart; else None.
-
-    Frames that lack a slice are left out, with a remark, if half of them or more are complete.
-    """
+def _split_by(name: str, pictures, place) -> dict | None:
+    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None."""
     if any(name not in picture.apart for picture in pictures):
         return None
     split = {}
     for picture, here in zip(pictures, place.tolist()):
-        frame = split.setdefault(picture.apart[name], {})
-        if here in frame:
+        part = split.setdefault(picture.apart[name], {})
+        if here in part:
             return None
-        frame[here] = picture
-    count = len(set(place.tolist()))
-    complete = {value: frame for value, frame in split.items() if len(frame) == count}
+        part[here] = picture
+    return {value: split[value] for value in sorted(split)}
+
+
+def _frames_of(name: str, split: dict, count: int):
+    """(frames, axis, times, remarks) if at least half of the parts, and two of more than two, have ``count`` slices.
+
+    Frames that lack a slice are left out, with a remark.
+    """
+    complete = {value: part for value, part in split.items() if len(part) == count}
     if len(complete) < max(math.ceil(len(split) / 2), 2 if len(split) > 2 else 1):
         return None
-    values = sorted(complete)
     remarks = ()
     if len(complete) < len(split):
         remarks = (f"{len(split) - len(complete)} of {len(split)} frames lack slices and are left out.",)
-    frames = tuple(tuple(complete[value][here] for here in sorted(complete[value])) for value in values)
+    frames = tuple(tuple(part[here] for here in sorted(part)) for part in complete.values())
     axis = "time" if name in TIMES else name if name in SEPARATORS else MIXED
-    return frames, axis, tuple(values), remarks
+    return frames, axis, tuple(complete), remarks
 
 
 def chosen(groups, series: int | None, titles) -> Group:
@@ -238,7 +252,7 @@ def chosen(groups, series: int | None, titles) -> Group:
     Raises
     ------
     RleSplatError
-        If there is no such group, or several and none is given.
+        If there is no such group, or several and none is given (SeveralSeries).
     """
     if series is not None:
         if not 1 <= series <= len(groups):
@@ -251,7 +265,3 @@ def chosen(groups, series: int | None, titles) -> Group:
     if all(group.slices < FEWEST_SLICES for group in usable):
         raise single_picture()
     raise SeveralSeries(groups, titles)
-
-
-def _listed(groups, titles) -> str:
-    return "".join(f"\n  {i}: {titles(group)}" for i, group in enumerate(groups, 1))

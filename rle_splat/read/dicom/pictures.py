@@ -23,6 +23,7 @@ SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
 IMAGES = re.compile(r"1\.2\.840\.10008\.5\.1\.4\.1\.1\.(1|2|3|4|6|7|12|13|14|20|128|130|481\.2)(\.[0-9.]+)?")
 ALLOCATED = {"integer": (1, 8, 16, 32), "float": (32,), "double": (64,)}
 LARGEST_SIDE = 1 << 16
+YIELD_FRAMES = 16  # frames between two steps; 8 ms
 PET_UNITS = {"BQML": "Bq/ml", "GML": "g/ml", "CNTS": "counts", "SUV": "SUV"}
 # What may tell pictures at one place apart, in this order, and what the choice of a frame is called then.
 SEPARATORS = (
@@ -121,8 +122,12 @@ def hashed(uid: str) -> str:
     return hashlib.blake2b(uid.encode(), digest_size=8).hexdigest() if uid else ""
 
 
-def pictures_of(found: read.Elements) -> tuple[Picture, ...]:
-    """The pictures of one file.
+def picture_steps(found: read.Elements):
+    """Generator: the pictures of one file; yields None now and then.
+
+    Returns
+    -------
+    tuple of Picture
 
     Raises
     ------
@@ -130,7 +135,7 @@ def pictures_of(found: read.Elements) -> tuple[Picture, ...]:
         If the file has no voxels, or voxels that make no volume.
     """
     _refuse_other_objects(found)
-    return frames_of(found)
+    return (yield from frame_steps(found))
 
 
 def is_segmentation(found: read.Elements) -> bool:
@@ -138,8 +143,8 @@ def is_segmentation(found: read.Elements) -> bool:
     return read.text(found.dataset, "SOPClassUID") in SEGMENTATIONS
 
 
-def frames_of(found: read.Elements) -> tuple[Picture, ...]:
-    """The frames of one file, whatever they show. Raises Refused if it is damaged."""
+def frame_steps(found: read.Elements):
+    """Generator, as ``picture_steps``, for a file of any kind. Raises Refused if it is damaged."""
     dataset = found.dataset
     storage = _storage(found)
     shared = read.item(dataset, "SharedFunctionalGroupsSequence")
@@ -147,10 +152,12 @@ def frames_of(found: read.Elements) -> tuple[Picture, ...]:
         raise damaged(found.path)
     series = _series(found, (found.frames or (None,))[0], shared)
     offsets = read.numbers(dataset, "GridFrameOffsetVector", storage.frames) if storage.frames > 1 else None
-    return tuple(
-        _picture(storage, series, number, dataset, (frame, shared), offsets)
-        for number, frame in enumerate(found.frames or (None,) * storage.frames)
-    )
+    pictures = []
+    for number, frame in enumerate(found.frames or (None,) * storage.frames):
+        pictures.append(_picture(storage, series, number, dataset, (frame, shared), offsets))
+        if number % YIELD_FRAMES == YIELD_FRAMES - 1:
+            yield None
+    return tuple(pictures)
 
 
 def _refuse_other_objects(found: read.Elements) -> None:
@@ -328,12 +335,11 @@ def _apart(dataset, groups, content, types) -> dict:
     else:
         found = [
             read.number(content, "TemporalPositionIndex"),
-            read.number(
-                _group(frame, shared, "CardiacSynchronizationSequence"), "NominalCardiacTriggerDelayTime"
-            ),
+            read.number(_group(frame, shared, "CardiacSynchronizationSequence"), "NominalCardiacTriggerDelayTime"),
             read.number(_group(frame, shared, "MREchoSequence"), "EffectiveEchoTime"),
             read.number(_group(frame, shared, "MRDiffusionSequence"), "DiffusionBValue"),
-            read.number(content, "FrameAcquisitionNumber"), None,
+            read.number(content, "FrameAcquisitionNumber") or read.number(dataset, "AcquisitionNumber"),
+            _seconds(read.text(dataset, "AcquisitionTime")),  # the frames' own time includes the date
         ]  # fmt: skip
     named = {name: value for name, value in zip(SEPARATORS, (*found, types or None)) if value is not None}
     for i, value in enumerate(read.numbers(content, "DimensionIndexValues") or ()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ...runtime.steps import Progress, part
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
 from . import elements
-from .discovery import MOST_FILES, Found, find_pictures
+from .discovery import Found, find_pictures
 from .grouping import Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
@@ -22,14 +23,15 @@ from .stacking import Stack
 from .titles import group_title, volume_name
 from .values import (
     between,
+    common_dtype,
     common_mapping,
     lower_padding,
     lowest_real,
     padding_of,
     physical,
-    stored_dtype,
 )  # fmt: skip
 
+FILES_LOOKED_AT = 2000  # 0.1 s; before reading begins nothing can be canceled
 HEADERS = 0.2  # share of the time that finding pictures takes
 
 
@@ -39,13 +41,11 @@ def recognizes_dicom(head) -> bool:
 
 
 def reads_dicom_folder(path) -> bool:
-    """Whether a folder holds a DICOM file, in it or in its folders."""
-    seen = 0
-    for file in Path(path).rglob("*"):
-        seen += 1
+    """Whether a folder holds a DICOM file, in it or in its folders, among the first FILES_LOOKED_AT."""
+    for file in islice(Path(path).rglob("*"), FILES_LOOKED_AT):
         try:
-            if seen > MOST_FILES or (file.is_file() and elements.is_dicom(file)):
-                return True  # of too many files the reader tells
+            if file.is_file() and elements.is_dicom(file):
+                return True
         except OSError:
             continue
     return False
@@ -116,6 +116,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
     """
     found = yield from part(find_pictures(path), 0.0, HEADERS)
     if found.segmentation is not None:
+        if (series, frame, spacing) != (None, None, None):
+            raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     group = chosen(groups_in(found), series, group_title)
     number = _frame_index(group, frame)
@@ -154,7 +156,7 @@ def _voxel_steps(pictures, stack: Stack, mapping):
     on, so that no second array is needed.
     """
     storage = pictures[0].storage
-    dtype = np.result_type(*{stored_dtype(p.storage) for p in pictures}) if mapping else np.dtype(np.float32)
+    dtype = common_dtype(pictures) if mapping else np.dtype(np.float32)
     shape = (stack.slices, storage.rows, storage.columns)
     needed = math.prod(shape) * dtype.itemsize
     what = f"{storage.columns} x {storage.rows} x {stack.slices} voxels"

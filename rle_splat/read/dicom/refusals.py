@@ -44,9 +44,9 @@ def wrong_frame(path, number: int, found: str, stated: str) -> Refused:
 
 
 def no_images(folder, others: int) -> Refused:
-    """A folder without a DICOM image."""
-    files = "1 other file" if others == 1 else f"{others} other files"
-    return Refused(f"{Path(folder).name} holds no medical images, only {files}; choose the folder of the series.")
+    """A folder without a medical image."""
+    files = "only 1 other file" if others == 1 else f"only {others} other files" if others else "and no other files"
+    return Refused(f"{Path(folder).name} holds no medical images, {files}; choose the folder of the series.")
 
 
 def segmentation_alone(path) -> Refused:

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from ...runtime.memory import bytes_text, refuse_beyond
-from ...runtime.steps import Progress
+from ...runtime.steps import Progress, mapped, within
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, NamedLabel, Volume
 from . import elements as read
 from .grouping import has_geometry
-from .pictures import check_size, frames_of
+from .pictures import check_size, frame_steps
 from .pixels import stored_planes
 from .refusals import Refused, damaged, no_positions
 from .stacking import Stack, axes, places, sorted_along, stack
@@ -45,7 +45,8 @@ def read_segmentation_steps(found: read.Elements):
         If the file is damaged, or does not say where its frames lie.
     """
     try:
-        pictures, segments, labels, threshold = read.quietly(_facts, found)
+        doing = Progress(0.0, f"Reading the header of {found.path.name}")
+        pictures, segments, labels, threshold = yield from mapped(within(_facts(found), read.quiet), lambda _: doing)
         stacked, at = read.quietly(_stack, pictures, found)
     except read.problems():
         raise damaged(found.path) from None
@@ -79,19 +80,19 @@ def read_segmentation_steps(found: read.Elements):
 
 
 def _facts(found: read.Elements):
-    """(pictures, number of the segment of each, labels, threshold) of a segmentation."""
-    return (*_frames(found), named_labels(found.dataset), _threshold(found))
+    """Generator: (pictures, number of the segment of each, labels, threshold) of a segmentation."""
+    pictures = yield from frame_steps(found)
+    return pictures, _segments(pictures, found), named_labels(found.dataset), _threshold(found)
 
 
-def _frames(found: read.Elements):
-    """The frames of a segmentation and the number of the segment of each; None for all in a label map."""
-    pictures = frames_of(found)
+def _segments(pictures, found: read.Elements) -> list:
+    """The number of the segment of each frame; None for all in a label map."""
     if not found.frames:
         raise damaged(found.path)
     if not all(has_geometry(picture) for picture in pictures):
         raise no_positions()
     if read.text(found.dataset, "SegmentationType") == "LABELMAP":
-        return pictures, [None] * len(pictures)
+        return [None] * len(pictures)
     shared = read.item(found.dataset, "SharedFunctionalGroupsSequence")
     segments = []
     for frame in found.frames:
@@ -100,7 +101,7 @@ def _frames(found: read.Elements):
         if number is None or number < 1:
             raise damaged(found.path)
         segments.append(number)
-    return pictures, segments
+    return segments
 
 
 def _threshold(found: read.Elements) -> int:

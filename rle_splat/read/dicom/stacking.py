@@ -16,7 +16,7 @@ SAME_PLACE = 2e-3  # mm; positions closer than this are the same
 EVEN_MM, EVEN_FRACTION = 0.01, 0.01  # a slice may be this far from an even step, in mm and in steps
 OFF_LINE_MM = 0.1  # slices further from the straight line through the first and the last are no stack
 MOST_TIMES = 8  # a stack is resampled to at most this many times its slices
-FRACTIONS_OF_GAP = (1, 2, 3, 4)  # the step of a stack with missing slices: the smallest gap over one of these
+FRACTIONS_OF_GAP = (1, 2)  # the step of a stack with missing slices: the smallest gap over one of these
 UNIT_TOLERANCE = 1e-2  # direction cosines may be this far from orthonormal
 
 

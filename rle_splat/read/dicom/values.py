@@ -17,6 +17,12 @@ def stored_dtype(storage: Storage) -> np.dtype:
     return np.dtype(f"{'i' if storage.signed else 'u'}{bits // 8}")
 
 
+def common_dtype(pictures) -> np.dtype:
+    """Type that holds the stored voxels of all pictures."""
+    found = np.result_type(*{stored_dtype(picture.storage) for picture in pictures})
+    return np.dtype(np.float64) if found == np.int64 else found  # of signed and unsigned ones of 32 bits
+
+
 def stored_values(words: np.ndarray, bits: int, high: int, signed: bool, dtype: np.dtype) -> np.ndarray:
     """Stored voxels from allocated words: bits ``high - bits + 1`` to ``high``, the sign extended.
 
