@@ -11,14 +11,13 @@ from ..rle_splat.pipeline.quick_estimate import ClassifiedSheets, estimate_from_
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
-from ..rle_splat.volume.histogram import histogram
 from ..rle_splat.volume.orientation import short_orientation_text
 from ..rle_splat.volume.volume import PATIENT
 
 BINS = 256
 
 
-def write_facts(volume_object, volume) -> None:
+def write_facts(volume_object, volume, counted) -> None:
     """Store a volume's facts, remarks, value range, units and histogram on its object.
 
     Parameters
@@ -27,9 +26,10 @@ def write_facts(volume_object, volume) -> None:
         The volume object.
     volume : Volume
         Its voxels.
+    counted : Histogram
+        Of its values, with BINS bins.
     """
     properties = volume_object.rle_splat
-    counted = histogram(volume, BINS)
     low, high = volume.value_range
     properties.value_low, properties.value_high = low, high
     properties.value_unit = volume.value_unit or ""

@@ -78,7 +78,7 @@ def fill_volume(scene, owner, found: Found) -> None:
     source_paths.write_path(owner, "filepath", os.path.abspath(found.path), bpy.data.filepath)
     properties.data_key = volume.voxel_key
     properties.frame_count, properties.data_frame = found.frames, found.frame
-    write_facts(owner, volume)
+    write_facts(owner, volume, found.counted)
     properties.remarks = "\n".join(found.remarks)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
     volumes.keep_volume(owner, volume)

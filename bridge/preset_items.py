@@ -1,16 +1,23 @@
 """The transfer function presets as enum items, and the transfer function of an item."""
 
-from ..rle_splat.classify.default import default_transfer_function
-from ..rle_splat.classify.presets import PRESETS, fit_preset
+from ..rle_splat.classify.default import default_transfer_function_steps
+from ..rle_splat.classify.presets import PRESETS, fit_preset_steps
+from ..rle_splat.runtime.steps import drain, portion
 
 SUGGESTED = "AUTO"
+CHOOSING = "choosing a transfer function"
 IMPORT_ITEMS = [(SUGGESTED, "Suggested", "Choose from the values and the modality; the picture is never blank")] + [
     (row.name, row.label, row.description.capitalize()) for row in PRESETS.values()
 ]
 
 
 def chosen_transfer(item: str, volume):
-    """The transfer function of an enum item, in the values of a volume.
+    """``chosen_transfer_steps`` without the steps."""
+    return drain(chosen_transfer_steps(item, volume))
+
+
+def chosen_transfer_steps(item: str, volume):
+    """Generator of Progress: the transfer function of an enum item, in the values of a volume.
 
     Parameters
     ----------
@@ -27,5 +34,5 @@ def chosen_transfer(item: str, volume):
         Why it was chosen or how it was fitted, or "".
     """
     if item == SUGGESTED:
-        return default_transfer_function(volume)
-    return fit_preset(item, volume)
+        return (yield from portion(default_transfer_function_steps(volume), 0.0, 1.0, CHOOSING))
+    return (yield from portion(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING))

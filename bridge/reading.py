@@ -8,12 +8,16 @@ from dataclasses import dataclass
 from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.read.dicom.titles import thumbnail
 from ..rle_splat.read.sequence import sequence_of
-from ..rle_splat.runtime.steps import Progress
+from ..rle_splat.runtime.steps import Progress, part, portion
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
+from ..rle_splat.volume.histogram import Histogram, histogram_steps
 from ..rle_splat.volume.volume import Volume
 from . import volumes
+from .facts import BINS
 from .source_options import read_options
+
+MEASURING = 0.95  # share of the time until a volume is read
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,8 @@ class Found:
         The file or folder.
     volume : Volume
         One of the source's volumes.
+    counted : Histogram
+        Of its values.
     frame, frames : int
         Its number among them, from 1, and how many there are.
     remarks : tuple of str
@@ -34,9 +40,10 @@ class Found:
 
     path: str
     volume: Volume
-    frame: int = 1
-    frames: int = 1
-    remarks: tuple = ()
+    counted: Histogram
+    frame: int
+    frames: int
+    remarks: tuple
 
     @property
     def is_in_time(self) -> bool:
@@ -68,15 +75,16 @@ def found_steps(path: str, options):
                 f"{os.path.basename(path)} is not one of several files whose names differ in a number alone; switch "
                 "Sequence off, or choose one of the numbered files."
             )
-    volume = yield from volumes.file_steps(path, given)
+    volume = yield from part(volumes.file_steps(path, given), 0.0, MEASURING)
     check_values(volume)
+    counted = yield from portion(histogram_steps(volume, BINS), MEASURING, 1.0, "counting the values")
     if numbered is None:
-        return Found(path, volume, given.get("frame", 1), volume.frames, volume.remarks)
+        return Found(path, volume, counted, given.get("frame", 1), volume.frames, volume.remarks)
     remarks = volume.remarks
     if numbered.missing:
         frames = ", ".join(map(str, numbered.missing[:8])) + (" and others" if len(numbered.missing) > 8 else "")
         remarks += (f"Files of the sequence are missing: there is none for frame {frames} of {numbered.count}.",)
-    return Found(path, volume, numbered.frame_of(path), numbered.count, remarks)
+    return Found(path, volume, counted, numbered.frame_of(path), numbered.count, remarks)
 
 
 def thumbnail_steps(several: SeveralSeries):

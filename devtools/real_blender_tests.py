@@ -20,13 +20,14 @@ from .wheels import this_platform
 SHORT = "real_blender.py"
 WINDOW = "window.py"
 PANELS = "window_panels.py"
+IMPORT = "window_import.py"
 WHOLE = "whole_suite.py"
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
-SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, WHOLE: 1200}
+SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, WHOLE: 1200}
 SCENARIO_SECONDS = 600  # of one that is given
 
 USUAL_SCREEN = (1280, 800)
@@ -83,10 +84,11 @@ def _virtual_screen(blender: Blender, size: tuple[int, int]):
 
 
 def window_stages(zip_path: Path) -> list[Stage]:
-    """What only a window does (F12 off the main thread, work from a timer, Esc), and how panels are drawn."""
+    """What only a window does (F12 off the main thread, work from a timer, Esc), panels, and how files are read."""
     return [
         window_stage(zip_path, TESTS / WINDOW, "window", USUAL_SCREEN),
         window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
+        window_stage(zip_path, TESTS / IMPORT, "import", USUAL_SCREEN),
     ]
 
 

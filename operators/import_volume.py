@@ -8,12 +8,12 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProp
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge import facts, new_volume, source_options
-from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
+from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
-from ..rle_splat.runtime.steps import part
+from ..rle_splat.runtime.steps import Progress, part
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
 
@@ -22,6 +22,7 @@ LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix i
 # Without the suffixes of pictures and other files that Blender itself or other add-ons take when they are dropped.
 DROPPED_SUFFIXES = tuple(dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
+CHOOSING = 0.95  # share of the time until the transfer function is chosen
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
@@ -92,8 +93,10 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     def _one_steps(self, path: str, options):
         if os.path.isfile(path) and format_of(path) is RAW:
             yield from self._completed_steps(path, options)
-        found = yield from found_steps(path, options)
-        transfer_function, reason = chosen_transfer(self.preset, found.volume)
+        found = yield from part(found_steps(path, options), 0.0, CHOOSING)
+        transfer_function, reason = yield from part(
+            chosen_transfer_steps(self.preset, found.volume), CHOOSING, 1.0)
+        yield Progress(1.0, "adding the volume")  # in a slice of its own
         return found, options, transfer_function, reason
 
     def _completed_steps(self, path: str, options):
@@ -246,9 +249,6 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
 
     def paths(self) -> list[str]:
         return [os.path.normpath(bpy.path.abspath(self.directory))] if self.directory else []
-
-    def options_again(self) -> dict:
-        return {**super().options_again(), "directory": "", "files": []}
 
     def invoke(self, context, _event):
         source_options.clear(self)

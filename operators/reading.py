@@ -19,6 +19,7 @@ class ReadsFiles(StepwiseOperator):
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
     time_budget = READ_BUDGET
     out_of_memory = "There is not enough memory for this volume; crop or downsample it."
+    operator_again = "import_volume"  # name of the operator that ``options_again`` is for
     is_confirmed = False  # whether a dialog was shown, whose button calls ``execute``
 
     def execute(self, context):
@@ -49,5 +50,5 @@ class ReadsFiles(StepwiseOperator):
         elif problem.thumbnails is None:
             self.report({"ERROR"}, series.sentence(problem))
         else:
-            series.offer(problem, problem.thumbnails, self.bl_idname.partition(".")[2], self.options_again())
+            series.offer(problem, problem.thumbnails, self.operator_again, self.options_again())
             bpy.ops.rle_splat.choose_series("INVOKE_DEFAULT")

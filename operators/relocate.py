@@ -20,6 +20,8 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
     bl_idname = "rle_splat.relocate"
     bl_label = "Relocate Volume"
 
+    operator_again = "relocate"
+
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
     series: IntProperty(
         name="Series", description="Number of the series where a place holds several; 0 uses that of the import",

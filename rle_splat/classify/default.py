@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 
-from ..volume.histogram import Histogram, histogram, percentiles
+from ..runtime.steps import drain
+from ..volume.histogram import Histogram, histogram_steps, percentile_steps
 from ..volume.volume import Volume
-from .presets import fit_preset
+from .presets import fit_preset_steps
 from .transfer_function import Shade, TransferFunction
 
 BONE_HU = 270.0  # the preset ct-bone shows values from here on
@@ -56,13 +57,18 @@ def default_transfer_function(volume: Volume) -> tuple[TransferFunction, str]:
     reason : str
         One sentence that explains the choice.
     """
-    spread = _spread(volume)
+    return drain(default_transfer_function_steps(volume))
+
+
+def default_transfer_function_steps(volume: Volume):
+    """Generator of fractions done, of each look at the voxels: ``default_transfer_function``."""
+    spread = yield from _spread_steps(volume)
     if spread.counts.sum() == 0:
         return _ramp(0.0, 1.0), "The volume holds no finite value; there is nothing to show."
     if volume.value_unit == "signed distance":
         return _inside(volume), "The values are signed distances, so the inside of the surface is shown."
     for name, reason in _proposals(volume, spread):
-        function, _ = fit_preset(name, volume)
+        function, _ = yield from fit_preset_steps(name, volume)
         if VISIBLE_SHARE <= _shown_share(function, spread) <= CROWDED_SHARE:
             return function, f"The preset {name} was chosen because {reason}."
     return _from_histogram(volume, spread)
@@ -99,15 +105,15 @@ def _words(name: str) -> list[str]:
     return found
 
 
-def _spread(volume: Volume) -> Histogram:
-    """A fine histogram over the range of the values without outliers."""
+def _spread_steps(volume: Volume):
+    """Generator of fractions done: a fine histogram over the range of the values without outliers."""
     low, high = volume.value_range
-    near, middle, far = (float(p) for p in percentiles(volume, (0.1, 50.0, 99.9)))
+    near, middle, far = (float(p) for p in (yield from percentile_steps(volume, (0.1, 50.0, 99.9))))
     reach = OUTLIER_FACTOR * (far - near)
     if reach > 0.0:
         low = near if middle - low > reach else low
         high = far if high - middle > reach else high
-    return histogram(volume, BINS, (low, high))
+    return (yield from histogram_steps(volume, BINS, (low, high)))
 
 
 def _shown_share(function: TransferFunction, spread: Histogram) -> float:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..runtime.steps import drain
 from ..scene import RleSplatError
-from ..volume.histogram import percentiles
+from ..volume.histogram import percentile_steps
 from ..volume.volume import Volume
 from .transfer_function import TransferFunction
 
@@ -86,13 +87,13 @@ def preset(name: str) -> TransferFunction:
     return TransferFunction.from_json(PRESETS[name].path)
 
 
-def typical_range(volume: Volume) -> tuple[float, float]:
-    """Range of typical values of a volume, (low, high), physical.
+def _typical_range_steps(volume: Volume):
+    """Generator of fractions done: the range of typical values of a volume, (low, high), physical.
 
     This is the 1st to 99.9th percentile; if they coincide, the whole range; for a constant volume, the unit interval
     below its value, so that the upper end of a transfer function applies to it.
     """
-    low, high = (float(p) for p in percentiles(volume, FIT_PERCENTS))
+    low, high = (float(p) for p in (yield from percentile_steps(volume, FIT_PERCENTS)))
     if low == high:
         low, high = volume.value_range
     if low == high:
@@ -119,10 +120,15 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     remark : str or None
         A sentence if the points were moved.
     """
+    return drain(fit_preset_steps(name, volume))
+
+
+def fit_preset_steps(name: str, volume: Volume):
+    """Generator of fractions done: ``fit_preset``."""
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None
-    low, high = typical_range(volume)
+    low, high = yield from _typical_range_steps(volume)
     first, last = function.span
     meant = f"in {function.unit}, unlike the volume's values" if function.unit else "relative"
     remark = (

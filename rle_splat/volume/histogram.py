@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..runtime.steps import drain
 from ..scene import RleSplatError
 from .counts import counts_values, stored_values
 from .volume import LARGEST_VALUE, Volume
@@ -74,6 +75,11 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
     Bins of integer volumes are a whole number of stored steps wide and centered on stored values, so that no bin is
     empty only because it lies between two values. There may be fewer than ``bins``.
     """
+    return drain(histogram_steps(volume, bins, limits))
+
+
+def histogram_steps(volume: Volume, bins: int = 256, limits: tuple[float, float] | None = None):
+    """Generator of fractions done: ``histogram``."""
     if bins < 1:
         raise RleSplatError(f"A histogram needs at least one bin, not {bins}.")
     low, high = volume.value_range if limits is None else (float(limits[0]), float(limits[1]))
@@ -90,7 +96,8 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
         return _from_counts(volume, edges)
     counts = np.zeros(edges.size - 1, dtype=np.int64)
     below = above = not_finite = 0
-    for stored in volume.voxels:
+    for z, stored in enumerate(volume.voxels):
+        yield z / len(volume.voxels)
         values = volume.physical(stored).ravel()
         finite = np.isfinite(values)
         if not finite.all():
@@ -144,13 +151,18 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
     The q-th percentile is the smallest value that at least q % of the finite voxels do not exceed (numpy's
     "inverted_cdf"). It is found by radix selection, with one pass over the volume for every 16 bits of a voxel.
     """
+    return drain(percentile_steps(volume, percents))
+
+
+def percentile_steps(volume: Volume, percents=(1.0, 99.9)):
+    """Generator of fractions done: ``percentiles``."""
     percents = np.atleast_1d(np.asarray(percents, dtype=np.float64))
     if not ((percents >= 0.0) & (percents <= 100.0)).all():
         raise RleSplatError("Percentiles must be numbers from 0 to 100.")
     if counts_values(volume.voxels.dtype):
         total, first_counts = volume.voxels.size, volume.value_counts[None]
     else:
-        total, first_counts = _digit_counts(volume, {0: 0}, 0)
+        total, first_counts = yield from _digit_count_steps(volume, {0: 0}, 0)
     if total == 0:
         return np.zeros(percents.size)
     if volume.slope < 0.0:  # the physical order is the reverse of the stored order
@@ -160,7 +172,7 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
     prefixes, ranks = _descend(np.zeros(percents.size, dtype=np.uint64), ranks, first_counts, {0: 0})
     for digit in range(1, _digits(volume.voxels.dtype)):
         slots = {int(p): s for s, p in enumerate(np.unique(prefixes))}
-        _, counts = _digit_counts(volume, slots, digit)
+        _, counts = yield from _digit_count_steps(volume, slots, digit)
         prefixes, ranks = _descend(prefixes, ranks, counts, slots)
     with np.errstate(over="ignore"):
         values = volume.physical(_from_keys(prefixes, volume.voxels.dtype))
@@ -183,13 +195,17 @@ def _descend(prefixes, ranks, counts, slots):
     return longer, left
 
 
-def _digit_counts(volume: Volume, slots: dict, digit: int):
-    """Number of finite voxels, and how often each 16-bit digit follows each prefix in ``slots`` (prefix -> row)."""
+def _digit_count_steps(volume: Volume, slots: dict, digit: int):
+    """Generator of fractions done: (number of finite voxels, counts of each 16-bit digit after each prefix).
+
+    ``slots``: prefix -> row of the counts.
+    """
     bits = max(DIGIT_BITS, volume.voxels.dtype.itemsize * 8)
     shift = bits - DIGIT_BITS * (digit + 1)
     counts = np.zeros((len(slots), 1 << DIGIT_BITS), dtype=np.int64)
     total = 0
-    for plane in volume.voxels:
+    for z, plane in enumerate(volume.voxels):
+        yield (digit + z / len(volume.voxels)) / _digits(volume.voxels.dtype)
         keys = _keys(plane)
         total += keys.size
         if digit == 0:

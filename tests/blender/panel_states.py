@@ -173,6 +173,18 @@ def composited(folder):
     assert bpy.context.scene.rle_splat.use_composite
 
 
+def in_time(folder):
+    """A volume of several frames, of which a keyframe chooses one."""
+    owner = add_volume(folder)
+    owner.rle_splat.frame_count, owner.rle_splat.playback, owner.rle_splat.frame = 12, "FIXED", 3
+    owner.keyframe_insert("rle_splat.frame", frame=1)
+
+
+def in_time_looped(folder):
+    in_time(folder)
+    bpy.context.view_layer.objects.active.rle_splat.playback = "LOOP"
+
+
 def preparing(folder):
     """Kernels are compiled by another process; until ``kernel_preparation.end`` is called."""
     add_volume(folder)
@@ -184,5 +196,5 @@ STATES = {
     state.__name__: state for state in (
         empty, one, many_with_none_selected, linked, overridden, deleted, other_objects_deleted, without_transfer,
         shared_transfer, labels, channels, clip_objects, measured, effects_listed, message, paper, custom, composited,
-        preparing)
+        in_time, in_time_looped, preparing)
 }

@@ -145,10 +145,10 @@ def test_a_picture_of_another_frame_is_out_of_date(owner, bridge):
     bpy.ops.rle_splat.render_image()
     assert not freshness.out_of_date(scene)
     scene.frame_set(2)
-    freshness.judge(scene, bpy.context.evaluated_depsgraph_get())
+    freshness.update_status(scene, bpy.context.evaluated_depsgraph_get())
     assert freshness.out_of_date(scene) == [scene.rle_splat.image]
     scene.frame_set(1)
-    freshness.judge(scene, bpy.context.evaluated_depsgraph_get())
+    freshness.update_status(scene, bpy.context.evaluated_depsgraph_get())
     assert not freshness.out_of_date(scene)
 
 

@@ -105,7 +105,7 @@ def test_what_the_chooser_shows(study, bridge, core):
 
 def test_a_folder_without_images_is_refused(tmp_path, refused):
     (tmp_path / "notes.txt").write_text("no image")
-    sentence = f"{tmp_path.name} is a folder without medical images, with 1 other file; choose"
+    sentence = f"{tmp_path.name} holds no medical images, only 1 other file; choose"
     refused(bpy.ops.rle_splat.import_folder, sentence, directory=str(tmp_path))
     refused(bpy.ops.rle_splat.import_folder, "no folder", directory="")
 
