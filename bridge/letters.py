@@ -64,12 +64,28 @@ def _draw() -> None:
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
     blf.color(FONT, *color, 1.0)
     for owner in shown:
-        for letter, point in placed_letters(owner):
-            place = location_3d_to_region_2d(context.region, context.region_data, Vector(point))
-            if place is not None:
-                width, height = blf.dimensions(FONT, letter)
-                blf.position(FONT, place.x - 0.5 * width, place.y - 0.5 * height, 0.0)
-                blf.draw(FONT, letter)
+        for letter, place in _on_screen(placed_letters(owner), context.region, context.region_data):
+            width, height = blf.dimensions(FONT, letter)
+            blf.position(FONT, place.x - 0.5 * width, place.y - 0.5 * height, 0.0)
+            blf.draw(FONT, letter)
+
+
+def _on_screen(placed: list, region, view) -> list:
+    """(letter, Vector in pixels) of the letters to draw.
+
+    Of two opposite letters that would cover one another, because the view looks along their axis, only the nearer one
+    is drawn: in Front View P and A would together look like R.
+    """
+    found = []
+    size = SIZE * bpy.context.preferences.system.ui_scale
+    for pair in zip(placed[::2], placed[1::2]):
+        points = [Vector(point) for _, point in pair]
+        places = [location_3d_to_region_2d(region, view, point) for point in points]
+        if None not in places and (places[0] - places[1]).length < size:
+            far = 0 if (view.view_matrix @ points[0]).z < (view.view_matrix @ points[1]).z else 1
+            places[far] = None
+        found += [(letter, place) for (letter, _), place in zip(pair, places) if place is not None]
+    return found
 
 
 def register():

@@ -114,6 +114,47 @@ def check_dialog():
     assert len(slices) > 3 and max(slices) < LONGEST
 
 
+def confirm_browser(folder, name=""):
+    """Choose a file or a folder in the file browser that an operator has opened, and press its button."""
+
+    def browsers():
+        return [(one, area) for one in bpy.context.window_manager.windows for area in one.screen.areas
+                if area.type == "FILE_BROWSER"]
+
+    yield from until(lambda: browsers() and browsers()[0][1].spaces.active.params)
+    where, area = browsers()[0]
+    params = area.spaces.active.params
+    params.directory = str(folder).encode()
+    if name:
+        params.filename = name
+    yield
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    with bpy.context.temp_override(window=where, area=area, region=region):
+        bpy.ops.file.execute()
+    yield
+
+
+def check_browser():
+    """What is chosen in the file browser is read in steps too: a file, a folder, and the new place of a volume."""
+    yield from new_file()
+    slices.clear()
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT")
+    yield from confirm_browser(FOLDER, large_file().name)
+    yield from until(volumes, seconds=30.0)
+    assert len(slices) > 3 and max(slices) < LONGEST
+    slices.clear()
+    with in_the_view():
+        bpy.ops.rle_splat.relocate("INVOKE_DEFAULT")
+    yield from confirm_browser(FOLDER, large_file().name)
+    yield from until(lambda: len(slices) > 3)
+    yield from until(lambda: not jobs()._running)
+    with in_the_view():
+        bpy.ops.rle_splat.import_folder("INVOKE_DEFAULT")
+    yield from confirm_browser(FOLDER / "study" / "2")
+    yield from until(lambda: len(volumes()) == 2)
+
+
 def write_series(folder: Path, number: int, count: int) -> None:
     """DICOM files of a series, each a disc that grows."""
     from pydicom.dataset import Dataset, FileMetaDataset
@@ -202,7 +243,7 @@ def check_reload():
 def scenario():
     watch_slices()
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
-    for check in (check_steps, check_escape, check_dialog, check_chooser, check_playback, check_reload):
+    for check in (check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback, check_reload):
         yield from check()
         passed(check.__name__)
 
