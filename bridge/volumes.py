@@ -1,11 +1,14 @@
 """Volume objects and their voxels.
 
 Voxels stay outside the .blend.  They are read when first needed and cached in memory.  The key of the cache is the
-file, its size, its modification time and the options, the frame among them.  Of the frames of a volume object, the
-last one that was asked for is cached, and one that was read ahead.  No reference to a Blender datablock is stored.
+file, its size, its modification time (of a folder, those of its files) and the options, the frame among them.  Of the
+frames of a volume object, the last one that was asked for is cached, and one that was read ahead.  No reference to a
+Blender datablock is stored.
 """
 
 import os
+import stat
+import time
 from dataclasses import dataclass
 
 import bpy
@@ -19,10 +22,12 @@ from .playback import shown_frame
 from .source_options import read_options
 from .source_paths import resolved_path
 
+FRESH = 1.0  # seconds
 READING = 0.9  # share of the time until a file is read; the rest is for measuring its values
 
 _kept: dict = {}  # source key -> Volume
 _in_use: dict = {}  # session id of a volume object -> the source key that it asked for last
+_folders: dict = {}  # path of a folder -> (time when it was looked at, its state)
 _ahead: list = []  # the source key that was read ahead, if any
 
 
@@ -115,12 +120,29 @@ def source_of(owner, frame: int) -> Source:
             options.pop("frame", None)
         elif properties.frame_count > 1:
             options["frame"] = frame
-        status = os.stat(path)
+        state = _state_of(path)
     except OSError:
         raise RleSplatError(
             f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
         ) from None
-    return Source(path, options, (path, status.st_size, status.st_mtime_ns, tuple(sorted(options.items()))))
+    return Source(path, options, (path, state, tuple(sorted(options.items()))))
+
+
+def _state_of(path: str) -> tuple:
+    """What changes when a file, or one in a folder, is written: sizes, times, and names.
+
+    Panels and handlers ask often, so that a folder is looked at once in FRESH seconds.
+    """
+    status = os.stat(path)
+    own = status.st_size, status.st_mtime_ns
+    if not stat.S_ISDIR(status.st_mode):
+        return own
+    now = time.monotonic()
+    if path not in _folders or now - _folders[path][0] > FRESH or _folders[path][1][0] != own:
+        with os.scandir(path) as entries:
+            inside = sorted((one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in entries)
+        _folders[path] = now, (own, hash(tuple(inside)))
+    return _folders[path][1]
 
 
 def file_of_frame(path: str, frame: int) -> str:
@@ -250,6 +272,7 @@ def forget_all() -> None:
     """Clear the cache."""
     _kept.clear()
     _in_use.clear()
+    _folders.clear()
     _ahead.clear()
 
 

@@ -238,3 +238,10 @@ def test_dialog_fills_in_a_guess_for_each_file_picked(tmp_path, addon):
     dialog.filepath = str(tmp_path / "two_5x4x3_int16_be_0.5x0.5x2.0.raw")
     assert check(dialog, None) and dialog.shape == (5, 4, 3)
     assert (dialog.dtype, dialog.byte_order, dialog.spacing) == ("int16", "big", (0.5, 0.5, 2.0))
+
+
+def test_a_volume_that_does_not_fit_is_refused_before_memory_is_taken(tmp_path, refused, core, monkeypatch):
+    path = tmp_path / "large_64x64x64_uint8.raw.gz"
+    path.write_bytes(gzip.compress(bytes(64**3)))
+    monkeypatch.setattr(core("runtime.memory"), "available_bytes", lambda: 1000)
+    refused(import_volume, "256.0 KiB of memory and 1000 bytes are free", filepath=str(path))

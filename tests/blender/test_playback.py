@@ -1,5 +1,7 @@
 """Volumes in time: which frame is shown, each rendered frame shows its own, and how many are kept in memory."""
 
+from importlib import import_module
+
 import bpy
 import numpy as np
 import pytest
@@ -208,3 +210,24 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     bridge("volumes").forget_all()
     assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "moved.nii.gz")) == {"FINISHED"}
     assert shown_at(bridge, owner, (2,)) == [2]
+
+
+def test_a_sequence_of_openvdb_files(tmp_path, bridge, addon):
+    bpy.utils.expose_bundled_modules()
+    import openvdb
+
+    for frame in (1, 2, 3):
+        grid = openvdb.FloatGrid()
+        grid.name = "density"
+        grid.copyFromArray(np.full((N, N, N + frame), 50.0 * frame, np.float32))
+        openvdb.write(str(tmp_path / f"smoke_{frame:04d}.vdb"), grids=[grid])
+        del grid
+    among = import_module(f"{addon.__name__}.operators.import_volume")._sequence_among
+    path = str(tmp_path / "smoke_0002.vdb")
+    assert among([path]) == ("3 frames from smoke_0001.vdb", True)  # what the dialog proposes
+    assert bpy.ops.rle_splat.import_volume(filepath=path, use_sequence=True) == {"FINISHED"}
+    owner = bpy.context.view_layer.objects.active
+    for frame in (1, 2, 3):
+        bpy.context.scene.frame_set(frame)
+        volume = bridge("volumes").load_volume(owner)
+        assert volume.shape_xyz == (N + 2, N + 2, N + frame + 2) and volume.voxels.max() == 50.0 * frame

@@ -123,3 +123,17 @@ def test_an_import_is_undone(study, bridge, core, name, options):
     assert active() is not None
     bpy.ops.ed.undo()
     assert not any(one.rle_splat.is_volume for one in bpy.data.objects)
+
+
+def test_a_slice_that_is_written_again_is_noticed(study, bridge, phantoms):
+    volumes = bridge("volumes")
+    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    path = sorted((study / "first").iterdir())[2]
+    content = phantoms.read(path)
+    content.PixelData = bytes(len(content.PixelData))
+    with open(path, "r+b") as stream:  # in place: the folder's own time stays
+        content.save_as(stream)
+    volumes._folders.clear()  # as a second later
+    warnings = []
+    volumes.load_volume(active(), warnings.append)
+    assert len(warnings) == 1 and "changed" in warnings[0]

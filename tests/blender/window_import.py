@@ -12,6 +12,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import drive, in_the_view, new_file, open_panels, passed, photograph, until, window
 
@@ -215,6 +216,30 @@ def check_playback():
         ours.load_volume(owner)
         yield from until(lambda: ours.is_at_hand(owner, ahead=1), seconds=5.0)
         assert len(ours._kept) == 2
+    yield from check_followed(ours, owner)
+
+
+def check_followed(ours, owner):
+    """A backdrop that follows waits for voxels that are not in memory, without keeping the window waiting."""
+    scene = bpy.context.scene
+    scenes.add_camera((0.03, 0.03, 1.0))
+    scene.rle_splat.backend, scene.rle_splat.quality = "numpy", "draft"
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    with in_the_view():
+        bpy.context.view_layer.objects.active = owner
+        scene.frame_set(1)
+        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    image = scene.camera.data.background_images[0].image
+    before = np.array(image.pixels[:])
+    ahead = import_module(f"{MODULE}.bridge.read_ahead")
+    asked = []
+    want = ahead.want
+    ahead.want = lambda *given: asked.append(want(*given)) or asked[-1]
+    ours.forget_all()
+    owner.rle_splat.frame_offset = 3
+    yield from until(lambda: not np.array_equal(np.array(image.pixels[:]), before), seconds=10.0)
+    assert asked[0] and ours.is_at_hand(owner) and scene.rle_splat.message == ""
+    ahead.want = want
 
 
 def check_reload():
@@ -222,10 +247,10 @@ def check_reload():
     yield from new_file()
     with in_the_view():
         bpy.ops.rle_splat.import_volume(filepath=str(large_file()))
-        bpy.ops.object.camera_add(location=(0.25, 0.25, 3.0))
+    scenes.add_camera((0.25, 0.25, 3.0))
     scene = bpy.context.scene
-    scene.camera, scene.rle_splat.backend = bpy.context.object, "numpy"
-    scene.rle_splat.quality, scene.render.resolution_x, scene.render.resolution_y = "draft", 16, 16
+    scene.rle_splat.backend, scene.rle_splat.quality = "numpy", "draft"
+    scene.render.resolution_x = scene.render.resolution_y = 16
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "saved.blend"))
     yield
