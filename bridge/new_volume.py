@@ -53,6 +53,8 @@ def add_volume(context, found: Found, options, transfer_function, at_cursor: boo
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) * scene_scale_of(context.scene, volume.unit)
         owner.location = [c - m for c, m in zip(context.scene.cursor.location, middle)]
     context.view_layer.update()  # otherwise the layer does not list the new object yet
+    if context.mode != "OBJECT":
+        return owner, remark  # the user has begun to edit another object meanwhile
     for other in context.view_layer.objects.selected[:]:
         other.select_set(False)
     if owner.name in context.view_layer.objects:  # False if the active collection is excluded from the layer

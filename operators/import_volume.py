@@ -23,8 +23,15 @@ LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix i
 DROPPED_SUFFIXES = tuple(dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
 CHOOSING = 0.95  # share of the time until the transfer function is chosen
+DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
+
+
+def _shared_format(paths):
+    """The format of all files, by their content; None if there are several formats, or no files."""
+    kinds = {format_of(path) if os.path.isfile(path) else None for path in paths}
+    return kinds.pop() if len(kinds) == 1 else None
 
 
 def _sequence_among(paths) -> tuple[str, bool]:
@@ -156,9 +163,13 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         return self.invoke_popup(context)
 
     def paths(self) -> list[str]:
-        """Absolute paths to import; of the files of a sequence, one."""
+        """Absolute paths to import: of files that are read together, such as those of a series, one path."""
         chosen = self.chosen_paths()
-        if not self.use_sequence or len(chosen) < 2:
+        if len(chosen) < 2:
+            return chosen
+        if _shared_format(chosen) is DICOM:
+            return list(dict.fromkeys(map(os.path.dirname, chosen)))
+        if not self.use_sequence and _shared_format(chosen) is not TIFF:
             return chosen
         first = {}
         for path in chosen:
@@ -175,9 +186,9 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         self.guessed_for, self.guess_text = "\n".join(paths), ""
         source_options.clear(self)
         self.sequence_text, self.use_sequence = _sequence_among(paths)
-        kind = format_of(path) if os.path.isfile(path) else None
+        kind = _shared_format(paths)
         self.format_name = kind.name if kind else ""
-        if kind is RAW:
+        if kind is RAW and path:
             try:
                 guess = guess_raw(path, limit=DIALOG_GUESS_LIMIT)
             except RleSplatError as problem:
@@ -194,7 +205,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         paths = self.chosen_paths()
         kind = self._kind(paths)
         if len(paths) > 1:
-            layout.label(text=f"{len(paths)} files; each layout is guessed")
+            together = {DICOM: "the series in their folder is read", TIFF: "numbered files are one stack"}
+            layout.label(text=f"{len(paths)} files; {together.get(kind, 'each layout is guessed')}")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:

@@ -137,3 +137,14 @@ def test_a_slice_that_is_written_again_is_noticed(study, bridge, phantoms):
     warnings = []
     volumes.load_volume(active(), warnings.append)
     assert len(warnings) == 1 and "changed" in warnings[0]
+
+
+def test_all_files_of_a_series_are_one_volume(study, refused):
+    """As when they are dropped together; of files of two series in one folder the list is shown."""
+    names = [{"name": path.name} for path in sorted((study / "second").iterdir())]
+    bpy.ops.rle_splat.import_volume(directory=str(study / "second"), files=names)
+    assert len([one for one in bpy.data.objects if one.rle_splat.is_volume]) == 1
+    for path in (study / "first").iterdir():
+        path.rename(study / "second" / f"first_{path.name}")
+    names = [{"name": path.name} for path in sorted((study / "second").iterdir())]
+    refused(bpy.ops.rle_splat.import_volume, "There are 2 series", directory=str(study / "second"), files=names)
