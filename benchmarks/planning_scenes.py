@@ -175,7 +175,7 @@ def _inside(volume: Volume, function: TransferFunction, size: int, share, toward
 MEASURED_SCANS = {
     "engine, outside": ("engine_256x256x110_uint8.raw.gz", {}, "ct-industrial", True, View(-30.0, 20.0, 320)),
     "bonsai, perspective": (
-        "bonsai_256x256x256_uint8.raw.gz", {}, "ct-plant", False, View(70.0, 15.0, 320, True, 1.1),
+        "bonsai_256x256x256_uint8.raw.gz", {}, "ct-botanical", False, View(70.0, 15.0, 320, True, 1.1),
     ),
     "MR head": (
         "mrbrain_256x256x99_uint8.raw.gz", dict(spacing=(1.0, 1.0, 2.0)), "mr-head", True, View(150.0, 10.0, 256),

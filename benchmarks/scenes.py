@@ -20,7 +20,7 @@ REAL = {
     "MRI head": ("mrbrain_256x256x99_uint8.raw.gz", dict(spacing=(1.0, 1.0, 2.0)), "mr-head"),
     "CT engine": ("engine_256x256x110_uint8.raw.gz", {}, "ct-industrial"),
     "X-ray foot": ("foot_256x256x256_uint8_fromjpeg.raw.gz", {}, "xa-limb"),
-    "CT bonsai": ("bonsai_256x256x256_uint8.raw.gz", {}, "ct-plant"),
+    "CT bonsai": ("bonsai_256x256x256_uint8.raw.gz", {}, "ct-botanical"),
 }
 
 

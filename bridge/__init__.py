@@ -4,11 +4,11 @@
 from . import paths
 
 # isort: split
-from . import handlers, kernel_preparation, preferences, previews, properties, source_paths
+from . import handlers, kernel_preparation, letters, preferences, previews, properties, source_paths
 
 __all__ = [
-    "handlers", "kernel_preparation", "paths", "preferences", "previews", "properties", "register", "source_paths",
-    "unregister",
+    "handlers", "kernel_preparation", "letters", "paths", "preferences", "previews", "properties", "register",
+    "source_paths", "unregister",
 ]
 
 
@@ -19,9 +19,11 @@ def register():
     source_paths.register()
     handlers.register()
     kernel_preparation.register()
+    letters.register()
 
 
 def unregister():
+    letters.unregister()
     kernel_preparation.unregister()
     handlers.unregister()
     source_paths.unregister()

@@ -12,6 +12,8 @@ from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
 from ..rle_splat.volume.histogram import histogram
+from ..rle_splat.volume.orientation import short_orientation_text
+from ..rle_splat.volume.volume import PATIENT
 
 BINS = 256
 
@@ -32,6 +34,7 @@ def write_facts(volume_object, volume) -> None:
     properties.value_low, properties.value_high = low, high
     properties.value_unit = volume.value_unit or ""
     properties.length_unit = volume.unit
+    properties.space = volume.space or ""
     properties.facts = "\n".join(fact_lines(volume, os.path.basename(properties.filepath.replace("\\", "/"))))
     properties.remarks = "\n".join(volume.remarks)
     properties.histogram = json.dumps({
@@ -67,6 +70,10 @@ def fact_lines(volume, file_name: str) -> list[str]:
         f"Values: {low:.6g} to {high:.6g}{value_unit}",
         f"In Memory: {memory_text(volume.voxels.nbytes)}",
     ]
+    if volume.space == PATIENT:
+        lines.insert(2, f"Orientation: {short_orientation_text(volume.affine)}")
+    if volume.frames > 1:
+        lines.insert(2, f"Frames: {volume.frames}")
     if volume.modality:
         lines.insert(1, f"Modality: {volume.modality}")
     return lines

@@ -11,7 +11,9 @@ import bpy
 import numpy as np
 
 from ..rle_splat.classify.label_styles import LabelStyle, labels_of
-from ..rle_splat.read.formats import format_of
+from ..rle_splat.read.formats import RAW, format_of
+from ..rle_splat.read.labels import read_label_steps
+from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import Labels, RleSplatError
 from . import volumes
 from .decimals import typed
@@ -24,7 +26,7 @@ FUNCTION_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function
 ]
 MOST_LABELS = 512  # a file with more different values is a scan, not a label map
 
-_kept: dict = {}  # (path, size, time, shape) of the last label file -> its Volume
+_kept: dict = {}  # (path, size, time, shape, affine, space) of the last label file -> its Volume
 
 
 def _evaluate_anew(row, _context):
@@ -55,20 +57,20 @@ class LabelProperties(bpy.types.PropertyGroup):
         )
 
 
-def load_labels(owner, shape_xyz):
+def load_labels(owner, volume):
     """The label map of a volume object, from memory or from its file.
 
     Parameters
     ----------
     owner : bpy.types.Object
         The volume object.
-    shape_xyz : tuple of int
-        Number of voxels of the volume along x, y and z; a raw label file is read with this shape.
+    volume : Volume
+        Its voxels; a raw label file is read with their shape.
 
     Returns
     -------
     Volume
-        The label map.
+        The label map on the grid of the volume.
 
     Raises
     ------
@@ -82,16 +84,15 @@ def load_labels(owner, shape_xyz):
         raise RleSplatError(
             f"The label file of {owner.name!r} is not at {path}; choose the file, or clear the field."
         ) from None
-    key = (path, status.st_size, status.st_mtime_ns, tuple(shape_xyz))
+    key = (path, status.st_size, status.st_mtime_ns, volume.shape_xyz, volume.affine.tobytes(), volume.space)
     if key not in _kept:
-        kind = format_of(path)
-        bare = kind is not None and "shape" in kind.options
         try:
-            found = volumes.read_file(path, {"shape": shape_xyz} if bare else {})
+            volumes.expose_modules()
+            found = drain(read_label_steps(path, volume))
         except RleSplatError as problem:
-            if not bare:
+            if format_of(path) is not RAW:
                 raise
-            grid = " x ".join(map(str, shape_xyz))
+            grid = " x ".join(map(str, volume.shape_xyz))
             raise RleSplatError(
                 f"{path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
             ) from problem
@@ -123,10 +124,10 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     if not owner.rle_splat.label_file or len(properties.labels) == 0:
         return None
     styles = [row.plain() for row in properties.labels]
-    return labels_of(load_labels(owner, volume.shape_xyz), styles, volume, transfer_function)
+    return labels_of(load_labels(owner, volume), styles, volume, transfer_function)
 
 
-def list_labels(owner, volume) -> tuple[int, int]:
+def list_labels(owner, volume) -> tuple[int, int, tuple]:
     """Update the list of labels from the label file; rows of labels already listed are kept.
 
     Parameters
@@ -142,13 +143,15 @@ def list_labels(owner, volume) -> tuple[int, int]:
         Number of labels in the file.
     further : int
         Number of rows that are not in the file but belong to the library of an override, which cannot remove them.
+    remarks : tuple of str
+        Sentences on how the label file was brought onto the volume's grid.
 
     Raises
     ------
     RleSplatError
         If the file is no label map on the volume's grid.
     """
-    found = load_labels(owner, volume.shape_xyz)
+    found = load_labels(owner, volume)
     Labels(found)  # checks for whole numbers
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
@@ -163,12 +166,15 @@ def list_labels(owner, volume) -> tuple[int, int]:
     known = [row.label for row in rows]
     unused = [index for index, label in enumerate(known) if label not in numbers]
     further = sum(not remove_row(rows, index) for index in reversed(unused))
-    for number in numbers:
-        if int(number) not in known:
+    named = {one.label: one for one in found.named_labels}
+    for number in map(int, numbers):
+        if number not in known:
             row = rows.add()
-            row.name, row.label = str(number), int(number)
-            row.label_name = "Background" if number == 0 else f"Label {number}"
-    return len(numbers), further
+            row.name, row.label = str(number), number
+            row.label_name = named[number].name if number in named else f"Label {number}" if number else "Background"
+            if number in named and named[number].color is not None:
+                row.use_color, row.color = True, named[number].color
+    return len(numbers), further, found.remarks
 
 
 def remove_row(rows, index: int) -> bool:

@@ -35,7 +35,7 @@ def add_volume(context, path: str, volume, options, transfer_function, at_cursor
     remark : str
         What of the transfer function could not be stored exactly, or "".
     """
-    name = os.path.basename(path).split(".")[0] or "Volume"
+    name = os.path.basename(os.path.normpath(path)).split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
     source_options.copy(options, properties)

@@ -114,6 +114,8 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
     facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
     remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
     histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
+    space: StringProperty(
+        name="Space", description="\"patient\" if the file says where the patient's left, front and head are")
     length_unit: StringProperty(name="Length Unit", description="Unit of length of the file", default="mm")
     value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)

@@ -43,6 +43,8 @@ class PlainOptions:
     intercept: float = 0.0
     value_unit: str = ""
     grid: str = ""
+    series: int = 0
+    frame: int = 0
     modality: str = "AUTO"
 
 
@@ -73,6 +75,12 @@ class SourceOptions:
     grid: StringProperty(
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
         "the grid density, or else the first grid of numbers")
+    series: IntProperty(
+        name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
+        min=0)
+    frame: IntProperty(
+        name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
+        "the first", default=0, min=0)
     modality: EnumProperty(name="Modality", description="Kind of scanner or simulation", items=MODALITY_ITEMS)
 
 
@@ -101,7 +109,7 @@ def read_options(source) -> dict:
     for name in ("dtype", "byte_order", "modality"):
         if getattr(source, name) != "AUTO":
             options[name] = getattr(source, name)
-    for name in ("grid", "value_unit"):
+    for name in ("grid", "value_unit", "series", "frame"):
         if getattr(source, name):
             options[name] = getattr(source, name)
     return options

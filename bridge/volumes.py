@@ -45,9 +45,14 @@ def volume_object(context):
     return None
 
 
-def read_file(path: str, options: dict):
-    """``read_volume`` with Blender's bundled OpenVDB module made importable."""
+def expose_modules() -> None:
+    """Make the modules that Blender bundles importable, such as OpenVDB and OpenImageIO, which readers use."""
     bpy.utils.expose_bundled_modules()
+
+
+def read_file(path: str, options: dict):
+    """``read_volume`` with Blender's bundled modules."""
+    expose_modules()
     return read_volume(path, **options)
 
 

@@ -44,8 +44,8 @@ def demo(volumes) -> int:
     version = any_bpy()
     jobs = []
     for path in map(Path, volumes):
-        if not path.is_file():
-            raise Failure(f"{path} is not a file; give volumes such as scan.raw.gz or smoke.vdb.")
+        if not path.exists():
+            raise Failure(f"There is no {path}; give volumes such as scan.nii.gz, scan.raw.gz or smoke.vdb.")
         jobs.append((re.sub(r"\W+", "_", path.name.split(".")[0]), path.resolve(), {}))
     if not jobs:
         path, facts = sample()

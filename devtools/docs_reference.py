@@ -95,8 +95,8 @@ def presets() -> str:
 def formats() -> str:
     """The volume formats that are read and written."""
     rows = [
-        (f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.description, "yes" if f.writer else "no",
-         ", ".join(f"`{o}`" for o in f.options))
+        (f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.description, "yes" if f.write_steps else "no",
+         ", ".join(f"`{o}`" for o in f.all_options))
         for f in FORMATS
     ]  # fmt: skip
     return _table(("format", "suffixes", "what is read", "written too", "options of `read_volume`"), rows)

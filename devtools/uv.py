@@ -27,9 +27,15 @@ UV = executable(TOOLS, "uv")
 HOME = os.path.expanduser("~")
 DOWNLOAD_SECONDS = 300  # for an interpreter of about 30 MB
 
+# The JPEG decoders ask for numpy 2, but their modules run with Blender's numpy 1.26 as well (compiled with numpy 2
+# headers, which serve both); dev.py test decodes with them there.
+BLENDERS_NUMPY = ("3.11", "--override", REQUIREMENTS / "blenders-numpy.override")
+
 # The lowest Python and further words of `uv pip compile` for a set; all others: 3.11, none.
 LOCKS = {
     "tools": ("3.9",),
+    "bpy-4.5": BLENDERS_NUMPY,
+    "bpy-5.0": BLENDERS_NUMPY,
     "bpy-5.2": ("3.13",),
     "wheels": ("3.11", "--no-deps"),
     "sample-data": ("3.11", "--no-deps"),

@@ -1,4 +1,4 @@
-"""The wheels that go into the extension: numba and llvmlite, complete for every platform and Python, unmodified.
+"""The wheels that go into the extension: numba and the readers of medical formats, for every platform and Python.
 
 pip downloads them, the one of .venvs/tools: uv installs packages, and has no command that keeps their wheels.
 """
@@ -39,8 +39,9 @@ def this_platform() -> str:
 
 
 def packages() -> dict[str, str]:
-    """Package -> pinned version, from requirements/wheels.txt."""
-    return dict(re.findall(r"^([\w.-]+)==([\w.]+)", WHEEL_PINS.read_text(), re.MULTILINE))
+    """Package -> pinned version, from requirements/wheels.txt; names as in the names of wheels."""
+    pins = re.findall(r"^([\w.-]+)==([\w.]+)", WHEEL_PINS.read_text(), re.MULTILINE)
+    return {name.replace("-", "_"): version for name, version in pins}
 
 
 def missing(names, platforms, pythons=PYTHONS) -> list[str]:
@@ -51,6 +52,8 @@ def missing(names, platforms, pythons=PYTHONS) -> list[str]:
     have = set()
     for name in names:
         package, version, python, _abi, tag = Path(name).name.removesuffix(".whl").split("-")
+        if tag == "any":  # no compiled code: one wheel for every Python and platform
+            have |= {(package, version, "cp" + p.replace(".", ""), where) for p in pythons for where in TAG_PATTERNS}
         have |= {(package, version, python, where) for where, tags in TAG_PATTERNS.items() if tags.search(tag)}
     return [
         f"{package} {version} for {where}, Python {python}"
@@ -72,8 +75,8 @@ def _download(where: str, python: str, folder: Path) -> None:
 
 
 def wheels_for(platforms, pythons=PYTHONS) -> list[Path]:
-    """The wheel files, downloaded into build/wheels/ where they are not there yet."""
-    chosen: list[Path] = []
+    """The wheel files, each name once, downloaded into build/wheels/ where they are not there yet."""
+    chosen: dict[str, Path] = {}
     for where in platforms:
         for python in pythons:
             folder = WHEELS / where / python
@@ -81,8 +84,8 @@ def wheels_for(platforms, pythons=PYTHONS) -> list[Path]:
             if missing(names, [where], [python]):
                 _download(where, python, folder)
             pinned = tuple(f"{package}-{version}-" for package, version in packages().items())
-            chosen += sorted(path for path in folder.glob("*.whl") if path.name.startswith(pinned))
-    gaps = missing([path.name for path in chosen], platforms, pythons)
+            chosen.update((path.name, path) for path in sorted(folder.glob("*.whl")) if path.name.startswith(pinned))
+    gaps = missing(chosen, platforms, pythons)
     if gaps:
         raise Failure(f"The set of wheels is incomplete: {'; '.join(gaps)}.")
-    return chosen
+    return list(chosen.values())

@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge import facts, new_volume, source_options, volumes
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
-from ..rle_splat.read.formats import FORMATS, format_of, suffixes
+from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
@@ -17,7 +17,9 @@ from .refusal import refuse
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
-RAW = FORMATS[0]
+# Without the suffixes of pictures and other files that Blender itself or other add-ons take when they are dropped.
+DROPPED_SUFFIXES = tuple(dict.fromkeys(
+    "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 28  # bytes unpacked to find a file's size while the dialog opens; about a second
 
@@ -82,13 +84,15 @@ class RLE_SPLAT_OT_import_volume(source_options.SourceOptions, bpy.types.Operato
         layout.use_property_split = True
         layout.use_property_decorate = False
         paths = self.paths()
-        kind = format_of(paths[0]) if paths else None
+        kind = format_named(paths[0]) if paths else None
         if len(paths) > 1:
             layout.label(text=f"{len(paths)} files; each layout is guessed")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
-            layout.prop(self, "grid")
+            for name in ("grid", "series", "frame", "spacing"):
+                if name in kind.options:
+                    layout.prop(self, name)
         layout.separator()
         layout.prop(self, "modality")
         layout.prop(self, "value_unit")
@@ -170,7 +174,7 @@ class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
     bl_idname = "RLE_SPLAT_FH_volume"
     bl_label = "Volume (RLE Splat)"
     bl_import_operator = "rle_splat.import_volume"
-    bl_file_extensions = ";".join(LAST_SUFFIXES)
+    bl_file_extensions = ";".join(DROPPED_SUFFIXES)
 
     @classmethod
     def poll_drop(cls, context):
@@ -178,7 +182,7 @@ class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
 
 
 def draw_menu_entry(menu, _context):
-    names = "/".join(LAST_SUFFIXES)
+    names = ", ".join(entry.name for entry in FORMATS)
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=f"Volume (RLE Splat) ({names})")
 
 

@@ -26,9 +26,11 @@ class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
     def execute(self, context):
         owner = volumes.volume_object(context)
         try:
-            count, further = labels.list_labels(owner, volumes.load_volume(owner))
+            count, further, remarks = labels.list_labels(owner, volumes.load_volume(owner))
         except RleSplatError as problem:
             return refuse(self, problem)
+        for remark in remarks:
+            self.report({"INFO"}, remark)
         self.report({"INFO"}, f"{count} labels" + (
             f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))
         return {"FINISHED"}

@@ -20,14 +20,20 @@ OUTLIER_FACTOR = 1000.0  # a value this many times the spread of the bulk away f
 BINS = 1024
 
 PRESET_OF_MODALITY = {"CT": "ct-bone", "MR": "mr-head", "XA": "xa-limb", "SMOKE": "smoke"}
-# Words in file names, as scanners and archives use them.
+# Words in file names and in names of body parts, as scanners and archives use them.
 PRESET_OF_WORD = {
-    "ct": "ct-bone", "cbct": "ct-bone", "cthead": "ct-bone", "cta": "ct-angiography",
-    "mr": "mr-head", "mri": "mr-head", "mrhead": "mr-head", "mrbrain": "mr-head", "t1": "mr-head", "t1w": "mr-head",
-    "t2": "mr-head", "t2w": "mr-head", "flair": "mr-brain", "brain": "mr-brain", "mni152": "mr-brain",
-    "mra": "mr-angiography", "tof": "mr-angiography",
-    "smoke": "smoke", "fog": "smoke", "cloud": "smoke", "fire": "smoke", "bonsai": "ct-plant", "plant": "ct-plant",
+    "ct": "ct-bone", "cbct": "ct-bone", "cta": "ct-angiography",
+    "mr": "mr-head", "mri": "mr-head", "t1": "mr-head", "t1w": "mr-head", "t2": "mr-head", "t2w": "mr-head",
+    "flair": "mr-brain", "brain": "mr-brain", "mni152": "mr-brain", "mra": "mr-angiography", "tof": "mr-angiography",
+    "smoke": "smoke", "fog": "smoke", "cloud": "smoke", "fire": "smoke",
 }  # fmt: skip
+# Modality, where the file states it -> words that ask for another preset than its usual one.
+PRESET_OF_PART = {
+    "CT": {"lung": "ct-lung", "lungs": "ct-lung", "cta": "ct-angiography", "angio": "ct-angiography"},
+    "MR": {"mra": "mr-angiography", "tof": "mr-angiography", "angio": "mr-angiography", "flair": "mr-brain"},
+}
+# A word made of a modality and a body part, such as "cthead", counts as two.
+JOINED = re.compile(r"(ct|cbct|mr|mri)(head|brain|skull|neck|spine|chest|thorax|lung|heart|abdomen|pelvis|knee|foot)")
 
 # Dark red over salmon and ivory to white, by position between the first visible value (0) and the last (1).
 WARM = ((0.0, 0.42, 0.16, 0.10), (0.3, 0.70, 0.36, 0.24), (0.65, 0.87, 0.72, 0.54), (1.0, 0.96, 0.93, 0.88))
@@ -64,16 +70,33 @@ def default_transfer_function(volume: Volume) -> tuple[TransferFunction, str]:
 
 def _proposals(volume: Volume, spread: Histogram):
     """Yield (preset, reason) pairs, the most reliable first."""
+    words = _words(volume.name)
+    for word in words:
+        part = PRESET_OF_PART.get(volume.modality, {}).get(word)
+        if part is not None:
+            yield part, f"the modality is {volume.modality} and the name of the volume contains {word}"
     if volume.value_unit == "HU":
         bone = spread.counts[spread.centers >= BONE_HU].sum() + spread.above
         if bone >= BONE_SHARE * spread.total:
             yield "ct-bone", "the values are Hounsfield units and include bone"
-        yield "ct-soft-tissue", "the values are Hounsfield units and include little bone"
-    words = [word for word in re.split(r"[^a-z0-9]+", volume.name.lower()) if word in PRESET_OF_WORD]
-    for word in words:
-        yield PRESET_OF_WORD[word], f"the name of the volume contains {word}"
+        # Before ct-soft-tissue, which shows fat and with it the table and the cushions around the patient.
+        yield "ct-muscle", "the values are Hounsfield units and include little bone"
+        yield "ct-soft-tissue", "the values are Hounsfield units and include little but fat"
     if volume.modality in PRESET_OF_MODALITY:
         yield PRESET_OF_MODALITY[volume.modality], f"the modality of the volume is {volume.modality}"
+        return
+    for word in words:
+        if word in PRESET_OF_WORD:
+            yield PRESET_OF_WORD[word], f"the name of the volume contains {word}"
+
+
+def _words(name: str) -> list[str]:
+    """The words of a name in lower case; a modality and a body part in one word are two."""
+    found = []
+    for word in re.split(r"[^a-z0-9]+", name.lower()):
+        joined = JOINED.fullmatch(word)
+        found += joined.groups() if joined else (word,)
+    return found
 
 
 def _spread(volume: Volume) -> Histogram:

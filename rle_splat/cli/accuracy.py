@@ -22,8 +22,8 @@ from .options import (
     add_volume_argument,
     quality_from,
     quality_remarks,
+    read_input,
     scene_inputs,
-    volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
@@ -75,11 +75,9 @@ def run(args) -> None:
     from ..accuracy.planner.measure_plans import TOLERANCES, sweep_steps
     from ..accuracy.planner.plans import sensible_plans
     from ..accuracy.planner.table import table_lines
-    from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:
-        line.show(0.0, f"reading {Path(args.volume).name}")
-        volume = read_volume(args.volume, **volume_options(args))
+        volume = read_input(args, line)
         check_values(volume)
         function, reason = choose_transfer_function(args, volume, given_function)
         scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)

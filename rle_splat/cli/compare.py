@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from time import perf_counter
 
 from ..scene import RleSplatError
@@ -15,8 +14,8 @@ from .options import (
     add_size_option,
     add_volume_argument,
     quality_from,
+    read_input,
     scene_inputs,
-    volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
@@ -54,13 +53,11 @@ def run(args) -> None:
     lights, headlight = read_lights(args)
     from ..comparison.compare import compare_steps, table_lines
     from ..comparison.table import system_of
-    from ..read.formats import read_volume
 
     for name in args.system or ():
         system_of(name)
     with ProgressLine(args.progress) as line:
-        line.show(0.0, f"reading {Path(args.volume).name}")
-        volume = read_volume(args.volume, **volume_options(args))
+        volume = read_input(args, line)
         check_values(volume)
         function, reason = choose_transfer_function(args, volume, given_function)
         scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)

@@ -6,10 +6,7 @@ from pathlib import Path
 from shlex import quote
 from time import perf_counter
 
-import numpy as np
-
-from ..read.formats import format_of, read_volume, suffixes, write_volume
-from ..read.vdb import rounded_on_writing
+from ..read.formats import format_named, read_steps, suffixes, write_steps
 from ..runtime.memory import bytes_text
 from ..scene import RleSplatError
 from .options import add_report_options, add_volume_argument, add_volume_options, volume_options
@@ -26,19 +23,17 @@ def add_arguments(parser) -> None:
 
 
 def run(args) -> None:
-    target = format_of(args.output)
-    if target is None or target.writer is None:
+    target = format_named(args.output)
+    if target is None or target.write_steps is None:
         raise RleSplatError(
             f"{args.output} has no suffix of a format that can be written; use {', '.join(suffixes(writable=True))}."
         )
     check_outputs([args.output, *([args.json] if args.json else [])], inputs=(args.volume,))
     start = perf_counter()
     with ProgressLine(args.progress) as line:
-        line.show(None, f"reading {Path(args.volume).name}")
-        volume = read_volume(args.volume, **volume_options(args))
-        line.show(None, f"writing {Path(args.output).name}")
-        options = write_volume(volume, args.output)
-    lost = _lost(volume, options)
+        volume = line.follow(read_steps(args.volume, **volume_options(args)))
+        options = line.follow(write_steps(volume, args.output))
+    lost = target.lost(volume)
     report = {
         "command": "convert",
         "input": {"path": str(args.volume), "remarks": list(volume.remarks)},
@@ -58,25 +53,6 @@ def run(args) -> None:
         print(sentence)
     if options:
         print(f"Read it back with: {_as_words(options)}")
-
-
-def _lost(volume, options: dict) -> list[str]:
-    """Sentences on what the new file does not store; ``options``: those needed to read it back."""
-    lost = []
-    if "shape" in options:
-        lost.append("A raw file holds only voxels; give shape, type, spacing and scaling again when you read it.")
-        if not np.allclose(volume.affine, np.diag((*volume.spacing, 1.0))):
-            lost.append("The rotation, mirroring or offset of the affine is lost; only the spacing can be given again.")
-        return lost
-    lost.append("Voxels with the background value are not stored, so the volume that is read back may be smaller.")
-    if volume.slope != 1.0 or volume.intercept != 0.0:
-        lost.append("Physical values were written; the stored values, slope and intercept are lost.")
-    if volume.voxels.dtype.kind != "f":
-        lost.append(f"The type {volume.voxels.dtype.name} is lost; a floating-point grid was written.")
-    rounded = rounded_on_writing(volume)
-    if rounded:
-        lost.append(rounded)
-    return lost
 
 
 def _as_words(options: dict) -> str:

@@ -18,8 +18,8 @@ from .options import (
     add_scene_options,
     add_volume_argument,
     encoding_quality,
+    read_input,
     scene_inputs,
-    volume_options,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
@@ -54,12 +54,10 @@ def run(args) -> None:
     lights, headlight = read_lights(args)
     from ..encode.store import save
     from ..pipeline.encode_scene import encode_scene_steps
-    from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:
-        line.show(0.0, f"reading {Path(args.volume).name}")
         began = perf_counter()
-        volume = read_volume(args.volume, **volume_options(args))
+        volume = read_input(args, line)
         read_ms = 1e3 * (perf_counter() - began)
         check_values(volume)
         function, reason = choose_transfer_function(args, volume, given_function)

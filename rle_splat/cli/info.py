@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +11,8 @@ from ..pipeline.quick_estimate import estimate, likely_sides
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
+from ..volume.orientation import axis_letters, orientation_text
+from ..volume.volume import PATIENT
 from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
     DEFAULT_SIZE,
@@ -19,7 +20,7 @@ from .options import (
     add_transfer_function_options,
     add_volume_argument,
     add_volume_options,
-    volume_options,
+    read_input,
 )
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
@@ -44,12 +45,10 @@ def add_arguments(parser) -> None:
 def run(args) -> None:
     outputs = [args.json] if args.json else []
     check_outputs(outputs, inputs=(args.volume, args.transfer_function))
-    from ..read.formats import read_volume
 
     with ProgressLine(args.progress) as line:
         given_function = read_transfer_function(args)
-        line.show(None, f"reading {Path(args.volume).name}")
-        volume = read_volume(args.volume, **volume_options(args))
+        volume = read_input(args, line)
         line.show(None, "counting values")
         choice = choose_transfer_function(args, volume, given_function)
         line.show(None, "counting visible voxels")
@@ -90,6 +89,11 @@ def describe(volume, choice) -> dict:
         "spacing": volume.spacing,
         "affine": volume.affine,
         "unit": volume.unit,
+        "space": volume.space,
+        "orientation": orientation_text(volume.affine) if volume.space == PATIENT else None,
+        "axis_letters": axis_letters(volume.affine) if volume.space == PATIENT else None,
+        "frames": volume.frames,
+        "labels": [{"label": one.label, "name": one.name, "color": one.color} for one in volume.named_labels],
         "extent": (np.array(volume.shape_xyz) - 1) * volume.spacing,
         "slope": volume.slope,
         "intercept": volume.intercept,
@@ -146,6 +150,7 @@ def text_lines(report: dict) -> list[str]:
         ("type", f"{report['type']}, {bytes_text(memory['voxels'])}"),
         ("spacing", f"{_times(report['spacing'])} {report['unit']}"),
         ("extent", f"{_times(report['extent'])} {report['unit']} between the outermost voxel centers"),
+        ("orientation", report["orientation"] or "not stated"),
         ("modality", report["modality"] or "not known"),
         ("values", f"{number_text(report['range'][0])} to {number_text(report['range'][1])} ({unit})"),
         ("scaling", f"value = {number_text(report['slope'])} * stored + {number_text(report['intercept'])}"),
@@ -156,6 +161,10 @@ def text_lines(report: dict) -> list[str]:
         ("", f"{bytes_text(memory['voxels'])} of it are the voxels"),
         ("", f"{_records_text(report['records'])}; {bytes_text(memory['available'])} are free"),
     ]
+    if report["frames"] > 1:
+        facts.insert(1, ("frames", f"{report['frames']}; --frame chooses one"))
+    if report["labels"]:
+        facts.append(("labels", ", ".join(f"{one['label']} {one['name']}" for one in report["labels"])))
     lines = [str(report["input"])]
     lines += [f"  {name:<12}{text}" for name, text in facts]
     lines += [f"  {'affine' if row == 0 else '':<12}{_row(values)}" for row, values in enumerate(report["affine"])]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
-from ..classify.label_styles import labels_of, read_label_styles
+from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
 from ..classify.transfer_function import TransferFunction
+from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
 from ..scene import Channel, RleSplatError, Scene
 
 
@@ -13,11 +15,12 @@ def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
     group = parser.add_argument_group(
         "labels and channels", "further volumes on the same grid; they are rendered pre-classified")
-    group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers")
+    group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
     group.add_argument(
         "--label-functions", metavar="FILE.json",
         help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
-        "transfer_function}",
+        "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
+        "the label file",
     )
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
@@ -44,8 +47,8 @@ def read_mixing(args) -> tuple[tuple, tuple]:
 
     Returns
     -------
-    styles : tuple of LabelStyle
-        The appearance of the labels.
+    styles : tuple of LabelStyle or None
+        The appearance of the labels; None for that which the label file names.
     functions : tuple of TransferFunction
         The transfer functions of the channels.
 
@@ -54,18 +57,33 @@ def read_mixing(args) -> tuple[tuple, tuple]:
     RleSplatError
         If an option is missing its counterpart, or a file is bad.
     """
-    if (args.labels is None) != (args.label_functions is None):
-        raise RleSplatError("--labels and --label-functions need each other; give both.")
+    if args.labels is None and args.label_functions is not None:
+        raise RleSplatError("--label-functions needs --labels; give both.")
     if len(args.channel) != len(args.channel_function):
         raise RleSplatError(
             f"There are {len(args.channel)} --channel and {len(args.channel_function)} --channel-function; give each "
             "channel its function."
         )
-    styles = () if args.label_functions is None else read_label_styles(args.label_functions)
-    return styles, tuple(TransferFunction.from_json(path) for path in args.channel_function)
+    return _read_styles(args.label_functions), tuple(TransferFunction.from_json(path) for path in args.channel_function)
 
 
-def mixed(args, scene: Scene, styles, functions) -> Scene:
+def _read_styles(path) -> tuple | None:
+    """The styles in a JSON file, or in a text file of ITK-SNAP; None without a file."""
+    if path is None:
+        return None
+    if Path(path).suffix.lower() in TEXT_SUFFIXES:
+        return tuple(LabelStyle(one.label, one.name, not seen, one.color) for one, seen in read_label_text(path))
+    return read_label_styles(path)
+
+
+def _named_styles(path, labels) -> tuple:
+    """The styles of the labels that a label file names."""
+    if not labels.named_labels:
+        raise RleSplatError(f"{Path(path).name} does not name its labels; give their colors with --label-functions.")
+    return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
+
+
+def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
     """Add the labels and channels of the options to a scene.
 
     Parameters
@@ -76,17 +94,25 @@ def mixed(args, scene: Scene, styles, functions) -> Scene:
         The scene.
     styles, functions
         The results of ``read_mixing``.
+    line : ProgressLine
 
     Returns
     -------
-    Scene
+    scene : Scene
         The scene with labels and channels.
+    remarks : tuple of str
+        What was noticed about the label file.
     """
+    remarks = ()
     if args.labels is not None:
-        labels = labels_of(_read_beside(scene, args.labels), styles, scene.volume, scene.transfer_function)
-        scene = replace(scene, labels=labels)
+        found = line.follow(read_label_steps(args.labels, scene.volume))
+        if styles is None:
+            styles = _named_styles(args.labels, found)
+        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function))
+        remarks = found.remarks
     channels = zip(args.channel, functions, strict=True)
-    return replace(scene, channels=tuple(Channel(_read_beside(scene, path), function) for path, function in channels))
+    channels = tuple(Channel(_read_beside(scene, path), function) for path, function in channels)
+    return replace(scene, channels=channels), remarks
 
 
 def _read_beside(scene: Scene, path):

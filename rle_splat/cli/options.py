@@ -52,8 +52,8 @@ EFFECT_STATES = {"on": True, "off": False, "auto": None}
 
 # The keyword arguments of read_volume, by their names in the parsed arguments.
 READ_OPTIONS = (
-    "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "unit", "value_unit",
-    "modality",
+    "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "series", "frame", "unit",
+    "value_unit", "modality",
 )
 
 
@@ -76,6 +76,9 @@ def add_volume_options(parser) -> None:
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] is the second grid of that name")
+    group.add_argument(
+        "--series", type=int, metavar="N", help="the series, from 1, where there are several; info lists them")
+    group.add_argument("--frame", type=int, metavar="N", help="the frame, from 1, of a volume in time (default 1)")
     group.add_argument("--unit", metavar="NAME", help="unit of lengths (default mm)")
     group.add_argument("--value-unit", metavar="NAME", help="unit of values, such as HU")
     group.add_argument("--modality", metavar="NAME", help="kind of scanner, such as CT or MR")
@@ -84,6 +87,13 @@ def add_volume_options(parser) -> None:
 def volume_options(args) -> dict:
     """The given options of ``add_volume_options``, as keyword arguments of ``read_volume``."""
     return {name: getattr(args, name) for name in READ_OPTIONS if getattr(args, name) is not None}
+
+
+def read_input(args, line):
+    """Read the volume of a command, with its progress on a ProgressLine; return the Volume."""
+    from ..read.formats import read_steps
+
+    return line.follow(read_steps(args.volume, **volume_options(args)))
 
 
 def add_report_options(parser) -> None:

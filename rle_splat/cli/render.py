@@ -26,6 +26,7 @@ from .options import (
     add_volume_argument,
     quality_from,
     quality_remarks,
+    read_input,
     scene_inputs,
     volume_options,
 )
@@ -103,9 +104,9 @@ def run(args) -> None:
     quality = quality_from(args, "pre" if is_encoded else None)
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
-        prepared = (_prepare_tables if is_encoded else _prepare_voxels)(args, quality)
-        scene = mixed(args, moving(prepared.scene, poses), *mixing)
-        prepared = replace(prepared, scene=replace(scene, crop=crop))
+        prepared = _prepare_tables(args, quality) if is_encoded else _prepare_voxels(args, quality, line)
+        scene, noticed = mixed(args, moving(prepared.scene, poses), *mixing, line)
+        prepared = replace(prepared, scene=replace(scene, crop=crop), remarks=(*prepared.remarks, *noticed))
         line.show(0.1, "loading the renderer")
         with line.compiling():
             rendering, taken = line.follow(_steps(args, prepared), start=0.1)
@@ -147,15 +148,13 @@ def _check_background(background) -> None:
         raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
 
 
-def _prepare_voxels(args, quality) -> Prepared:
+def _prepare_voxels(args, quality, line) -> Prepared:
     """Read a volume and make its scene; options are checked before the volume is read."""
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
-    from ..read.formats import read_volume
-
     began = perf_counter()
-    volume = read_volume(args.volume, **volume_options(args))
+    volume = read_input(args, line)
     read_ms = 1e3 * (perf_counter() - began)
     check_values(volume)
     function, reason = choose_transfer_function(args, volume, given_function)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import MODES, Camera, Clip, Light, Mist, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
-from ..view.turntable import turntable
+from ..view.turntable import turntable, turntable_aim
 from .options import effects_from
 
 LARGEST_SIDE = 65536  # pixels, the limit of Scene
@@ -70,7 +70,7 @@ def place(args, volume, camera, matrix):
     """The camera and the volume's matrix for a volume.
 
     Without a camera file the turntable camera is used.  It is centered on the box where ``matrix`` puts it; its axes
-    are the volume's axes before ``matrix``.
+    are the patient's (LPS) for a volume in patient space, else the volume's axes, both before ``matrix``.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def place(args, volume, camera, matrix):
     view = {name: TURNTABLE_DEFAULTS[name] if value is None else value for name, value in given.items()}
     width, height = args.size
     camera, unrotated = turntable(volume, **view, width=width, height=height, scene_scale=args.scene_scale)
-    middle = 0.5 * (np.array(volume.shape_xyz) - 1) * volume.spacing * args.scene_scale
+    middle = turntable_aim(volume, unrotated, args.scene_scale)
     shift = np.eye(4)
     shift[:3, 3] = (matrix @ (*middle, 1.0))[:3] - middle
     return replace(camera, matrix_world=shift @ camera.matrix_world), matrix @ unrotated

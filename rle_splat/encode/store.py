@@ -23,6 +23,7 @@ from ..classify.limits import BRIGHTEST
 from ..runtime.memory import refuse_beyond
 from ..scene import RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
+from ..volume.volume import PATIENT
 from .tables import TABLES, RunLengthVolume
 from .validate import scanline_data_pointers
 
@@ -58,6 +59,8 @@ class StoredVolume:
     source : str
         Name of the file from which the volume was read.
     remarks : tuple of str
+    space : {"patient"} or None
+        See Volume.
     """
 
     axes: dict
@@ -68,6 +71,7 @@ class StoredVolume:
     lighting: object = None
     source: str = ""
     remarks: tuple = field(default=())
+    space: str | None = None
 
     holds_values: ClassVar[bool] = False
 
@@ -120,7 +124,7 @@ def save(path, stored: StoredVolume) -> None:
         "axes": [AXIS_NAMES[axis] for axis in sorted(stored.axes)],
         "affine": np.asarray(stored.affine).tolist(), "unit": stored.unit, "unit_length": stored.unit_length,
         "transfer_function": stored.transfer_function, "lighting": stored.lighting, "source": stored.source,
-        "remarks": list(stored.remarks),
+        "remarks": list(stored.remarks), "space": stored.space,
     }
     members = {HEADER: np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)}
     for axis in sorted(stored.axes):
@@ -196,7 +200,7 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
             raise ValueError(f"its colors are brighter than {BRIGHTEST:g}, where white is 1")
     return StoredVolume(
         axes, header["affine"], header["unit"], header["unit_length"], header["transfer_function"],
-        header["lighting"], header["source"], tuple(header["remarks"]),
+        header["lighting"], header["source"], tuple(header["remarks"]), header.get("space"),
     )
 
 
@@ -243,6 +247,8 @@ def _read_header(stored: np.ndarray) -> dict:
         raise ValueError("its unit or its source is not text")
     if not isinstance(header["remarks"], list):
         raise ValueError("its remarks are not a list")
+    if header.get("space") not in (None, PATIENT):  # older files have none
+        raise ValueError("its space is unknown")
     return {
         **header, "shape_xyz": tuple(shape), "axes": [axis for axis in AXES if AXIS_NAMES[axis] in names],
         "affine": as_matrix(header["affine"], "its affine"), "unit_length": float(length),

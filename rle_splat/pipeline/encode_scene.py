@@ -56,7 +56,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     volume = scene.volume
     stored = StoredVolume(
         encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),
-        describe_lighting(scene), source, tuple(volume.remarks),
+        describe_lighting(scene), source, tuple(volume.remarks), volume.space,
     )
     stages = {name: clock.stages[name] for name in ("classify", "shade", "encode")}
     report = {

@@ -1,101 +1,168 @@
 """The table of volume formats, used by the command line, the import dialog and the docs.
 
-To add a format, add a row: its suffixes, a reader that takes a path and named options, and optionally a writer.
+To add a format, add a module and a row. The content of a file decides its format; the suffix decides where the
+content does not tell.
 """
 
 from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
+from ..runtime.steps import drain
 from ..scene import RleSplatError
+from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
-from .guess import layout_for
-from .raw import read_raw, write_raw
-from .vdb import read_vdb, write_vdb
-
-MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # meaning of values, for every format
-LAYOUT_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes")
-
-
-@dataclass(frozen=True)
-class Format:
-    """One row of the table.
-
-    Attributes
-    ----------
-    name : str
-    suffixes : tuple of str
-        With the leading dot, lower case.
-    description : str
-    options : tuple of str
-        Options of ``read_volume`` that the reader takes.
-    reader : callable
-        ``reader(path, **options) -> Volume``.
-    writer : callable or None
-        ``writer(volume, path) -> dict``, the options that are needed to read the file back; None if the format
-        cannot be written.
-    """
-
-    name: str
-    suffixes: tuple
-    description: str
-    options: tuple
-    reader: Callable
-    writer: Callable | None = None
-
-
-def _read_raw(path, shape=None, dtype=None, byte_order=None, header_bytes=None, spacing=None, **meaning) -> Volume:
-    """Read raw voxels; options that are None are guessed (``guess.layout_for``)."""
-    layout, remarks, named_spacing = layout_for(path, shape, dtype, byte_order, header_bytes)
-    return read_raw(
-        path, layout.shape, layout.dtype, layout.byte_order, layout.header_bytes,
-        spacing=named_spacing if spacing is None else spacing, remarks=remarks, **meaning,
-    )  # fmt: skip
-
+from .format import MEANING_OPTIONS, Format, head_of
+from .layout import checked_scale, unreadable
+from .masks import read_masks_steps, reads_mask_folder
+from .metaimage import read_metaimage_steps, recognizes_metaimage
+from .mgh import read_mgh_steps, recognizes_mgh
+from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
+from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
+from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
+from .tiff import SUFFIXES as TIFF_SUFFIXES
+from .tiff import read_tiff_steps, reads_tiff_folder, recognizes_tiff
+from .vdb import lost_in_vdb, read_vdb_steps, recognizes_vdb, write_vdb_steps
 
 FORMATS = (
     Format(
         "raw", (".raw", ".raw.gz", ".bin", ".bin.gz", ".dat", ".dat.gz"),
         "bare voxels, x fastest, any number type and byte order, gzip if the name ends in .gz",
-        (*LAYOUT_OPTIONS, "spacing", *MEANING_OPTIONS), _read_raw, write_raw,
+        (*LAYOUT_OPTIONS, "spacing", "unit"), read_raw_steps, write_steps=write_raw_steps, lost=lost_in_raw,
     ),
     Format(
         "OpenVDB", (".vdb",), "one grid of numbers of an OpenVDB file, with its transform and background",
-        ("grid", *MEANING_OPTIONS), read_vdb, write_vdb,
+        ("grid",), read_vdb_steps, recognizes_vdb, write_steps=write_vdb_steps, lost=lost_in_vdb,
+    ),
+    Format(
+        "NIfTI", (".nii", ".nii.gz"), "NIfTI-1 and -2, one file, with its place in the patient and its label table",
+        ("frame",), read_nifti_steps, recognizes_nifti, write_steps=write_nifti_steps, lost=lost_in_nifti,
+    ),
+    Format(
+        "Analyze", (".hdr", ".img", ".hdr.gz", ".img.gz"), "Analyze 7.5 and NIfTI in two files", ("frame",),
+        read_nifti_steps, is_dropped=False,
+    ),
+    Format(
+        "MGH", (".mgh", ".mgz"), "volumes of FreeSurfer, with their place in the patient",
+        ("frame",), read_mgh_steps, recognizes_mgh,
+    ),
+    Format(
+        "NRRD", (".nrrd", ".seg.nrrd", ".nhdr"),
+        "NRRD in one file or several, with its place in the patient; Slicer's segmentations with their names",
+        ("frame",), read_nrrd_steps, recognizes_nrrd, write_steps=write_nrrd_steps, lost=lost_in_nrrd,
+    ),
+    Format(
+        "MetaImage", (".mha", ".mhd"), "MetaImage of ITK, in one file or several, with its place in the patient",
+        ("frame",), read_metaimage_steps, recognizes_metaimage,
+    ),
+    Format(
+        "masks", (), "a folder of masks, one NIfTI file for each organ (TotalSegmentator), as one label map",
+        (), read_masks_steps, reads_folder=reads_mask_folder,
+    ),
+    Format(
+        "TIFF", TIFF_SUFFIXES, "stacks of pages or of numbered files, OME-TIFF, ImageJ; gray values alone",
+        ("spacing", "frame", "unit"), read_tiff_steps, recognizes_tiff, reads_tiff_folder, is_dropped=False,
     ),
 )  # fmt: skip
-OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.options))
+RAW = FORMATS[0]
+OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.all_options))
 
 
 def suffixes(writable: bool = False) -> tuple:
     """All suffixes that can be read (or written, with ``writable``), in the table's order."""
-    return tuple(s for entry in FORMATS if entry.writer or not writable for s in entry.suffixes)
+    return tuple(dict.fromkeys(s for entry in FORMATS if entry.write_steps or not writable for s in entry.suffixes))
 
 
-def format_of(path) -> Format | None:
+def format_named(path) -> Format | None:
     """The row with the longest suffix that ends the file's name; None if there is none."""
     name = Path(path).name.lower()
     fits = [(len(s), entry) for entry in FORMATS for s in entry.suffixes if name.endswith(s)]
     return max(fits, key=lambda pair: pair[0])[1] if fits else None
 
 
+def format_of(path) -> Format | None:
+    """The format of a file or folder: by its content if that tells, else by its suffix; None if neither tells."""
+    path = Path(path)
+    if path.is_dir():
+        try:
+            return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)
+        except OSError as problem:
+            raise unreadable(path, problem) from None
+    head = head_of(path)
+    told = next((entry for entry in FORMATS if entry.recognizes and entry.recognizes(head)), None)
+    return told or format_named(path)
+
+
+def _chosen(path: Path, given: dict) -> Format:
+    """The format to read a path with, whose options apply; RleSplatError if there is none."""
+    for name in given:
+        if name not in OPTIONS:
+            raise RleSplatError(f"There is no volume option {name!r}; use one of {', '.join(OPTIONS)}.")
+    if not path.exists():
+        raise RleSplatError(f"There is no file {path}; check the path.")
+    chosen = format_of(path)
+    if chosen is None and path.is_dir():
+        raise RleSplatError(f"{path} is a folder; give a volume file ({', '.join(suffixes())}).")
+    if "shape" in given and format_named(path) in (None, RAW):
+        chosen = RAW
+    if chosen is None:
+        raise RleSplatError(
+            f"{path.name} has no suffix of a known format ({', '.join(suffixes())}); "
+            "to read it as raw voxels, give its shape and dtype."
+        )
+    for name in given:
+        if name not in chosen.all_options:
+            raise RleSplatError(f"The option {name} does not apply to {chosen.name} files; leave it out.")
+    return chosen
+
+
+def read_steps(path, **options):
+    """Generator of Progress: read a volume as ``read_volume`` does; return the Volume.
+
+    The first step says how much memory the voxels take, before it is taken.
+    """
+    path = Path(path)
+    given = {name: value for name, value in options.items() if value is not None}
+    chosen = _chosen(path, given)
+    meaning = {name: given.pop(name) for name in MEANING_OPTIONS if name in given and name not in chosen.options}
+    scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
+    checked = dict(zip(scale, checked_scale(*scale.values())))
+    volume = yield from chosen.read_steps(path, **given)
+    if meaning:
+        volume = replace(volume, **{name: checked.get(name, value) for name, value in meaning.items()})
+    return _with_guessed_unit(volume)
+
+
+def _with_guessed_unit(volume: Volume) -> Volume:
+    """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
+    if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
+        return volume
+    remark = (
+        "The histogram has the peaks of air (-1000) and water (0), so the values are taken as Hounsfield units of a "
+        "CT; give the value unit and the modality if they are not."
+    )
+    return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
+
+
 def read_volume(path, **options) -> Volume:
-    """Read a volume file.
+    """Read a volume.
 
     Parameters
     ----------
     path : str or Path
-        The format follows from the suffix. A file with an unknown suffix is read as raw voxels if ``shape`` is given.
+        A file or a folder. The format follows from the content, or else from the suffix. A file of an unknown format
+        is read as raw voxels if ``shape`` is given.
     **options
         An option that is None counts as not given.
 
         Raw voxels: ``shape`` (nx, ny, nz), ``dtype``, ``byte_order``, ``header_bytes``, ``spacing`` (sx, sy, sz).
         OpenVDB: ``grid``, the name of a grid.
+        Several series in one place: ``series``, the number of one, from 1.
+        Several volumes in time: ``frame``, the number of one, from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,
         ``value_unit`` ("HU"), ``modality``.
 
@@ -108,27 +175,19 @@ def read_volume(path, **options) -> Volume:
     RleSplatError
         If the file cannot be read, or an option is unknown or does not apply to the format.
     """
+    return drain(read_steps(path, **options))
+
+
+def write_steps(volume: Volume, path):
+    """Generator of Progress: write a volume as ``write_volume`` does; return the options to read it back."""
     path = Path(path)
-    given = {name: value for name, value in options.items() if value is not None}
-    for name in given:
-        if name not in OPTIONS:
-            raise RleSplatError(f"There is no volume option {name!r}; use one of {', '.join(OPTIONS)}.")
-    if not path.exists():
-        raise RleSplatError(f"There is no file {path}; check the path.")
-    if path.is_dir():
-        raise RleSplatError(f"{path} is a folder; give a volume file ({', '.join(suffixes())}).")
-    chosen = format_of(path)
-    if chosen is None and "shape" in given:
-        chosen = FORMATS[0]
-    if chosen is None:
+    chosen = format_named(path)
+    if chosen is None or chosen.write_steps is None:
         raise RleSplatError(
-            f"{path.name} has no suffix of a known format ({', '.join(suffixes())}); "
-            "to read it as raw voxels, give its shape and dtype."
+            f"{path.name} has no suffix of a writable format; end its name in {', '.join(suffixes(writable=True))}."
         )
-    for name in given:
-        if name not in chosen.options:
-            raise RleSplatError(f"The option {name} does not apply to {chosen.name} files; leave it out.")
-    return chosen.reader(path, **given)
+    with staged(path) as unfinished:
+        return (yield from chosen.write_steps(volume, unfinished))
 
 
 def write_volume(volume: Volume, path) -> dict:
@@ -150,14 +209,7 @@ def write_volume(volume: Volume, path) -> dict:
     RleSplatError
         If the suffix is of no writable format or the file cannot be written.
     """
-    path = Path(path)
-    chosen = format_of(path)
-    if chosen is None or chosen.writer is None:
-        raise RleSplatError(
-            f"{path.name} has no suffix of a writable format; end its name in {', '.join(suffixes(writable=True))}."
-        )
-    with staged(path) as unfinished:
-        return chosen.writer(volume, unfinished)
+    return drain(write_steps(volume, path))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..runtime.steps import Progress, drain
 from ..scene import RleSplatError
 from ..volume.volume import STORED_TYPES
 from .layout import (
@@ -119,10 +120,15 @@ def guess_raw(
     RleSplatError
         If a known part is out of range or the file cannot be read.
     """
+    return drain(guess_raw_steps(path, shape, dtype, byte_order, header_bytes, limit))
+
+
+def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT):
+    """Generator of Progress: guess as ``guess_raw`` does; return the RawGuess."""
     given = dict(shape=shape, dtype=dtype, byte_order=byte_order, header_bytes=header_bytes)
     # Constructed only to check the given values.
     RawLayout(**{"shape": (1, 1, 1), "dtype": "uint8", **{what: v for what, v in given.items() if v is not None}})
-    size, sample = _size_and_sample(path, limit)
+    size, sample = yield from _size_and_sample_steps(path, limit)
     name = _name_clues(Path(path).name)
     reasons = []
     known = dict(given)
@@ -161,9 +167,13 @@ def guess_raw(
     )
 
 
-def _size_and_sample(path, limit: int):
-    """The unpacked size (None beyond ``limit``) and up to 1 MiB of bytes, from where they vary most if packed."""
+def _size_and_sample_steps(path, limit: int):
+    """Generator of Progress: the unpacked size (None beyond ``limit``) and up to 1 MiB of bytes.
+
+    The bytes of a packed file are from where they vary most.
+    """
     count, sample, best = 0, b"", -1.0
+    doing = f"counting the bytes of {Path(path).name}"
     try:
         packed = is_gzip(path)
         with open_bytes(path) as stream:
@@ -180,6 +190,7 @@ def _size_and_sample(path, limit: int):
                 if variety > best and (len(chunk) == CHUNK_BYTES or not sample):
                     best, sample = variety, chunk
                 count += len(chunk)
+                yield Progress(0.0, doing)
             return None, sample
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
@@ -374,7 +385,12 @@ def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
 
 
 def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
-    """Complete the layout of a raw file by a guess.
+    """``layout_steps`` without the steps."""
+    return drain(layout_steps(path, shape, dtype, byte_order, header_bytes))
+
+
+def layout_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
+    """Generator of Progress: complete the layout of a raw file by a guess.
 
     Parameters
     ----------
@@ -399,7 +415,7 @@ def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None)
         clues = _name_clues(Path(path).name)
         layout, remarks = RawLayout(shape, dtype, byte_order or "little", header_bytes or 0), ()
         if layout.file_dtype.itemsize > 1 and byte_order is None:
-            _, sample = _size_and_sample(path, min(layout.total_bytes, SEARCHED_BYTES))
+            _, sample = yield from _size_and_sample_steps(path, min(layout.total_bytes, SEARCHED_BYTES))
             reasons = []
             named = clues.get("byte_order")
             _, order, clear = _read_as(sample, layout.header_bytes, (layout.dtype,), None, named, reasons)
@@ -409,7 +425,7 @@ def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None)
                 reasons = ["None was given, and neither the file's name nor its bytes decide it."]
             remarks = (" ".join((f"The byte order is assumed to be {layout.byte_order}.", *reasons)),)
         return layout, remarks, clues.get("spacing")
-    guess = guess_raw(path, shape, dtype, byte_order, header_bytes)
+    guess = yield from guess_raw_steps(path, shape, dtype, byte_order, header_bytes)
     if not guess.certain:
         fits = "; or ".join(str(candidate) for candidate in guess.candidates[:4])
         raise RleSplatError(

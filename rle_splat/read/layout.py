@@ -20,6 +20,7 @@ DEFAULT_COUNT_LIMIT = 1 << 32  # 4 GiB: counting stops here, so that a small fil
 SMALL_HEADER = 1 << 16  # bytes; a surplus of up to this size may be a header
 TYPE_OF_EACH_SIZE = ("uint8", "uint16", "float32", "float64")  # the most common type of each voxel size
 EDGE_LIMIT = 65536  # voxels along an edge
+DEFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
 
 
 def is_gzip(path) -> bool:

@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
-import gzip
-import math
 import os
 from pathlib import Path
 
 import numpy as np
 
-from ..runtime.memory import refuse_beyond
+from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
-from .guess import guess_raw
+from .guess import guess_raw, layout_steps
 from .layout import (
     CHUNK_BYTES,
     DEFAULT_COUNT_LIMIT,
     UNREADABLE,
     RawLayout,
-    checked_scale,
     checked_spacing,
     content_bytes,
     fitting,
     is_gzip,
     unreadable,
 )  # fmt: skip
+from .streaming import (
+    Part,
+    allocated,
+    bytes_held,
+    grid_text,
+    opened,
+    plain_name,
+    storable_steps,
+    voxel_steps,
+    write_voxel_steps,
+    written,
+)
 
+LAYOUT_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes")
 COUNT_AT_LEAST = 1 << 28  # bytes; counting the unpacked size stops beyond this and beyond four times the expected size
-DEFLATE_LIMIT = 1032  # deflate cannot expand data more than this many times
 
 
 def _wrong_size(path, layout: RawLayout, actual: int | None, limit: int = 0) -> RleSplatError:
@@ -51,33 +60,26 @@ def _wrong_gzip_size(path, layout: RawLayout) -> RleSplatError:
     return _wrong_size(path, layout, content_bytes(path, limit), limit)
 
 
-def read_raw(
-    path, shape, dtype, byte_order="little", header_bytes=0, spacing=None, slope=1.0, intercept=0.0,
-    unit="mm", value_unit=None, modality=None, name=None, remarks=(),
-) -> Volume:
-    """Read raw voxels.
+def read_raw_steps(
+    path, shape=None, dtype=None, byte_order=None, header_bytes=None, spacing=None, unit="mm",
+):  # fmt: skip
+    """Generator of Progress: read raw voxels; return the Volume.
 
     Parameters
     ----------
     path : str or Path
         Unpacked while reading if the name ends in .gz.
-    shape : (nx, ny, nz)
-    dtype : str
+    shape : (nx, ny, nz) or None
+    dtype : str or None
         One of STORED_TYPES.
-    byte_order : {"little", "big"}
-    header_bytes : int
-        Bytes before the first voxel.
+    byte_order : {"little", "big"} or None
+    header_bytes : int or None
+        Bytes before the first voxel. What is None is guessed (``guess.layout_steps``).
     spacing : (sx, sy, sz) or None
-        Distance between voxel centers in ``unit``. None is taken as 1 x 1 x 1, with a remark.
-    slope, intercept : float
-        Physical value = slope * stored + intercept.
+        Distance between voxel centers in ``unit``. None for the spacing in the file's name, or 1 x 1 x 1 with a
+        remark.
     unit : str
         Unit of length.
-    value_unit, modality : str or None
-        See Volume.
-    name : str or None
-        Name of the volume; None for the file's name.
-    remarks : sequence of str
 
     Returns
     -------
@@ -91,89 +93,59 @@ def read_raw(
         If the file does not have the size of the layout, or does not fit into memory. The size is checked first, and
         no more memory is allocated than the layout needs.
     """
-    layout = RawLayout(shape, dtype, byte_order, header_bytes)
-    remarks = tuple(remarks)
+    layout, remarks, named = yield from layout_steps(path, shape, dtype, byte_order, header_bytes)
+    spacing = named if spacing is None else spacing
     if spacing is None:
         remarks += (f"No spacing was given; 1 x 1 x 1 {unit} is assumed.",)
         spacing = (1.0, 1.0, 1.0)
     spacing = checked_spacing(spacing)
-    slope, intercept = checked_scale(slope, intercept)
-    read = _read_gzip if is_gzip(path) else _read_plain
+    doing = f"reading {Path(path).name} ({grid_text(layout.shape, layout.file_dtype)})"
+    yield Progress(0.0, doing)
     try:
-        voxels = read(path, layout)
+        voxels = yield from (_gzip_steps if is_gzip(path) else _plain_steps)(path, layout, doing)
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
-    except MemoryError:
-        raise RleSplatError(f"{layout} do not fit into memory; crop or downsample the volume.") from None
     return Volume(
-        voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, slope=slope, intercept=intercept,
-        value_unit=value_unit, modality=modality, name=name or _plain_name(path), remarks=remarks,
+        voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, name=plain_name(path), remarks=remarks,
     )
 
 
-def _plain_name(path) -> str:
-    """The file's name without its suffixes."""
-    name = Path(path).name
-    return name.split(".")[0] or name
-
-
-def _refuse_beyond_memory(layout: RawLayout) -> None:
-    """Refuse a layout that does not fit into free memory."""
-    refuse_beyond(layout.voxel_bytes, f"{layout} need", "crop or downsample the volume")
-
-
-def _read_plain(path, layout: RawLayout) -> np.ndarray:
-    """Voxels (nz, ny, nx) of a file that is not packed."""
+def _plain_steps(path, layout: RawLayout, doing: str):
+    """Generator of Progress: voxels (nz, ny, nx) of a file that is not packed."""
     actual = os.path.getsize(path)
     if actual != layout.total_bytes:
         raise _wrong_size(path, layout, actual)
-    grid = layout.shape[::-1]
     native = layout.file_dtype.isnative
     aligned = layout.header_bytes % layout.file_dtype.alignment == 0
     if native and aligned:  # kernels need aligned arrays; other headers cost a copy
-        mapped = np.memmap(path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=grid)
+        mapped = np.memmap(
+            path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=layout.shape[::-1])
         return np.asarray(mapped)  # a plain array; it keeps the mapping alive
-    _refuse_beyond_memory(layout)
-    with open(path, "rb") as stream:
-        stream.seek(layout.header_bytes)
-        voxels = np.fromfile(stream, dtype=layout.file_dtype, count=math.prod(grid)).reshape(grid)
-    return _native(voxels)
+    return (yield from voxel_steps(path, layout.shape, layout.file_dtype, [Part(path, layout.header_bytes)]))
 
 
-def _read_gzip(path, layout: RawLayout) -> np.ndarray:
-    """Voxels (nz, ny, nx) of a gzip file."""
-    if layout.total_bytes > os.path.getsize(path) * DEFLATE_LIMIT:  # impossible; report the true size, allocate nothing
+def _gzip_steps(path, layout: RawLayout, doing: str):
+    """Generator of Progress: voxels (nz, ny, nx) of a gzip file."""
+    if layout.total_bytes > bytes_held(path, 0, "gzip"):  # impossible; report the true size, allocate nothing
         raise _wrong_gzip_size(path, layout)
-    _refuse_beyond_memory(layout)
-    voxels = np.empty(layout.shape[::-1], dtype=layout.file_dtype)
+    voxels = allocated(path, layout.shape, layout.file_dtype)
     target = memoryview(voxels.reshape(-1).view(np.uint8))
-    with gzip.open(path, "rb") as stream:
-        skipped = 0
-        while skipped < layout.header_bytes:
-            chunk = stream.read(min(CHUNK_BYTES, layout.header_bytes - skipped))
-            if not chunk:
-                raise _wrong_size(path, layout, skipped)
-            skipped += len(chunk)
-        filled = 0
-        while filled < len(target):
-            count = stream.readinto(target[filled : filled + CHUNK_BYTES])
+    scratch = memoryview(bytearray(min(CHUNK_BYTES, layout.header_bytes)))
+    done = -layout.header_bytes
+    with opened(path, 0, "gzip") as source:
+        while done < len(target):
+            count = source.readinto(scratch[:-done] if done < 0 else target[done : done + CHUNK_BYTES])
             if not count:
-                raise _wrong_size(path, layout, skipped + filled)
-            filled += count
-        if stream.read(1):
+                raise _wrong_size(path, layout, layout.header_bytes + done)
+            done += count
+            yield Progress(max(0.0, done / len(target)), doing)
+        if source.readinto(memoryview(bytearray(1))):
             raise _wrong_gzip_size(path, layout)
-    return _native(voxels)
+    return (yield from storable_steps(voxels, doing))
 
 
-def _native(voxels: np.ndarray) -> np.ndarray:
-    """Convert to this machine's byte order, in place."""
-    if voxels.dtype.isnative:
-        return voxels
-    return voxels.byteswap(inplace=True).view(voxels.dtype.newbyteorder("="))
-
-
-def write_raw(volume: Volume, path) -> dict:
-    """Write the stored voxels, little-endian, x fastest; packed with gzip if the name ends in .gz.
+def write_raw_steps(volume: Volume, path):
+    """Generator of Progress: write the stored voxels, little-endian, x fastest, packed if the name ends in .gz.
 
     Parameters
     ----------
@@ -185,13 +157,18 @@ def write_raw(volume: Volume, path) -> dict:
     dict
         Options of ``read_volume`` that are needed to read the file back, since a raw file stores none of them.
     """
-    opener = gzip.open if is_gzip(path) else open
-    little = volume.voxels.dtype.newbyteorder("<")
-    with opener(path, "wb") as stream:
-        for plane in volume.voxels:
-            stream.write(np.ascontiguousarray(plane, dtype=little).data)
+    with written(path) as stream:
+        yield from write_voxel_steps(volume.voxels, stream)
     options = dict(
         shape=volume.shape_xyz, dtype=volume.voxels.dtype.name, byte_order="little",
         spacing=tuple(float(s) for s in volume.spacing), slope=volume.slope, intercept=volume.intercept,
     )
     return {**options, "unit": volume.unit, "value_unit": volume.value_unit, "modality": volume.modality}
+
+
+def lost_in_raw(volume: Volume) -> list[str]:
+    """Sentences on what a raw file does not store."""
+    lost = ["A raw file holds only voxels; give shape, type, spacing and scaling again when you read it."]
+    if not np.allclose(volume.affine, np.diag((*volume.spacing, 1.0))):
+        lost.append("The rotation, mirroring or offset of the affine is lost; only the spacing can be given again.")
+    return lost

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.memory import refuse_beyond
+from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
-from .vdb_header import check_header
+from .streaming import grid_text, storable_steps
+from .vdb_header import MAGIC, check_header
 
 NUMERIC = {"float": np.float32, "double": np.float64, "int32": np.int32, "int64": np.int64, "bool": np.bool_}
 PREFERRED_GRID = "density"
@@ -117,22 +119,19 @@ def _matrix(transform) -> np.ndarray:
     return matrix
 
 
-def read_vdb(
-    path, grid=None, slope=1.0, intercept=0.0, unit=None, value_unit=None, modality=None
-) -> Volume:
-    """Read one grid of an OpenVDB file.
+def recognizes_vdb(head) -> bool:
+    """Whether a file begins as an OpenVDB file."""
+    return head.stored.startswith(MAGIC)
+
+
+def read_vdb_steps(path, grid=None):
+    """Generator of Progress: read one grid of an OpenVDB file; return the Volume.
 
     Parameters
     ----------
     path : str or Path
     grid : str or None
         Name of the grid; ``name[1]`` is the second grid of that name. None for ``density``, or the first numeric grid.
-    slope, intercept : float
-        Physical value = slope * stored + intercept.
-    unit : str or None
-        Unit of length; None for the unit in the file's metadata, or world units.
-    value_unit, modality : str or None
-        See Volume; None for what the file states.
 
     Returns
     -------
@@ -146,6 +145,7 @@ def read_vdb(
         If there is no such grid, it has no active voxel, its transform is not affine, or the file is damaged.
     """
     openvdb = load_openvdb()
+    yield Progress(0.0, f"reading {Path(path).name}")
     grids = _metadata(openvdb, path)
     chosen = _choose(grids, grid, path)
     label = _labels(grids)[chosen]
@@ -155,7 +155,7 @@ def read_vdb(
         remarks.append(f"The file holds {len(grids)} grids ({names}); {label} was read.")
     try:
         source = openvdb.read(str(path), _address(grids, chosen))
-        voxels, corner = _densify(source, label)
+        voxels, corner = yield from _dense_steps(source, label)
     except OPENVDB_PROBLEMS as problem:
         raise _damaged(path, problem) from None
     except MemoryError:
@@ -167,21 +167,23 @@ def read_vdb(
     shift = np.eye(4)
     shift[:3, 3] = corner
     notes = dict(source.metadata)
-    if source.gridClass == "level set" and value_unit is None:
-        value_unit = SIGNED_DISTANCE
+    is_level_set = source.gridClass == "level set"
+    if is_level_set:
         remarks.append(f"The grid {label} is a level set: its values are distances, negative inside.")
-    if modality is None:
-        smoky = source.gridClass == "fog volume" or source.name.lower() in SMOKE_GRIDS
-        modality = notes.get("modality") or ("SMOKE" if smoky and source.gridClass != "level set" else None)
+    smoky = source.gridClass == "fog volume" or source.name.lower() in SMOKE_GRIDS
     return Volume(
-        voxels=voxels, affine=_matrix(source.transform) @ shift, unit=unit or notes.get("length_unit") or WORLD_UNIT,
-        slope=float(slope), intercept=float(intercept), value_unit=value_unit or notes.get("value_unit"),
-        modality=modality, background=float(source.background), name=label, remarks=tuple(remarks),
+        voxels=voxels, affine=_matrix(source.transform) @ shift, unit=notes.get("length_unit") or WORLD_UNIT,
+        value_unit=SIGNED_DISTANCE if is_level_set else notes.get("value_unit"),
+        modality=notes.get("modality") or ("SMOKE" if smoky and not is_level_set else None),
+        background=float(source.background), name=label, remarks=tuple(remarks),
     )  # fmt: skip
 
 
-def _densify(grid, label: str):
-    """Voxels (nz, ny, nx) of the active box dilated by one voxel, and the grid index (x, y, z) of its first voxel."""
+def _dense_steps(grid, label: str):
+    """Generator of Progress: the active box dilated by one voxel.
+
+    Returns the voxels (nz, ny, nx) and the grid index (x, y, z) of the first one.
+    """
     low, high = (np.array(corner, dtype=np.int64) for corner in grid.evalActiveVoxelBoundingBox())
     if (high < low).any():
         raise RleSplatError(f"The grid {label!r} has no active voxel; choose another grid or export it again.")
@@ -199,23 +201,14 @@ def _densify(grid, label: str):
             f"dense volume; the limit is {DENSE_LIMIT >> 30} GiB: crop or downsample it."
         )
     refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels of the grid {label!r} need", "crop or downsample it")
+    doing = f"reading the grid {label} ({grid_text((nx, ny, nz), kind)})"
     voxels = np.empty((nz, ny, nx), dtype=kind)
     for z in range(0, nz, SLAB):  # OpenVDB fills C-ordered (x, y, z) arrays; transpose one slab at a time
         slab = np.zeros((nx, ny, min(SLAB, nz - z)), dtype=kind)
         grid.copyToArray(slab, ijk=(int(low[0]), int(low[1]), int(low[2]) + z))
         voxels[z : z + slab.shape[2]] = slab.transpose(2, 1, 0)
-    return _storable(voxels), low
-
-
-def _storable(voxels: np.ndarray) -> np.ndarray:
-    """Convert bool and int64 voxels to a stored type."""
-    if voxels.dtype == np.bool_:
-        return voxels.view(np.uint8)
-    if voxels.dtype == np.int64:
-        bounds = np.iinfo(np.int32)
-        fits = bounds.min <= voxels.min() and voxels.max() <= bounds.max
-        return voxels.astype(np.int32 if fits else np.float64)
-    return voxels
+        yield Progress(z / nz, doing)
+    return (yield from storable_steps(voxels, doing)), low
 
 
 def _needs_double(volume: Volume) -> bool:
@@ -232,8 +225,19 @@ def rounded_on_writing(volume: Volume) -> str | None:
     return "Values were rounded to float32 (7 digits), because this OpenVDB module has no grid of doubles."
 
 
-def write_vdb(volume: Volume, path) -> dict:
-    """Write one sparse grid ``density`` of physical values.
+def lost_in_vdb(volume: Volume) -> list[str]:
+    """Sentences on what an OpenVDB file does not store."""
+    lost = ["Voxels with the background value are not stored, so the volume that is read back may be smaller."]
+    if volume.slope != 1.0 or volume.intercept != 0.0:
+        lost.append("Physical values were written; the stored values, slope and intercept are lost.")
+    if volume.voxels.dtype.kind != "f":
+        lost.append(f"The type {volume.voxels.dtype.name} is lost; a floating-point grid was written.")
+    rounded = rounded_on_writing(volume)
+    return lost + [rounded] if rounded else lost
+
+
+def write_vdb_steps(volume: Volume, path):
+    """Generator of Progress: write one sparse grid ``density`` of physical values.
 
     Parameters
     ----------
@@ -261,6 +265,7 @@ def write_vdb(volume: Volume, path) -> dict:
         values = volume.physical(volume.voxels[z : z + SLAB]).astype(kind)
         # OpenVDB misreads an array that is not C-ordered, without an error.
         grid.copyFromArray(np.ascontiguousarray(values.transpose(2, 1, 0)), ijk=(0, 0, z), tolerance=0)
+        yield Progress(z / volume.voxels.shape[0], "writing voxels")
     grid.transform = openvdb.createLinearTransform(volume.affine.T.tolist())  # OpenVDB uses row vectors
     if volume.modality == "SMOKE":
         grid.gridClass = "fog volume"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import Camera, RleSplatError
-from ..volume.volume import Volume
+from ..volume.volume import PATIENT, Volume
 
 
 def turntable(
@@ -34,8 +34,9 @@ def turntable(
     -------
     camera : Camera
     volume_matrix : (4, 4) ndarray of float64
-        Matrix of the volume object. It undoes the rotation of the volume's affine, so that the world's axes are the
-        voxel axes, and keeps the spacing.
+        Matrix of the volume object. For a volume in patient space the identity: the world is LPS, and azimuth 0 shows
+        the face. For any other it undoes the rotation of the volume's affine, so that the world's axes are the voxel
+        axes, and keeps the spacing.
 
     Raises
     ------
@@ -53,15 +54,17 @@ def turntable(
     counts, spacing = np.array(volume.shape_xyz), volume.spacing
     if not (spacing > 0.0).all():
         raise RleSplatError("The volume's affine is singular: voxels have no length along one axis; correct the file.")
-    # Chosen so that volume_matrix @ scale @ affine = scale @ diag(spacing), whatever the affine's translation.
     scale = np.diag((scene_scale, scene_scale, scene_scale, 1.0))
-    volume_matrix = scale @ np.diag((*spacing, 1.0)) @ np.linalg.inv(scale @ volume.affine)
+    volume_matrix = np.eye(4)
+    if volume.space != PATIENT:
+        # Chosen so that volume_matrix @ scale @ affine = scale @ diag(spacing), whatever the affine's translation.
+        volume_matrix = scale @ np.diag((*spacing, 1.0)) @ np.linalg.inv(scale @ volume.affine)
 
     a, e = np.radians(azimuth), np.radians(elevation)
     right = np.array((np.cos(a), np.sin(a), 0.0))
     forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
     up = np.cross(right, forward)
-    aim = 0.5 * (counts - 1) * spacing * scene_scale
+    aim = turntable_aim(volume, volume_matrix, scene_scale)
     view_height = fit * float((counts * spacing).max()) * scene_scale
     extent = float(np.linalg.norm((counts + 1) * spacing)) * scene_scale
 
@@ -81,3 +84,11 @@ def turntable(
         clip_end=distance + 2.0 * extent,
     )
     return camera, volume_matrix
+
+
+def turntable_aim(volume: Volume, volume_matrix, scene_scale: float) -> np.ndarray:
+    """(3,) float64: the center of the box of voxel centers in the world, for the matrix of ``turntable``."""
+    if volume.space != PATIENT:
+        return 0.5 * (np.array(volume.shape_xyz) - 1) * volume.spacing * scene_scale
+    middle = volume.affine @ (*(0.5 * (np.array(volume.shape_xyz) - 1)), 1.0)
+    return (volume_matrix @ (*(middle[:3] * scene_scale), 1.0))[:3]

@@ -15,7 +15,26 @@ from .sizes import VOXELS_AT_ONCE
 
 # Larger physical values count as infinite and are clamped; a quarter of the largest float64 keeps differences finite.
 LARGEST_VALUE = float(np.finfo(np.float64).max) / 4.0
+PATIENT = "patient"  # space of a volume whose own space is LPS: +x patient's left, +y back, +z head
 STORED_TYPES = ("uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64")
+
+
+@dataclass(frozen=True)
+class NamedLabel:
+    """What a label file says about one label.
+
+    Attributes
+    ----------
+    label : int
+        Value of the label's voxels.
+    name : str
+    color : (3,) tuple of float or None
+        Scene-linear RGB.
+    """
+
+    label: int
+    name: str
+    color: tuple | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +60,13 @@ class Volume:
     name : str
     remarks : tuple of str
         Sentences about anything unusual in the data.
+    space : {"patient"} or None
+        "patient" if the volume's own space is that of a patient: millimeters along the patient's left, back and head
+        (LPS), which are the world's axes. None if the file does not say where the axes point.
+    frames : int
+        How many volumes in time the source holds; this one is one of them.
+    named_labels : tuple of NamedLabel
+        Names and colors of the labels of a label map; empty for other volumes.
 
     Raises
     ------
@@ -58,6 +84,9 @@ class Volume:
     background: float = 0.0
     name: str = ""
     remarks: tuple = field(default=())
+    space: str | None = None
+    frames: int = 1
+    named_labels: tuple = ()
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
     refinement: ClassVar[int] = 1  # voxels per voxel of the scan, along each side
@@ -75,6 +104,8 @@ class Volume:
         if not self.voxels.flags.c_contiguous:
             object.__setattr__(self, "voxels", np.ascontiguousarray(self.voxels))
         object.__setattr__(self, "affine", as_matrix(self.affine, "The volume's affine"))
+        if self.space not in (None, PATIENT):
+            raise RleSplatError(f"The space of a volume must be {PATIENT!r} or None, not {self.space!r}.")
         if not (np.isfinite(self.slope) and np.isfinite(self.intercept) and self.slope != 0.0):
             raise RleSplatError(
                 f"The volume's slope must be finite and not zero, and its intercept finite, not {self.slope!r} and "

@@ -144,6 +144,23 @@ def check_escape():
     np.testing.assert_array_equal(pixels_of(scene.rle_splat.image), before)
 
 
+def check_letters():
+    """The letters at the box of a volume in patient space are drawn without a complaint of Blender's."""
+    import nibabel
+
+    path = FOLDER / "patient.nii"
+    nibabel.save(nibabel.Nifti1Image(np.arange(60, dtype=np.uint8).reshape(3, 4, 5), np.eye(4)), path)
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume("EXEC_DEFAULT", filepath=str(path)) == {"FINISHED"}
+    letters = import_module(f"{MODULE}.bridge.letters")
+    drawn, draw = [], letters.blf.draw
+    letters.blf.draw = lambda font, letter: drawn.append(letter)
+    yield from until(lambda: set(drawn) == set("RLAPIS"), seconds=5.0)
+    letters.blf.draw = draw
+    with in_the_view():
+        bpy.ops.object.delete()
+
+
 def check_previews():
     """A picture that takes long shows coarse ones first, in its own image, and then is the one made at once."""
     scene = bpy.context.scene
@@ -265,7 +282,8 @@ def steps():
     yield
     for check in (
         check_f12, check_animation, check_blurred_f12, check_render_image, check_B83_remove_backdrop_redraws,
-        check_B84_measure_accuracy_redraws, check_escape, check_previews, check_following, check_preparation):
+        check_B84_measure_accuracy_redraws, check_escape, check_letters, check_previews, check_following,
+        check_preparation):
         yield from check()
         passed(check.__name__)
         yield

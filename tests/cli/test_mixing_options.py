@@ -88,7 +88,6 @@ def test_bad_label_files_are_refused(refused, write_json, labels, tmp_path, entr
 
 def test_options_that_do_not_fit_together(refused, labels, write_json, tmp_path, function_file):
     words = "render", tmp_path / "missing.raw", "-o", tmp_path / "x.npy"
-    assert "give both" in refused(*words, "--labels", labels)
     assert "give both" in refused(*words, "--label-functions", write_json([]))
     assert "each channel its function" in refused(*words, "--channel", labels)
     rle = "render", tmp_path / "missing.rle", "-o", tmp_path / "x.npy"
@@ -100,3 +99,38 @@ def test_labels_on_another_grid(refused, raw, raw_options, write_json, tmp_path)
     np.ones(99, np.uint8).tofile(small)
     words = "--labels", small, "--label-functions", write_json([{"label": 1, "hidden": True}])
     refused("render", raw, *raw_options, *words, "-o", tmp_path / "x.npy")
+
+
+def test_a_flipped_label_map_gives_the_same_picture(call, function_file, tmp_path):
+    """Labels in another order of voxels, with names and colors of their own, from the command line."""
+    import nibabel
+
+    from rle_splat.read.formats import write_volume
+    from rle_splat.volume.volume import PATIENT, Volume
+
+    values = np.full((12, 14, 16), 200, np.uint8)
+    affine = np.array([(1.0, 0, 0, -8), (0, 1, 0, -7), (0, 0, 1, 3), (0, 0, 0, 1)])
+    write_volume(Volume(values, affine, space=PATIENT), tmp_path / "scan.nii.gz")
+    labels = np.zeros((16, 14, 12), np.uint8)  # x, y, z
+    labels[:5], labels[5:] = 1, 2
+    (tmp_path / "names.txt").write_text('1 255 0 0 1 1 1 "a"\n2 0 0 255 1 1 1 "b"\n')
+    pictures = []
+    for name, stored, flip in (("same", labels, np.eye(4)), ("flipped", labels[::-1], np.diag((-1.0, 1, 1, 1)))):
+        flip[0, 3] = 15.0 if name == "flipped" else 0.0
+        nibabel.save(nibabel.Nifti1Image(stored, np.diag((-1.0, -1, 1, 1)) @ affine @ flip), tmp_path / f"{name}.nii")
+        out = tmp_path / f"{name}.npy"
+        result = call(
+            "render", tmp_path / "scan.nii.gz", "--transfer-function", function_file, "--no-shading", "--size", "40x36",
+            "--labels", tmp_path / f"{name}.nii", "--label-functions", tmp_path / "names.txt", "-o", out,
+        )  # fmt: skip
+        assert result.code == 0, result.err
+        assert ("another order; they were reordered" in result.out) == (name == "flipped")
+        pictures.append(np.load(out))
+    np.testing.assert_array_equal(*pictures)
+    assert pictures[0][18, 12, 0] > 0.1 > 1e-6 > pictures[0][18, 12, 2]  # red at the patient's right, the viewer's left
+    assert pictures[0][18, 28, 2] > 0.1 > 1e-6 > pictures[0][18, 28, 0]
+
+
+def test_labels_without_names_need_looks(call, raw, raw_options, labels, tmp_path):
+    result = call("render", raw, *raw_options, "--labels", labels, "-o", tmp_path / "x.npy")
+    assert result.code == 2 and "does not name its labels; give their colors with --label-functions" in result.err

@@ -134,7 +134,7 @@ def projected_alpha(voxels, function, spacing, azimuth, size):
 @pytest.mark.parametrize(
     "name, shape, kind, spacing, preset",
     [
-        ("bonsai_256x256x256_uint8.raw.gz", (256, 256, 256), "u1", (1, 1, 1), "ct-plant"),
+        ("bonsai_256x256x256_uint8.raw.gz", (256, 256, 256), "u1", (1, 1, 1), "ct-botanical"),
         ("cthead_256x256x113_uint16be.raw.gz", (113, 256, 256), ">u2", (1, 1, 2), None),
         ("lobster_120x120x34_uint16le.raw.gz", (34, 120, 120), "<u2", (1, 1, 1), None),
     ],

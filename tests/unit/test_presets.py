@@ -104,7 +104,7 @@ def test_fitting_survives_values_that_are_nearly_all_alike():
         ("cthead_256x256x113_uint16be.raw.gz", dict(intercept=-1024, value_unit="HU"), "ct-bone", 0.04, 0.12),
         ("cthead_256x256x113_uint16be.raw.gz", {}, "ct-soft-tissue", 0.15, 0.3),
         ("engine_256x256x110_uint8.raw.gz", {}, "ct-industrial", 0.1, 0.25),
-        ("bonsai_256x256x256_uint8.raw.gz", {}, "ct-plant", 0.05, 0.15),
+        ("bonsai_256x256x256_uint8.raw.gz", {}, "ct-botanical", 0.05, 0.15),
         ("foot_256x256x256_uint8_fromjpeg.raw.gz", {}, "xa-limb", 0.1, 0.3),
         ("lobster_301x324x56_uint8.raw.gz", {}, "ct-specimen", 0.04, 0.1),
         ("mrbrain_256x256x99_uint8.raw.gz", {}, "mr-head", 0.15, 0.3),
@@ -172,7 +172,7 @@ def test_hounsfield_units_choose_bone_or_soft_tissue():
     voxels = np.full((20, 20, 20), -1000, np.int16)
     voxels[5:15, 5:15, 5:15] = 50
     function, reason = default_transfer_function(volume_of(voxels, value_unit="HU"))
-    assert function == preset("ct-soft-tissue") and "Hounsfield" in reason
+    assert function == preset("ct-muscle") and "Hounsfield" in reason
     voxels[8:12, 8:12, 8:12] = 1200
     assert default_transfer_function(volume_of(voxels, value_unit="HU"))[0] == preset("ct-bone")
 
@@ -199,7 +199,7 @@ def test_a_volume_that_a_preset_would_leave_blank_gets_the_histogram():
 @pytest.mark.parametrize(
     ("name", "choice"),
     [
-        ("bonsai_256x256x256_uint8.raw.gz", "ct-plant"), ("cthead_256x256x113_uint16be.raw.gz", "ct-bone"),
+        ("bonsai_256x256x256_uint8.raw.gz", None), ("cthead_256x256x113_uint16be.raw.gz", "ct-bone"),
         ("engine_256x256x110_uint8.raw.gz", None), ("foot_256x256x256_uint8_fromjpeg.raw.gz", None),
         ("lobster_301x324x56_uint8.raw.gz", None), ("lobster_120x120x34_uint16le.raw.gz", None),
         ("mrbrain_256x256x99_uint8.raw.gz", "mr-head"), ("cthead_128x128x113_uint8_derived.raw.gz", "ct-bone"),

@@ -1,0 +1,119 @@
+"""Label maps: whole numbers on the grid of a scan, and the names of labels in ITK-SNAP's text files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..runtime.steps import Progress
+from ..scene import RleSplatError
+from ..volume.regrid import on_grid_steps
+from ..volume.volume import NamedLabel, Volume
+from .color import linear
+from .formats import RAW, format_of, read_steps
+
+TEXT_SUFFIXES = (".txt", ".label")
+MOST_TEXT = 1 << 20  # bytes of a file of names
+ROW = re.compile(r'^\s*(\d{1,9})\s+(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})\s+([\d.]+)\s+([01])\s+([01])\s+"(.*)"\s*$')
+LARGEST = 2**31 - 1
+
+
+def read_label_steps(path, volume: Volume):
+    """Generator of Progress: read a label map and bring it onto the grid of a volume.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of a known format, or a folder of masks. A raw file is read with the shape of the volume.
+    volume : Volume
+
+    Returns
+    -------
+    Volume
+        Whole numbers. ``named_labels`` are those of the file, or else those of a text file of ITK-SNAP with the same
+        name beside it.
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read, or lies elsewhere than the volume.
+    """
+    path = Path(path)
+    bare = path.is_file() and format_of(path) is RAW
+    labels = yield from read_steps(path, **(dict(shape=volume.shape_xyz, spacing=volume.spacing) if bare else {}))
+    labels = yield from _whole_steps(labels)
+    if not labels.named_labels:
+        labels = replace(labels, named_labels=_names_beside(path))
+    return (yield from on_grid_steps(labels, volume))
+
+
+def _whole_steps(labels: Volume):
+    """Generator of Progress: a label map stored as floats or with a slope, as integers if all values are whole."""
+    if labels.voxels.dtype.kind in "iu" and (labels.slope, labels.intercept) == (1.0, 0.0):
+        return labels
+    voxels = np.empty(labels.voxels.shape, dtype=np.int32)
+    for z, stored in enumerate(labels.voxels):
+        values = labels.physical(stored)
+        if not (np.abs(values) <= LARGEST).all() or (values != np.round(values)).any():
+            return labels  # no label map; Labels says so
+        voxels[z] = values
+        yield Progress(z / len(voxels), "reading labels")
+    return replace(labels, voxels=voxels, slope=1.0, intercept=0.0)
+
+
+def _names_beside(path: Path) -> tuple[NamedLabel, ...]:
+    """The names in a text file of ITK-SNAP beside a label map; none if there is no such file."""
+    stem = path.name.split(".")[0]
+    for suffix in TEXT_SUFFIXES:
+        file = path.with_name(stem + suffix)
+        if file.is_file() and is_label_text(file):
+            return tuple(label for label, _ in read_label_text(file))
+    return ()
+
+
+def is_label_text(path) -> bool:
+    """Whether a file holds rows of ITK-SNAP's label descriptions."""
+    return any(ROW.match(line) for line in _lines(path))
+
+
+def read_label_text(path) -> tuple[tuple[NamedLabel, bool], ...]:
+    """Read a label description file of ITK-SNAP.
+
+    Parameters
+    ----------
+    path : str or Path
+        Each row: number, red, green, blue (0 to 255), opacity, visible (0 or 1), mesh visible, "name".
+
+    Returns
+    -------
+    tuple of (NamedLabel, bool)
+        Each label and whether it is visible.
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read or holds no such row.
+    """
+    rows = [found for line in _lines(path) if (found := ROW.match(line))]
+    if not rows:
+        raise RleSplatError(
+            f'{Path(path).name} is no label description of ITK-SNAP (rows such as 1 255 0 0 1 1 1 "liver"); check it.'
+        )
+    labels = []
+    for row in rows:
+        number, *color = (int(text) for text in row.groups()[:4])
+        color = linear([min(channel, 255) / 255.0 for channel in color])
+        labels.append((NamedLabel(number, row[8], color), row[6] == "1"))
+    return tuple(labels)
+
+
+def _lines(path) -> list[str]:
+    """The lines of a text file."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(MOST_TEXT).decode("utf-8", "replace").splitlines()
+    except OSError as problem:
+        raise RleSplatError(f"Cannot read {path}: {problem.strerror or problem}; check the path.") from None

@@ -1,0 +1,161 @@
+"""Medical files in Blender: imported where the patient lies, read again after a reload, with letters at the box."""
+
+import bpy
+import numpy as np
+import pytest
+
+AFFINE = np.array([(-2.0, 0.3, 0, 30), (0, 1.5, 0.4, -20), (0, 0, 3.0, 100), (0, 0, 0, 1)])  # to LPS, sheared
+
+
+@pytest.fixture
+def nibabel(addon):
+    """nibabel from the extension's wheels, which are there when the extension is."""
+    return pytest.importorskip("nibabel")
+
+
+def active():
+    return bpy.context.view_layer.objects.active
+
+
+@pytest.fixture
+def values():
+    return np.random.default_rng(5).integers(0, 200, (6, 7, 8)).astype(np.int16)  # x, y, z
+
+
+@pytest.fixture
+def nifti(tmp_path, values, nibabel):
+    path = tmp_path / "scan.nii.gz"
+    image = nibabel.Nifti1Image(values, np.diag((-1.0, -1, 1, 1)) @ AFFINE)
+    image.header.set_xyzt_units("mm")
+    nibabel.save(image, path)
+    return path
+
+
+def test_a_nifti_lies_in_the_world_as_the_patient_does(nifti, values, bridge):
+    assert bpy.ops.rle_splat.import_volume(filepath=str(nifti)) == {"FINISHED"}
+    owner = active()
+    volume = bridge("volumes").load_volume(owner)
+    np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values)
+    np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
+    assert owner.name == "scan" and owner.rle_splat.space == "patient"
+    assert "Orientation: R P S, 11.3° oblique" in owner.rle_splat.facts
+    np.testing.assert_array_equal(np.array(owner.matrix_world), np.eye(4))
+    holder = owner.instance_collection.objects[0]
+    first = np.array(holder.matrix_world @ holder.data.vertices[0].co)
+    np.testing.assert_allclose(first, AFFINE[:3, 3] * 0.001, rtol=1e-6)  # millimeters in a world of meters
+
+
+def test_letters_stand_at_the_faces(nifti, bridge):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    owner = active()
+    owner.location = (1.0, 2.0, 3.0)
+    bpy.context.view_layer.update()
+    places = dict(bridge("letters").placed_letters(owner))
+    assert set(places) == set("RLAPIS")
+    middle = sum(places.values()) / 6
+    np.testing.assert_allclose(middle, (1, 2, 3) + 0.001 * (AFFINE @ (2.5, 3.0, 3.5, 1))[:3], atol=1e-6)
+    for letter, axis, sign in (("R", 0, -1), ("L", 0, 1), ("A", 1, -1), ("P", 1, 1), ("I", 2, -1), ("S", 2, 1)):
+        away = places[letter] - middle
+        assert np.abs(away).argmax() == axis and np.sign(away[axis]) == sign
+
+
+def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
+    assert bridge("letters").placed_letters(volume_object) == []
+
+
+def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridge, tmp_path):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    owner = active()
+    np.testing.assert_array_equal(bridge("volumes").load_volume(owner).voxels.transpose(2, 1, 0), values)
+    moved = nifti.rename(tmp_path / "elsewhere.nii.gz")
+    bridge("volumes").forget_all()
+    assert bpy.ops.rle_splat.relocate(filepath=str(moved)) == {"FINISHED"}
+    volume = bridge("volumes").load_volume(owner, warn=pytest.fail)
+    np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
+
+
+def test_a_frame_is_chosen_and_kept(tmp_path, bridge, nibabel):
+    values = np.arange(3 * 4 * 5 * 6, dtype=np.int16).reshape(3, 4, 5, 6)
+    nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), tmp_path / "a.nii")
+    bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "a.nii"), frame=4)
+    owner = active()
+    bridge("volumes").forget_all()
+    np.testing.assert_array_equal(bridge("volumes").load_volume(owner).voxels.transpose(2, 1, 0), values[..., 3])
+    assert "Frames: 6" in owner.rle_splat.facts
+
+
+def test_bad_files_are_refused_in_a_sentence_and_change_nothing(nifti, refused, tmp_path):
+    content = nifti.read_bytes()
+    nifti.write_bytes(content[:-40])
+    before = len(bpy.data.objects)
+    refused(bpy.ops.rle_splat.import_volume, "breaks off", filepath=str(nifti))
+    refused(bpy.ops.rle_splat.import_volume, "is a folder", filepath=str(tmp_path))
+    assert len(bpy.data.objects) == before
+
+
+def test_named_labels_fill_the_rows(nifti, tmp_path, nibabel):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    owner = active()
+    labels = np.zeros((6, 7, 8), np.uint8)
+    labels[3:] = 2
+    flip = np.diag((-1.0, 1, 1, 1))
+    flip[0, 3] = 5
+    image = nibabel.Nifti1Image(labels[::-1], np.diag((-1.0, -1, 1, 1)) @ AFFINE @ flip)
+    nibabel.save(image, tmp_path / "seg.nii.gz")
+    (tmp_path / "seg.txt").write_text('0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 1 1 1 "liver"\n')
+    owner.rle_splat.label_file = str(tmp_path / "seg.nii.gz")
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    rows = owner.rle_splat.labels
+    assert [(row.label, row.label_name) for row in rows] == [(0, "Clear Label"), (2, "liver")]
+    assert rows[1].use_color
+    assert tuple(rows[1].color) == (1.0, 0.0, 0.0)
+
+
+def test_dropping_is_offered_for_medical_files_but_not_for_pictures():
+    dropped = bpy.types.RLE_SPLAT_FH_volume.bl_file_extensions.split(";")
+    assert {".nii", ".gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".vdb", ".raw"} <= set(dropped)
+    assert not {".tif", ".tiff", ".hdr", ".img"} & set(dropped)
+
+
+def test_lzw_pages_are_decoded_by_blenders_own_module(tmp_path, bridge):
+    """tifffile needs a package for LZW that the extension does without."""
+    bpy.utils.expose_bundled_modules()
+    oiio = pytest.importorskip("OpenImageIO")
+    values = (np.arange(5 * 7 * 9) * 37 % 60000).astype(np.uint16).reshape(5, 7, 9)
+    for number, page in enumerate(values):
+        path = str(tmp_path / f"page{number}.tif")
+        output = oiio.ImageOutput.create(path)
+        spec = oiio.ImageSpec(9, 7, 1, "uint16")
+        spec.attribute("compression", "lzw")
+        assert output.open(path, spec) and output.write_image(np.ascontiguousarray(page[..., None]))
+        output.close()
+    tiff = pytest.importorskip("tifffile")
+    with tiff.TiffFile(tmp_path / "page0.tif") as file:
+        assert file.pages[0].compression.name == "LZW"
+    bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "page0.tif"))
+    np.testing.assert_array_equal(bridge("volumes").load_volume(active()).voxels, values)
+
+
+def one_of_each_family(folder, nibabel):
+    """Small files of every family, by the libraries in the extension or by hand: (name, values (x, y, z))."""
+    nrrd, tifffile = pytest.importorskip("nrrd"), pytest.importorskip("tifffile")
+    values = (np.arange(5 * 7 * 9) * 37 % 30000).astype(np.int16).reshape(9, 7, 5)
+    nibabel.save(nibabel.Nifti2Image(values, np.eye(4)), folder / "two.nii.gz")
+    nibabel.save(nibabel.AnalyzeImage(values, np.eye(4)), folder / "pair.img")
+    nibabel.save(nibabel.freesurfer.MGHImage(values, np.eye(4)), folder / "a.mgz")
+    nrrd.write(str(folder / "a.nrrd"), values, {"encoding": "gzip"})
+    nrrd.write(str(folder / "b.nhdr"), values, {"encoding": "raw"})
+    text = "ObjectType = Image\nNDims = 3\nDimSize = 9 7 5\nElementType = MET_SHORT\nElementDataFile = LOCAL\n"
+    (folder / "a.mha").write_bytes(text.encode() + values.T.tobytes())
+    tifffile.imwrite(folder / "a.ome.tif", np.ascontiguousarray(values.T), ome=True, compression="zlib")
+    return ("two.nii.gz", "pair.img", "a.mgz", "a.nrrd", "b.nhdr", "a.mha", "a.ome.tif"), values
+
+
+def test_one_file_of_each_family(tmp_path, bridge, nibabel):
+    names, values = one_of_each_family(tmp_path, nibabel)
+    for name in names:
+        assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / name)) == {"FINISHED"}
+        volume = bridge("volumes").load_volume(active())
+        np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values, err_msg=name)

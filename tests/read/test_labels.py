@@ -1,0 +1,161 @@
+"""Label maps: matched to a scan by their places, named by files of several programs, merged from masks."""
+
+import nibabel
+import numpy as np
+import pytest
+
+from rle_splat.read.formats import read_volume
+from rle_splat.read.labels import is_label_text, read_label_steps, read_label_text
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import RleSplatError
+from rle_splat.volume.regrid import on_grid_steps
+from rle_splat.volume.volume import PATIENT, Volume
+
+from .phantoms import AFFINES, ras, rotation
+
+SHAPE = (8, 7, 6)  # x, y, z of the scan
+SCAN = Volume(np.zeros(SHAPE[::-1], np.uint8), AFFINES["oblique"], space=PATIENT)
+
+
+def points(volume) -> np.ndarray:
+    """(nz, ny, nx, 3): the place of each voxel."""
+    nx, ny, nz = volume.shape_xyz
+    z, y, x = np.indices((nz, ny, nx))
+    return np.stack((x, y, z), axis=-1) @ volume.affine[:3, :3].T + volume.affine[:3, 3]
+
+
+def labels_on(affine, shape, space=PATIENT, dtype=np.uint16) -> Volume:
+    """A label map in which each voxel has a number of its own."""
+    numbers = np.arange(1, np.prod(shape) + 1, dtype=dtype).reshape(shape[::-1])
+    return Volume(numbers, affine, space=space)
+
+
+def nearest(labels, volume) -> np.ndarray:
+    """By brute force: for each voxel of the volume the label of the nearest voxel of the label map."""
+    there = points(labels).reshape(-1, 3)
+    apart = np.linalg.norm(points(volume).reshape(-1, 1, 3) - there, axis=2)
+    return labels.voxels.reshape(-1)[apart.argmin(axis=1)].reshape(volume.voxels.shape)
+
+
+def turned(flips, order):
+    """The scan's grid with axes flipped, then reordered; and its shape."""
+    last = np.array(SHAPE) - 1
+    flip = np.diag((*flips, 1.0))
+    flip[:3, 3] = [last[i] if flips[i] < 0 else 0.0 for i in range(3)]
+    affine = (SCAN.affine @ flip)[:, [*order, 3]]
+    return affine, tuple(SHAPE[i] for i in order)
+
+
+@pytest.mark.parametrize("flips", [(1, 1, 1), (-1, 1, 1), (1, -1, -1), (-1, -1, -1)])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0), (1, 2, 0), (2, 0, 1), (0, 2, 1)])
+def test_flips_and_orders_of_axes_are_undone_exactly(flips, order):
+    labels = labels_on(*turned(flips, order))
+    found = drain(on_grid_steps(labels, SCAN))
+    np.testing.assert_array_equal(found.voxels, nearest(labels, SCAN))
+    assert sorted(found.voxels.ravel()) == sorted(labels.voxels.ravel())
+    if (flips, order) == ((1, 1, 1), (0, 1, 2)):
+        assert found is labels
+    else:
+        assert found.remarks == ("The label file stores its voxels in another order; they were reordered.",)
+
+
+def test_a_coarser_grid_gives_the_nearest_label():
+    scale = np.diag((1.9, 1.4, 2.7, 1.0))
+    labels = labels_on(SCAN.affine @ scale, (4, 5, 2))
+    found = drain(on_grid_steps(labels, SCAN))
+    index = np.round(np.indices(SHAPE[::-1])[::-1].reshape(3, -1).T / (1.9, 1.4, 2.7)).astype(int)
+    inside = (index < (4, 5, 2)).all(axis=1).reshape(SHAPE[::-1])
+    assert 0 < (~inside).sum() < inside.size
+    assert (found.voxels[~inside] == 0).all()
+    np.testing.assert_array_equal(found.voxels[inside], nearest(labels, SCAN)[inside])
+    assert "another grid (4 x 5 x 2 voxels); each voxel takes the nearest label, and" in found.remarks[0]
+
+
+def test_a_turned_grid_gives_the_nearest_label():
+    middle = points(SCAN)[3, 3, 3]
+    affine = np.eye(4)
+    affine[:3, :3] = rotation(33, 0)[:3, :3] @ rotation(20, 1)[:3, :3] * 0.7
+    affine[:3, 3] = middle - affine[:3, :3] @ (30, 30, 30)
+    labels = labels_on(affine, (61, 61, 61), dtype=np.uint32)
+    found = drain(on_grid_steps(labels, SCAN))
+    index = np.linalg.inv(affine) @ np.vstack((points(SCAN).reshape(-1, 3).T, np.ones(found.voxels.size)))
+    expected = np.round(index[:3]).astype(int)
+    inside = ((expected >= 0) & (expected < 61)).all(axis=0)
+    truth = labels.voxels[expected[2][inside], expected[1][inside], expected[0][inside]]
+    np.testing.assert_array_equal(found.voxels.ravel()[inside], truth)
+    assert inside.mean() > 0.9 and "nearest label" in found.remarks[0]
+
+
+def test_labels_of_another_place_are_refused():
+    affine = AFFINES["oblique"].copy()
+    affine[:3, 3] += 500.0
+    with pytest.raises(RleSplatError, match=r"lies elsewhere.*choose the labels of this scan"):
+        drain(on_grid_steps(labels_on(affine, SHAPE), SCAN))
+
+
+def test_labels_without_a_place_are_matched_by_index_and_say_so():
+    labels = labels_on(np.eye(4), SHAPE, None)
+    found = drain(on_grid_steps(labels, SCAN))
+    np.testing.assert_array_equal(found.voxels, labels.voxels)
+    assert "The label file does not say how it lies in the patient" in found.remarks[0]
+    bare = Volume(SCAN.voxels, np.eye(4))
+    assert drain(on_grid_steps(labels, bare)) is labels
+
+
+TEXT = """################################################
+# ITK-SnAP Label Description File
+    0     0    0    0        0  0  0    "Clear Label"
+    1   255    0    0        1  1  1    "left ventricle"
+    2     0  128  255      0.5  0  1    "wall"
+"""
+
+
+def test_names_of_itk_snap(tmp_path):
+    (tmp_path / "a.txt").write_text(TEXT)
+    (clear, _), (one, seen), (two, hidden) = read_label_text(tmp_path / "a.txt")
+    assert (clear.label, one.label, one.name, seen, two.name, hidden) == (0, 1, "left ventricle", True, "wall", False)
+    np.testing.assert_allclose((*one.color, *two.color), (1, 0, 0, 0, 0.2158605, 1), rtol=1e-6)
+    (tmp_path / "b.txt").write_text("notes")
+    assert not is_label_text(tmp_path / "b.txt")
+    with pytest.raises(RleSplatError, match="no label description of ITK-SNAP"):
+        read_label_text(tmp_path / "b.txt")
+
+
+def test_names_beside_the_label_file_are_found(tmp_path):
+    values = np.zeros(SHAPE, np.float32)
+    values[2:4] = 1
+    nibabel.save(nibabel.Nifti1Image(values, ras(SCAN.affine)), tmp_path / "seg.nii.gz")
+    (tmp_path / "seg.label").write_text(TEXT)
+    found = drain(read_label_steps(tmp_path / "seg.nii.gz", SCAN))
+    assert found.voxels.dtype == np.int32 and found.voxels.sum() == 2 * 7 * 6
+    assert [one.name for one in found.named_labels] == ["Clear Label", "left ventricle", "wall"]
+
+
+def masks(folder, organs, affine=SCAN.affine):
+    folder.mkdir()
+    for name, (begin, end) in organs.items():
+        values = np.zeros(SHAPE, np.uint8)
+        values[begin:end] = 1
+        nibabel.save(nibabel.Nifti1Image(values, ras(affine)), folder / f"{name}.nii.gz")
+    (folder / "statistics.json").write_text("{}")
+    return folder
+
+
+def test_a_folder_of_masks_is_one_label_map(tmp_path):
+    folder = masks(tmp_path / "seg", {"aorta": (0, 3), "liver": (2, 5), "nothing": (4, 4), "spleen": (6, 8)})
+    volume = read_volume(folder)
+    expected = np.array((1, 1, 2, 2, 2, 0, 4, 4), np.uint8)
+    np.testing.assert_array_equal(volume.voxels, np.broadcast_to(expected, SHAPE[::-1]))
+    assert [(one.label, one.name) for one in volume.named_labels] == [(1, "aorta"), (2, "liver"), (4, "spleen")]
+    assert volume.space == PATIENT and "overlap in 42 voxels" in volume.remarks[-1]
+    np.testing.assert_allclose(volume.affine, SCAN.affine, rtol=1e-6)
+    found = drain(read_label_steps(folder, SCAN))
+    assert found.key == volume.key
+
+
+def test_a_folder_of_scans_is_no_label_map(tmp_path):
+    folder = masks(tmp_path / "seg", {"a": (0, 3), "b": (2, 5)})
+    values = np.arange(np.prod(SHAPE), dtype=np.int16).reshape(SHAPE)
+    nibabel.save(nibabel.Nifti1Image(values, ras(SCAN.affine)), folder / "c.nii.gz")
+    with pytest.raises(RleSplatError, match="3 NIfTI files that are not masks on one grid; choose one"):
+        read_volume(folder)
