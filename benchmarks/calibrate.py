@@ -47,7 +47,7 @@ CARRIED = (3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # densities that constants are carri
 NO_TERMINATION = 1e-5
 FAINTEST = 0.02  # levels: pilots that differ by less tell nothing
 # Plans whose errors come from depth and density alike.
-JUDGED = (
+VALIDATION = (
     ("slice", 0.7, "bilinear"), ("slice", 1.0, "cubic"), ("simpson", 1.0, "cubic"), ("simpson", 1.5, "cubic"),
     ("midpoint-2", 1.5, "keys"), ("midpoint-2", 2.0, "cubic"), ("midpoint-4", 2.0, "cubic"),
     ("midpoint-4", 3.0, "cubic"), ("midpoint-6", 3.0, "cubic"), ("midpoint-8", 4.0, "cubic"),
@@ -103,7 +103,7 @@ def observe(scene: Scene, base: Quality) -> dict:
         if density <= DENSEST[name]
     ]  # fmt: skip
     plans = []
-    for plan in dict.fromkeys((*wanted, *JUDGED, *LARGE)):
+    for plan in dict.fromkeys((*wanted, *VALIDATION, *LARGE)):
         rendering = draw(*plan, REPEATS)
         stages = rendering.report["stages_ms"]
         error = float(probe_errors(rendering.rgba[rows, columns], true).max())
@@ -193,11 +193,11 @@ def _densities(scenes, name: str, cubic=None) -> list[list[float]]:
 
 
 def _against_truth(constants, scenes, base: Quality) -> list[float]:
-    """Measured over predicted error of all plans in JUDGED whose predicted error is above the noise."""
+    """Measured over predicted error of all plans in VALIDATION whose predicted error is above the noise."""
     model = Model(base.classification, **constants)
     ratios = []
     for f, errors in scenes:
-        for rule, density, warp_filter in JUDGED:
+        for rule, density, warp_filter in VALIDATION:
             plan = replace(
                 base, depth_rule=rule, sheet_density=density, warp_filter=warp_filter, termination=NO_TERMINATION
             )

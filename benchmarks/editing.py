@@ -104,7 +104,7 @@ KINDS = {
     "camera": (lit, turned),
     "camera, headlight": (lambda scene: scene, turned),
     "light": (lit, relit),
-    "colours": (lit, recolored),
+    "colors": (lit, recolored),
     "opacities": (lit, thinned),
     "wider range": (lit, widened),
 }

@@ -19,7 +19,7 @@ import numpy as np
 from devtools.phantom import SPACING_MM, head_phantom
 from rle_splat.classify.presets import preset
 from rle_splat.classify.transfer_function import GradientOpacity, Shade
-from rle_splat.effects.analyse import EFFECTS, analyse, called_for
+from rle_splat.effects.analyze import EFFECTS, analyze, called_for
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import (
@@ -153,7 +153,7 @@ def _halves(volume: Volume) -> Volume:
     return Volume(labels, volume.affine, unit=volume.unit)
 
 
-def _labelled(scene: Scene) -> Scene:
+def _labeled(scene: Scene) -> Scene:
     """The scene with one half in other colors."""
     function = scene.transfer_function
     other = replace(function, color=tuple((value, blue, green, red) for value, red, green, blue in function.color))
@@ -208,7 +208,7 @@ PRICES = {
     "motion blur": Price("motion blur", None, _moving),
     "gradient opacity": Price("gradient opacity", None, _surfaces_only),
     "mist": Price("mist", None, _misty),
-    "labels": Price("labels", None, _labelled),
+    "labels": Price("labels", None, _labeled),
     "channels": Price("channels", None, _doubled),
     **{
         f"mode {name}": Price("mode", None, lambda scene, name=name: replace(scene, mode=name))
@@ -366,7 +366,7 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
 
     def never_heard_of(azimuth):
         scene = forced_off(azimuth)
-        return replace(called_for(scene, analyse(scene, quality)), effects={})
+        return replace(called_for(scene, analyze(scene, quality)), effects={})
 
     together = [label for label in setting.priced if PRICES[label].effect != "mode"]
     rows = []

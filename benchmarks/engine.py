@@ -130,13 +130,13 @@ class _Beside:
         self.frame_ms.append(spent)
 
     def row(self, truths, common) -> dict:
-        judged = self.peer.same_colors or not self._shaded
+        comparable = self.peer.same_colors or not self._shaded
         return {
             "quality": self.peer.name, "peer": True, "classification": self.peer.classification, "kept_fraction": None,
             **common, "against": {}, "frame_ms": median(self.frame_ms),
             **dict.fromkeys(f"{stage}_ms" for stage in FRAME),
             "shade_ms": None, "encode_ms": getattr(self.caster, "classify_ms", None),
-            **{name: _error(self._pictures, true) if judged else None for name, true in truths.items()},
+            **{name: _error(self._pictures, true) if comparable else None for name, true in truths.items()},
         }
 
 
@@ -195,7 +195,7 @@ def main(arguments) -> int:
     )
     parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
     parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
-    parser.add_argument("--colours", dest="colors", nargs="*", choices=("unshaded", "shaded"))
+    parser.add_argument("--colors", dest="colors", nargs="*", choices=("unshaded", "shaded"))
     parser.add_argument("--size", type=int, nargs="*", default=[512], help="pixels a side, one table each")
     parser.add_argument("--threads", type=int, nargs="*", default=[2], help="one table each")
     parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def radius_from_centre(size: int) -> np.ndarray:
+def radius_from_center(size: int) -> np.ndarray:
     """(size, size, size) float64 distance of each voxel from the middle of the grid, in voxels."""
     z, y, x = np.ogrid[:size, :size, :size]
     middle = 0.5 * (size - 1)
@@ -18,8 +18,8 @@ def _opacity(extinction) -> np.ndarray:
 
 
 def smooth_shell(size: int = 48) -> np.ndarray:
-    """A Gaussian shell three voxels wide round an off-centre blob: dense enough for rays to be terminated."""
-    r = radius_from_centre(size)
+    """A Gaussian shell three voxels wide round an off-center blob: dense enough for rays to be terminated."""
+    r = radius_from_center(size)
     z, y, x = np.ogrid[:size, :size, :size]
     from_blob = (x - 0.6 * size) ** 2.0 + (y - 0.45 * size) ** 2 + (z - 0.5 * size) ** 2
     extinction = 0.5 * np.exp(-0.5 * ((r - 0.3 * size) / 3.0) ** 2)
@@ -29,13 +29,13 @@ def smooth_shell(size: int = 48) -> np.ndarray:
 
 def thin_shell(size: int = 48) -> np.ndarray:
     """A Gaussian shell one voxel wide."""
-    extinction = 0.7 * np.exp(-0.5 * (radius_from_centre(size) - 0.33 * size) ** 2)
+    extinction = 0.7 * np.exp(-0.5 * (radius_from_center(size) - 0.33 * size) ** 2)
     return _opacity(np.where(extinction > 1e-4, extinction, 0.0))
 
 
 def binary_shell(size: int = 48) -> np.ndarray:
     """A shell three voxels thick that is either there (extinction 0.7) or not: the hardest edges there are."""
-    r = radius_from_centre(size)
+    r = radius_from_center(size)
     return _opacity(np.where(np.abs(r - 0.33 * size) <= 1.5, 0.7, 0.0))
 
 

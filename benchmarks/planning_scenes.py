@@ -172,7 +172,7 @@ def _inside(volume: Volume, function: TransferFunction, size: int, share, toward
 
 
 # File, how to read it, preset, shaded, view.
-JUDGED_SCANS = {
+MEASURED_SCANS = {
     "engine, outside": ("engine_256x256x110_uint8.raw.gz", {}, "ct-industrial", True, View(-30.0, 20.0, 320)),
     "bonsai, perspective": (
         "bonsai_256x256x256_uint8.raw.gz", {}, "ct-botanical", False, View(70.0, 15.0, 320, True, 1.1),
@@ -192,7 +192,7 @@ JUDGED_SCANS = {
 }  # fmt: skip
 
 
-def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
+def measured_scenes(names=None) -> Iterator[tuple[str, Scene]]:
     """Yield the name and scene of each test scene: synthetic ones, and the scans that are present.
 
     Parameters
@@ -221,7 +221,7 @@ def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
         "inside the tubes": lambda: _inside(tubes, soft, 160, (0.15, 0.55, 0.5), (0.9, 0.4, 0.45), False),
     }
     scans = {
-        name: partial(_scan, *scan) for name, scan in JUDGED_SCANS.items() if (DATA / scan[0]).exists()
+        name: partial(_scan, *scan) for name, scan in MEASURED_SCANS.items() if (DATA / scan[0]).exists()
     }  # fmt: skip
     # Alternate both kinds, so that a shortened run has both.
     for pair in zip_longest(made.items(), scans.items()):
@@ -230,6 +230,6 @@ def judged_scenes(names=None) -> Iterator[tuple[str, Scene]]:
                 yield name, make()
 
 
-def _scan(file: str, options: dict, look: str, shaded: bool, view: View) -> Scene:
+def _scan(file: str, options: dict, preset: str, shaded: bool, view: View) -> Scene:
     scan = read_volume(DATA / file, **options)
-    return view.of(scan, fit_preset(look, scan)[0], shaded)
+    return view.of(scan, fit_preset(preset, scan)[0], shaded)

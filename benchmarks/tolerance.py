@@ -32,7 +32,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
 
 from .frames import Neighbors, circumstances, describe
-from .planning_scenes import JUDGED_SCANS, judged_scenes
+from .planning_scenes import MEASURED_SCANS, measured_scenes
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
 OTHER_SEED = 20031
@@ -42,7 +42,7 @@ STEEPEST = 0.1  # fraction of the picture's pixels among which steep probes are 
 KEPT_SHARE, WORST, TIMED_SHARE, TIMED_FACTOR = 0.95, 2.0, 0.9, 2.0
 
 
-def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> float:
+def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -> float:
     """The largest error of a picture in levels, at pixels that the planner has not used."""
     height, width = rgba.shape[:2]
     steep = round(STEEP_SHARE * count)
@@ -55,7 +55,7 @@ def judged_again(scene: Scene, rgba, which: str, count: int, shading: dict) -> f
     return float(probe_errors(rgba[places[1], places[0]], true).max())
 
 
-def judge_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: int = PROBES) -> list[dict]:
+def measure_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: int = PROBES) -> list[dict]:
     """One JSON-ready row per tolerance, from the largest to the smallest, until a picture takes longer than LONGEST."""
     cache, rows, which = StageCache(), [], truth_of(quality)
     shading = shading_of(scene, which)
@@ -66,7 +66,7 @@ def judge_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: i
         rendering = render_within(scene, tolerance, quality, cache=cache, probes=probes)
         spent = time.perf_counter() - began
         error = rendering.report["error"]
-        again = judged_again(scene, rendering.rgba, which, probes, shading)
+        again = error_elsewhere(scene, rendering.rgba, which, probes, shading)
         promised = tolerance if error["kept"] else error["floor"]
         rows.append({
             "tolerance": tolerance, "plan": rendering.report["plan"]["name"], "truth": which,
@@ -139,7 +139,7 @@ def sentences(found: dict) -> list[str]:
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench tolerance", description=__doc__)
-    parser.add_argument("--scene", nargs="*", help=f"only these, such as {', '.join(JUDGED_SCANS)}")
+    parser.add_argument("--scene", nargs="*", help=f"only these, such as {', '.join(MEASURED_SCANS)}")
     parser.add_argument("--classification", nargs="*", choices=CLASSIFICATIONS, default=["post", "pre"])
     parser.add_argument("--tolerance", nargs="*", type=float, default=TOLERANCES)
     parser.add_argument("--threads", type=int, default=0)
@@ -153,19 +153,19 @@ def main(arguments) -> int:
     left_out = []
     print(f"\n{HEADER}")
     # Scene by scene, so that all classifications have the same scenes if time runs out.
-    for name, scene in judged_scenes(options.scene):
+    for name, scene in measured_scenes(options.scene):
         if time.perf_counter() - began > 60.0 * options.minutes:
             left_out.append(name)
             continue
         for classification in options.classification:
             quality = Quality(classification=classification, threads=options.threads)
             render(scene, quality)  # loads the kernels, which does not count
-            judged = judge_scene(scene, quality, options.tolerance, options.probes)
-            for row in judged:
+            measured = measure_scene(scene, quality, options.tolerance, options.probes)
+            for row in measured:
                 rows[classification].append({"scene": name, "classification": classification, **row})
                 print(line(name, row), flush=True)
-            if len(judged) < len(options.tolerance):
-                asked = ", ".join(f"{t:g}" for t in sorted(options.tolerance, reverse=True)[len(judged) :])
+            if len(measured) < len(options.tolerance):
+                asked = ", ".join(f"{t:g}" for t in sorted(options.tolerance, reverse=True)[len(measured) :])
                 left_out.append(f"{name}, {classification}, at {asked}")
     verdicts = {classification: verdict(found) for classification, found in rows.items()}
     for classification, found in verdicts.items():

@@ -157,8 +157,8 @@ class VolpackCaster:
             self._call("vpSetVoxelField", number, kind.itemsize, offset, len(table) - 1)
         self._call("vpSetRawVoxels", self._voxels, self._voxels.nbytes, *self._voxels.strides[::-1])
         self._call("vpSetClassifierTable", 0, FIELDS.index("opacity"), self._opacities, self._opacities.nbytes)
-        looks = [(FIELDS.index(name), tables[name], tables[name].nbytes) for name in ("color", "weight")]
-        self._call("vpSetLookupShader", 3, self._colors.shape[1], *looks[0], *looks[1])
+        lookups = [(FIELDS.index(name), tables[name], tables[name].nbytes) for name in ("color", "weight")]
+        self._call("vpSetLookupShader", 3, self._colors.shape[1], *lookups[0], *lookups[1])
         self._call("vpSetd", MIN_VOXEL_OPACITY, thresholds[0] + HALF)
         self._call("vpSetd", MAX_RAY_OPACITY, thresholds[1])
         self._call("vpCurrentMatrix", PROJECT)

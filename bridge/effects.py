@@ -10,7 +10,7 @@ from functools import partial
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from ..rle_splat.effects.analyse import EFFECTS
+from ..rle_splat.effects.analyze import EFFECTS
 
 AUTO = "AUTO"
 STATES = {AUTO: None, "ON": True, "OFF": False}

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rle_splat.pipeline.memory_estimate import estimate_from_histogram, likely_sides, picture_bytes
+from ..rle_splat.pipeline.memory_estimate import picture_bytes
+from ..rle_splat.pipeline.quick_estimate import ClassifiedSheets, estimate_from_histogram, likely_sides, sheet_kind
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
@@ -151,11 +152,10 @@ class _LikelyPlane:
     axis: int = 2
 
     @classmethod
-    def of(cls, shape_xyz, quality, width: int, height: int):
+    def of(cls, kind: ClassifiedSheets, shape_xyz, quality, width: int, height: int):
         nx, ny, nz = shape_xyz
         sides = likely_sides(shape_xyz, quality, width, height)
-        boxed = quality.classification == "post"
-        sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], boxed)
+        sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], kind.scalar_sheets)
         scale = np.array([[max(sides[0], 1) / nx, max(sides[1], 1) / ny]])
         return cls(*sides, scale, sheets)
 
@@ -184,15 +184,15 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     counted = stored_histogram(properties)
     if counted is None or counted.dtype is None:
         return ""
-    finer = quality.refinement if quality.classification == "refined" else 1
-    shape = tuple(finer * (n - 1) + 1 for n in counted.shape_xyz)
-    plane = _LikelyPlane.of(shape, quality, width, height)
+    kind = sheet_kind(quality)
+    shape = kind.grid(counted.shape_xyz)
+    plane = _LikelyPlane.of(kind, shape, quality, width, height)
 
     def wanted(meshes: bool):
-        limited = meshes or finer > 1
-        scratch = scratch_bytes(plane, shape, quality, quality.classification == "post", limited)
+        shortened = meshes or kind.ends_at_box
+        scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, shortened)
         picture = picture_bytes(
-            (plane,), width, height, quality, limited=limited, meshes=meshes, scratch=scratch,
+            (plane,), width, height, quality, shortened=shortened, meshes=meshes, scratch=scratch,
             traced=quality.rays > 0.0 and not meshes)  # single rays are not used with meshes
         return estimate_from_histogram(
             counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,

@@ -27,19 +27,19 @@ class MadeFrom(NamedTuple):
     ----------
     digest : str
         Hash of all inputs.
-    look : str
+    transfer_function : str
         Hash of the transfer function alone.
     meshes : bool
         Whether meshes occluded the volume.
     """
 
     digest: str
-    look: str
+    transfer_function: str
     meshes: bool
 
 
 _made_from: dict[int, MadeFrom] = {}  # by session id of the image
-_out_of_date: set[int] = set()  # session ids of the images that the last ``judge`` found outdated
+_out_of_date: set[int] = set()  # session ids of the images that the last ``update_status`` found outdated
 
 
 def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> MadeFrom:
@@ -86,7 +86,7 @@ def store(image) -> None:
 
 
 def out_of_date(scene) -> list:
-    """The outdated pictures among those that the scene shows, as of the last ``judge``.
+    """The outdated pictures among those that the scene shows, as of the last ``update_status``.
 
     It reads properties only, so a panel may call it.
 
@@ -102,13 +102,13 @@ def out_of_date(scene) -> list:
     """
     return [
         row.image for row in shown_rows(scene)
-        if row.image.session_uid in _out_of_date or _has_new_look(row)
+        if row.image.session_uid in _out_of_date or _has_new_transfer_function(row)
     ]
 
 
-def have_new_looks(scene) -> bool:
+def have_new_transfer_functions(scene) -> bool:
     """Whether the transfer function of a shown picture was edited, including edits by a script without an update."""
-    return any(_has_new_look(row) for row in shown_rows(scene))
+    return any(_has_new_transfer_function(row) for row in shown_rows(scene))
 
 
 def forget() -> None:
@@ -117,7 +117,7 @@ def forget() -> None:
     _out_of_date.clear()
 
 
-def judge(scene, depsgraph) -> bool:
+def update_status(scene, depsgraph) -> bool:
     """Compare the scene's last picture and its camera's backdrop with the scene.
 
     A picture whose volume is not in memory is skipped, because reading the volume could take long.
@@ -168,10 +168,10 @@ def shown_rows(scene) -> list:
     ]
 
 
-def _has_new_look(row) -> bool:
+def _has_new_transfer_function(row) -> bool:
     known = made_from(row.image)
     try:
-        return bool(known.look) and known.look != _digest(transfer.read_transfer(row.volume))
+        return bool(known.transfer_function) and known.transfer_function != _digest(transfer.read_transfer(row.volume))
     except RleSplatError:
         return True
 

@@ -1,4 +1,4 @@
-"""The labels of a volume object: the label file, and one row per label with its look.
+"""The labels of a volume object: the label file, and one row per label with its appearance.
 
 Like a volume's voxels, the label file stays outside the .blend and is read when it is first needed.
 """
@@ -21,7 +21,7 @@ from .overridable import BoolProperty, EnumProperty, FloatVectorProperty, IntPro
 from .preset_items import IMPORT_ITEMS, SUGGESTED
 
 OWN = "OWN"
-LOOK_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function")] + [
+FUNCTION_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function")] + [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
 MOST_LABELS = 512  # a file with more different values is a scan, not a label map
@@ -34,7 +34,7 @@ def _evaluate_anew(row, _context):
 
 
 class LabelProperties(bpy.types.PropertyGroup):
-    """The look of one label.  ``name`` is its number as text, because library overrides find rows by name."""
+    """The appearance of one label.  ``name`` is its number as text, because library overrides find rows by name."""
 
     label: IntProperty(name="Label", description="Value of the label's voxels in the label file")
     label_name: StringProperty(name="Name", description="Name of the label")
@@ -47,8 +47,8 @@ class LabelProperties(bpy.types.PropertyGroup):
         name="Color", description="Color of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
         default=(0.8, 0.3, 0.2), update=_evaluate_anew)
     look: EnumProperty(
-        name="Look", description="Transfer function for the voxels of this label", items=LOOK_ITEMS, default=OWN,
-        update=_evaluate_anew)
+        name="Transfer Function", description="Transfer function for the voxels of this label", items=FUNCTION_ITEMS,
+        default=OWN, update=_evaluate_anew)
 
     def plain(self) -> LabelStyle:
         return LabelStyle(

@@ -122,9 +122,9 @@ class VolumeProperties(SourceOptions, bpy.types.PropertyGroup):
 
     label_file: LiveString(
         name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
-        "If a label is hidden or has its own look, the volume is drawn pre-classified", subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"})
-    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and look of each label")
+        "If a label is hidden or has its own transfer function or color, the volume is drawn pre-classified",
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
+    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and color of each label")
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
     clip_keep: LiveEnum(

@@ -70,7 +70,7 @@ def attend(scene, depsgraph) -> None:
                 _release_composited(one)
                 pictures.release_deleted(one, presence.is_deleted)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
-        if freshness.judge(scene, depsgraph):
+        if freshness.update_status(scene, depsgraph):
             redraw(bpy.context)
     finally:
         _attending.clear()
@@ -106,7 +106,7 @@ def _tick():
     left = _due[0] - time.perf_counter()
     if left > 0.0:
         return left
-    if _due[0] == _seen[0] and not any(freshness.have_new_looks(scene) for scene in _followed()):
+    if _due[0] == _seen[0] and not any(freshness.have_new_transfer_functions(scene) for scene in _followed()):
         return POLL if _followed() else None
     if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running() or following.is_moving():
         return PAUSE

@@ -13,7 +13,6 @@ from .places import OUT, Failure, say
 from .sample import sample
 
 SECONDS = 900
-AT_ONCE = 0.5  # seconds: less than any preparation takes, which is looked at once a second
 SCAN_TITLE = "RLE SPLAT"
 
 
@@ -34,16 +33,9 @@ def _sample_options(facts: dict) -> dict:
 def _show(name: str, volume: Path, options: dict, version: str) -> Path:
     """One volume in one scene, in a Blender process of its own; returns the folder with the results."""
     folder = OUT / "demo" / name
-    say(f"Blender {version} shows {volume.name} (the first time, kernels are compiled before) ...")
+    say(f"Blender {version} shows {volume.name} (the first time, the kernels that the picture needs are compiled) ...")
     run_job(version, "demo_scene.py", folder, SECONDS, volume=str(volume), options=options, title=SCAN_TITLE)
     return folder
-
-
-def _preparation(seconds: float) -> str:
-    """What became of the kernels before the picture."""
-    if seconds < AT_ONCE:
-        return "kernels are prepared since an earlier run"
-    return f"kernels prepared in {seconds:.1f} s before the first picture, by a process of their own"
 
 
 def demo(volumes) -> int:
@@ -63,8 +55,9 @@ def demo(volumes) -> int:
         folder = _show(name, path, options, version)
         report = json.loads((folder / "report.json").read_text())
         seconds = report["seconds"]
-        say(f"  {_preparation(seconds.pop('prepare_kernels'))}")
         say("  " + ", ".join(f"{key.replace('_', ' ')} {value:.1f} s" for key, value in seconds.items()))
+        if report["preparation"]:
+            say(f"  Beside it: {report['preparation']}.")
         for remark in report.get("remarks", ()):
             say(f"  {remark}")
         for file, what in (

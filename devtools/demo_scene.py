@@ -35,14 +35,6 @@ def enable(zip_path: str, install: bool) -> None:
         raise RuntimeError("The extension could not be enabled in Blender; its words are above.")
 
 
-def prepare_kernels() -> None:
-    """Compile ahead what a first picture needs, as the extension does in a window, in a process of its own."""
-    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
-    while (seconds := ahead.advance()) is not None:
-        print(ahead.text(), flush=True)
-        time.sleep(seconds)
-
-
 def material(name: str, color, roughness=0.5, metallic=0.0, glow=0.0):
     """A Principled material."""
     made = bpy.data.materials.new(name)
@@ -227,7 +219,10 @@ def main(job: dict) -> int:
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     timed("enable", lambda: enable(job["zip"], job["install"]))
-    timed("prepare_kernels", prepare_kernels)
+    # In a window a timer does this: a process of its own compiles what default pictures need, and the first picture
+    # waits only for the kernels that it needs itself.
+    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
+    prepared = ahead.advance() is None
     scene = bpy.context.scene
     blend = str(folder / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=blend)  # first, so that the volume's path is kept relative to it
@@ -254,7 +249,9 @@ def main(job: dict) -> int:
     scene.render.filepath = "//render.png"
     bpy.ops.wm.save_mainfile()
 
-    report.update(title=job["title"], seconds=clock)
+    prepared = prepared or ahead.advance() is None
+    report.update(title=job["title"], seconds=clock, preparation="" if prepared else ahead.text())
+    ahead.end()  # as Blender's end does; it goes on where it was when Blender is started again
     return finish(folder, report)
 
 

@@ -156,7 +156,7 @@ def _made_chest(shape_zyx=(96, 112, 128)) -> np.ndarray:
 
 
 def _made_brain(shape_zyx=(110, 128, 104)) -> np.ndarray:
-    """Two halves, folded, with lighter matter inside."""
+    """Two halves, folded, with a lighter inside."""
     z, y, x = _grid(shape_zyx)
     radius = np.sqrt((x / 0.8) ** 2 + (y / 0.92) ** 2 + (z / 0.72) ** 2)
     folds = np.sin(17.0 * x + 5.0 * np.sin(7.0 * z)) * np.sin(15.0 * y + 4.0 * np.sin(9.0 * x)) * np.sin(16.0 * z)

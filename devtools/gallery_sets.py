@@ -19,7 +19,7 @@ from mathutils import Matrix, Vector
 BONE_HU = 300.0
 PLATE_SCREWS = 6
 # Of a chest of 8 bits with contrast: muscle and fat as a veil, blood red, bone ivory.
-CHEST_LOOK = {
+CHEST_FUNCTION = {
     "name": "chest with contrast", "unit": None,
     "opacity": [[0, 0], [16, 0], [24, 0.01], [40, 0.04], [62, 0.4], [140, 0.5], [165, 0.7], [255, 0.95]],
     "color": [[0, 0.5, 0.3, 0.22], [30, 0.62, 0.36, 0.26], [58, 0.66, 0.2, 0.14], [120, 0.76, 0.1, 0.07],
@@ -31,7 +31,7 @@ ORGAN_COLORS = {
     BONE: ("Bones", (0.86, 0.77, 0.62)),
 }  # fmt: skip
 # Along each ray the largest value counts; bone is not to outshine blood by far.
-VESSEL_LOOK = {
+VESSEL_FUNCTION = {
     "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.9], [255, 1.0]],
     "color": [[0, 0.0, 0.0, 0.0], [40, 0.06, 0.006, 0.006], [90, 0.24, 0.03, 0.02], [150, 0.5, 0.17, 0.08],
               [220, 0.72, 0.46, 0.27], [255, 0.85, 0.7, 0.52]],
@@ -68,9 +68,9 @@ def _world(color, strength: float) -> None:
     bpy.context.scene.world = world
 
 
-def _look(volume_object, look: dict, folder: Path) -> None:
+def _set_function(volume_object, function: dict, folder: Path) -> None:
     path = folder / "transfer_function.json"
-    path.write_text(json.dumps(look) + "\n")
+    path.write_text(json.dumps(function) + "\n")
     bpy.context.view_layer.objects.active = volume_object
     bpy.ops.rle_splat.load_transfer(filepath=str(path))
 
@@ -192,7 +192,7 @@ def chest(volume_object, folder: Path) -> None:
         if row.label in ORGAN_COLORS:
             row.label_name, row.color = ORGAN_COLORS[row.label]
             row.use_color = True
-    _look(volume_object, CHEST_LOOK, folder)
+    _set_function(volume_object, CHEST_FUNCTION, folder)
     # Labels are classified voxel by voxel: a wider footprint than the tent rounds their steps off.
     settings = bpy.context.scene.rle_splat
     settings.classification, settings.kernel = "pre", "bspline2"
@@ -234,7 +234,7 @@ def brain(volume_object, folder: Path) -> None:
 def angiography(volume_object, folder: Path) -> None:
     """The largest value along each ray, the spine cut off by a plane."""
     middle, size = _sized(volume_object)
-    _look(volume_object, VESSEL_LOOK, folder)
+    _set_function(volume_object, VESSEL_FUNCTION, folder)
     settings = bpy.context.scene.rle_splat
     settings.mode = "mip"
     _camera(middle, size, (0.35, -2.55, 0.12))

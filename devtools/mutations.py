@@ -21,9 +21,9 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
 MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
-VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, TWINS, KEPT = (
+VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, CACHE_SEARCH = (
     f"tests/stability/test_{group}.py"
-    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "twins", "kept_search")
+    for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "references", "stage_cache_search")
 )
 LENS = "tests/truths/test_lens.py"
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
@@ -44,7 +44,7 @@ class Mutant:
 
 def _left_out(what: str, file: str, key: str, without: str) -> Mutant:
     """A key of the stage cache without one of the things that the stage's result depends on."""
-    return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (KEPT,), compiles=False)
+    return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (CACHE_SEARCH,), compiles=False)
 
 
 MUTANTS = (
@@ -146,7 +146,7 @@ MUTANTS = (
             "rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])",
             "rgba[mine, :3] = total[:, :3]",
         ),),
-        (VALUES, "-k", "V14_colours and numpy and cubic"),
+        (VALUES, "-k", "V14_colors and numpy and cubic"),
     ),
     Mutant(
         "offsets of 32 bits", "S5",
@@ -168,17 +168,17 @@ MUTANTS = (
         (ENCODING, "-k", "S7_random or S7_damage"),
     ),
     Mutant(
-        "the unnormalised Gaussian", "A10",
+        "the unnormalized Gaussian", "A10",
         (("view/footprints.py", "(values / np.where(total > 0.0, total, 1.0))", "values"),),
         (ACCUMULATION, "-k", "A10_a_constant and numpy and gaussian and simpson and float32"),
     ),
     Mutant(
-        "the place of a ray multiplied by an inverse in place of divided", "K1",
+        "the position of a ray multiplied by an inverse in place of divided", "K1",
         ((
             "view/footprints.py", "return (pixel - shift) / scale",
             "return pixel * (1.0 / scale) - shift * (1.0 / scale)",
         ),),
-        (TWINS, "-k", "K1 and nearest and float32"),
+        (REFERENCES, "-k", "K1 and nearest and float32"),
     ),
     Mutant(
         "the eye of parallel rays without its sign", "C6",
@@ -186,7 +186,7 @@ MUTANTS = (
         (GEOMETRY, "-k", "C6_axes and float32"),
     ),
     Mutant(
-        "looks kept without the transfer function in their key", "A15",
+        "optical properties cached without the transfer function in their key", "A15",
         ((
             "pipeline/scan_source.py", "key = (visible_key, scene.transfer_function.classification_key, length)",
             "key = (visible_key, length)",
@@ -224,8 +224,8 @@ MUTANTS = (
     ),
     _left_out(
         "clips that cast no shadow", "effects/shadows.py",
-        "return self.look, self.matrix.tobytes(), triangles, clips, self.boxed",
-        "return self.look, self.matrix.tobytes(), triangles, self.boxed",
+        "return self.medium_key, self.matrix.tobytes(), triangles, clips, self.boxed",
+        "return self.medium_key, self.matrix.tobytes(), triangles, self.boxed",
     ),
     _left_out(
         "the strength of ambient occlusion", "pipeline/shadows.py",

@@ -17,6 +17,7 @@ DIST = ROOT / "dist"
 WHEELS = BUILD / "wheels"
 # Kernels that tests compile.
 KERNELS = BUILD / "kernels"
+BPY_KERNELS = BUILD / "kernels-bpy"  # of the installed extension; its versions of one Python share them
 
 PYTHONS = ("3.11", "3.13")
 

@@ -13,7 +13,7 @@ from .build import build
 from .environments import CORE, ensure
 from .places import BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, environ_for, find_blender
-from .stages import Stage, broken, counted, judged, skipped
+from .stages import Stage, broken, counted, measured, skipped
 from .uv import uv
 from .wheels import this_platform
 
@@ -137,7 +137,7 @@ def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, plac
     if script.name != WHOLE:
         stage = counted(name, command, seconds, environ)
     else:
-        stage = judged(name, command, seconds, environ, folder / "report.xml")
+        stage = measured(name, command, seconds, environ, folder / "report.xml")
     stage.remarks.insert(0, f"{blender.label}, Python {blender.python}")
     shots = SHOTS / script.stem
     shutil.rmtree(shots, ignore_errors=True)

@@ -66,7 +66,7 @@ def _run_limited(command, seconds: float, environ, log: Path | None) -> int | No
             return None
 
 
-def judged(name: str, command, seconds: float, environ, report: Path, log: Path | None = None) -> Stage:
+def measured(name: str, command, seconds: float, environ, report: Path, log: Path | None = None) -> Stage:
     """Run a command that ends with pytest's exit code and writes ``report`` (JUnit's XML).
 
     ``log``: a file for its output, of a stage that runs beside another; it is shown when the stage has ended.

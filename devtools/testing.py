@@ -19,9 +19,9 @@ from typing import Callable
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .places import BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
+from .places import BPY_KERNELS, BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
 from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
-from .stages import Stage, broken, judged, skipped, summary
+from .stages import Stage, broken, measured, skipped, summary
 from .uv import find_python
 from .wheels import this_platform
 
@@ -77,7 +77,7 @@ def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: 
     words = [python, "-m", "pytest", "-q", f"--junit-xml={report}", *arguments]
     # The truths' matrices are small: more threads for them took 1.6 times the CPU and no less time (measured).
     environ = {**environ, "OPENBLAS_NUM_THREADS": "1"}
-    return judged(name, words, seconds, environ, report, log)
+    return measured(name, words, seconds, environ, report, log)
 
 
 def _leave_out(*marks: str) -> list[str]:
@@ -171,8 +171,9 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     shutil.rmtree(user, ignore_errors=True)
     user.mkdir(parents=True)
     environ = clean_environ(
-        RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1"
-    )
+        RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1",
+        RLE_SPLAT_CACHE=str(BPY_KERNELS),
+    )  # fmt: skip
     stage = _pytest(name, python, arguments, BPY_SECONDS, environ, aside)
     shutil.rmtree(user, ignore_errors=True)
     return stage

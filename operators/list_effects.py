@@ -5,7 +5,7 @@ import bpy
 from ..bridge import effects, freshness, render_scene, volumes
 from ..bridge.settings import tolerance_of
 from ..rle_splat.accuracy.planner.tolerance import without_shadows_of
-from ..rle_splat.effects.analyse import analyse
+from ..rle_splat.effects.analyze import analyze
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
@@ -30,12 +30,12 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
                 warn=lambda sentence: self.report({"WARNING"}, sentence))
             if tolerance_of(context.scene) is not None:
                 plain, _ = without_shadows_of(plain, quality)
-            found = analyse(plain, quality)
+            found = analyze(plain, quality)
         except RleSplatError as problem:
             return refuse(self, problem)
         listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
         effects.note_effects(settings, listed, "For the scene as it is now; not rendered yet.")
-        freshness.judge(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
+        freshness.update_status(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
         self.report({"INFO"}, f"On: {', '.join(found.on) or 'none'}.")
         return {"FINISHED"}
 

@@ -31,7 +31,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     center: FloatProperty(name="Level", description="Value at the center of the range")
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
     keep_values: BoolProperty(
-        name="Keep Look", description="Redraw the curves so that every value keeps its color and opacity, and only "
+        name="Keep Colors", description="Redraw the curves so that every value keeps its color and opacity, and only "
         "the range that the panel shows changes", default=False)
 
     @classmethod

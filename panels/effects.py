@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge.effects import property_of
-from ..rle_splat.effects.analyse import EFFECTS
+from ..rle_splat.effects.analyze import EFFECTS
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the effect's name takes

@@ -1,4 +1,4 @@
-"""The Labels panel: the label file, and the visibility and look of each label."""
+"""The Labels panel: the label file, and the visibility, transfer function and color of each label."""
 
 import bpy
 
@@ -24,12 +24,12 @@ class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
             row.prop(label, "show", text="")
             split = row.split(factor=NAME_SHARE, align=True)
             split.prop(label, "label_name", text="")
-            look = split.row(align=True)
-            look.active = label.show
-            look.prop(label, "look", text="")
-            look.prop(label, "use_color", text="")
+            style = split.row(align=True)
+            style.active = label.show
+            style.prop(label, "look", text="")
+            style.prop(label, "use_color", text="")
             if label.use_color:
-                swatch = look.row(align=True)
+                swatch = style.row(align=True)
                 swatch.ui_units_x = SWATCH
                 swatch.prop(label, "color", text="")
 

@@ -32,7 +32,7 @@ class RLE_SPLAT_MT_windows(bpy.types.Menu):
             if name != "CUSTOM":
                 self.layout.operator("rle_splat.window_level", text=label).preset = name
         self.layout.separator()
-        wider = self.layout.operator("rle_splat.window_level", text="Show All Values, Keep Look")
+        wider = self.layout.operator("rle_splat.window_level", text="Show All Values, Keep Colors")
         wider.preset, wider.keep_values = "DATA", True
 
 

@@ -34,7 +34,7 @@ _HOME = {
     "write_steps": ("read.formats", "write_steps"),
     "encode": ("pipeline.encode_scene", "encode_scene"),
     "encode_steps": ("pipeline.encode_scene", "encode_scene_steps"),
-    "estimate_memory": ("pipeline.memory_estimate", "estimate"),
+    "estimate_memory": ("pipeline.quick_estimate", "estimate"),
     "load_encoded": ("encode.store", "load"),
     "save_encoded": ("encode.store", "save"),
     "render": ("pipeline.render", "render"),

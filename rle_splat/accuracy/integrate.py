@@ -143,15 +143,15 @@ class _Order:
 
     def __init__(self, pieces: _Pieces, count: int):
         self.first = np.searchsorted(pieces.ray, np.arange(count))
-        self._ray, self._place = pieces.ray, np.arange(len(pieces.ray)) - self.first[pieces.ray]
-        self._shape = (count, int(self._place.max(initial=-1)) + 1)
+        self._ray, self._number = pieces.ray, np.arange(len(pieces.ray)) - self.first[pieces.ray]
+        self._shape = (count, int(self._number.max(initial=-1)) + 1)
 
     def running(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Optical depth after each piece of each ray (count, longest), and before each piece (P,); pieces in order."""
         table = np.zeros(self._shape)
-        table[self._ray, self._place] = tau
+        table[self._ray, self._number] = tau
         reached = np.cumsum(table, axis=1)
-        return reached, (reached - table)[self._ray, self._place]
+        return reached, (reached - table)[self._ray, self._number]
 
 
 def _sorted(pieces: _Pieces, *others):

@@ -42,9 +42,9 @@ def shading_of(scene: Scene, truth_name: str) -> dict:
     lit = VoxelLight(scene)
     if truth_name == "T1":
         return {"colors": _Looked(lit.color)}
-    shading = {"light": _Looked(lambda places: lit.light(places)[0])}
+    shading = {"light": _Looked(lambda indices: lit.light(indices)[0])}
     if scene.transfer_function.shade.specular > 0.0:
-        shading["highlight"] = _Looked(lambda places: lit.light(places)[1])
+        shading["highlight"] = _Looked(lambda indices: lit.light(indices)[1])
     return shading
 
 
@@ -54,14 +54,14 @@ class _Looked:
     def __init__(self, function):
         self._function = function
 
-    def __getitem__(self, places):
-        return self._function(places)
+    def __getitem__(self, indices):
+        return self._function(indices)
 
 
 class VoxelLight:
     """The light on the voxels of a scene: shaded color = c * light + highlight.
 
-    Arguments called ``places`` are index arrays (z, y, x) that broadcast to any shape.
+    Arguments called ``indices`` are index arrays (z, y, x) that broadcast to any shape.
 
     Notes
     -----
@@ -79,26 +79,26 @@ class VoxelLight:
         self._half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(self._matrix[:3, :3])))
         self._last = (None, None)
 
-    def light(self, places) -> tuple[np.ndarray, np.ndarray]:
+    def light(self, indices) -> tuple[np.ndarray, np.ndarray]:
         """(..., 3) light and (..., 3) highlight."""
-        if self._last[0] is not places:  # light and highlight of the same places are looked up one after the other
-            self._last = (places, self._lit(places))
+        if self._last[0] is not indices:  # light and highlight of the same voxels are looked up one after the other
+            self._last = (indices, self._lit(indices))
         return self._last[1]
 
-    def color(self, places) -> np.ndarray:
+    def color(self, indices) -> np.ndarray:
         """(..., 3) shaded colors of the transfer function."""
         volume = self._scene.volume
-        own = extinction_and_color(self._scene.transfer_function, volume.physical(volume.voxels[places]), 1.0)[1]
-        light, highlight = self.light(places)
+        own = extinction_and_color(self._scene.transfer_function, volume.physical(volume.voxels[indices]), 1.0)[1]
+        light, highlight = self.light(indices)
         return own * light + highlight
 
-    def _lit(self, places):
+    def _lit(self, indices):
         """(..., 3) light and highlight; each voxel is lit once."""
-        places = np.broadcast_arrays(*places)
+        indices = np.broadcast_arrays(*indices)
         shape = self._scene.volume.voxels.shape
-        one, back = np.unique(np.ravel_multi_index(places, shape), return_inverse=True)
+        one, back = np.unique(np.ravel_multi_index(indices, shape), return_inverse=True)
         light, highlight = self._shine(*np.unravel_index(one, shape))
-        back = back.reshape(places[0].shape)
+        back = back.reshape(indices[0].shape)
         return light[back], highlight[back]
 
     def _shine(self, z, y, x):

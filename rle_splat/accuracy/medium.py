@@ -60,16 +60,16 @@ class _Medium:
         return found
 
 
-def _corner_places(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
+def _corner_indices(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
     """The corners of cells as index arrays (z, y, x) that broadcast to (P, 2, 2, 2), clipped to the grid; and which
     corners are in the grid."""
-    places, inside = [], True
+    indices, inside = [], True
     for axis, spread in ((2, (-1, 2, 1, 1)), (1, (-1, 1, 2, 1)), (0, (-1, 1, 1, 2))):
         both = cell[:, axis, None] + np.arange(2)
         most = shape[2 - axis] - 1
-        places.append(np.clip(both, 0, most).reshape(spread))
+        indices.append(np.clip(both, 0, most).reshape(spread))
         inside = inside & ((both >= 0) & (both <= most)).reshape(spread)
-    return tuple(places), inside
+    return tuple(indices), inside
 
 
 class ClassifiedMedium(_Medium):
@@ -87,7 +87,7 @@ class ClassifiedMedium(_Medium):
 
     def __init__(self, extinction, color):
         extinction, color = np.asarray(extinction, dtype=np.float64), np.asarray(color)
-        self._place(extinction.shape, lambda places: extinction[places], lambda places, _: color[places])
+        self._set_fields(extinction.shape, lambda indices: extinction[indices], lambda indices, _: color[indices])
 
     @classmethod
     def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> ClassifiedMedium:
@@ -106,33 +106,33 @@ class ClassifiedMedium(_Medium):
             function's colors.
         """
 
-        def extinction_at(places):
-            return extinction(transfer_function, physical(voxels[places]), world_distance)
+        def extinction_at(indices):
+            return extinction(transfer_function, physical(voxels[indices]), world_distance)
 
-        def color_at(places, visible):
+        def color_at(indices, visible):
             if color is not None:
-                return color[places]
+                return color[indices]
             found = np.zeros((*visible.shape, 3))
-            values = physical(voxels[places][visible])
+            values = physical(voxels[indices][visible])
             found[visible] = extinction_and_color(transfer_function, values, world_distance)[1]
             return found
 
         medium = cls.__new__(cls)
-        medium._place(voxels.shape, extinction_at, color_at)
+        medium._set_fields(voxels.shape, extinction_at, color_at)
         return medium
 
-    def _place(self, shape, extinction_at, color_at):
+    def _set_fields(self, shape, extinction_at, color_at):
         self._shape, self._extinction_at, self._color_at = shape, extinction_at, color_at
         self.low, self.high = np.full(3, -1.0), np.array(shape[::-1], dtype=np.float64)
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
         """(P, 3) integer low corners -> (P, 8, 4): extinction * RGB, extinction at the corners, x fastest."""
-        places, inside = _corner_places(cell, self._shape)
-        extinction = np.where(inside, self._extinction_at(places), 0.0)
+        indices, inside = _corner_indices(cell, self._shape)
+        extinction = np.where(inside, self._extinction_at(indices), 0.0)
         found = np.zeros((*extinction.shape, 4))
         found[..., 3] = extinction
         seen = np.flatnonzero((extinction > 0.0).any(axis=(1, 2, 3)))
-        here = tuple(place[seen] for place in places)
+        here = tuple(index[seen] for index in indices)
         color = np.where((extinction[seen] > 0.0)[..., None], self._color_at(here, extinction[seen] > 0.0), 0.0)
         found[seen, ..., :3] = color * extinction[seen][..., None]
         return found.reshape(-1, 8, 4)
@@ -187,15 +187,15 @@ class ScalarMedium(_Medium):
         """(P, 3) integer low corners -> (P, 8, 1 + 3 for each light): scalar and light at the corners, x fastest.
 
         Light is looked up where ``occupied`` holds, and is zero elsewhere."""
-        places, _ = _corner_places(cell, self._values.shape)
-        values = self._physical(self._values[places])
+        indices, _ = _corner_indices(cell, self._values.shape)
+        values = self._physical(self._values[indices])
         if np.isinf(values).any():
             values = np.where(np.isinf(values), np.clip(values, *self._segments.ends), values)
         corners = np.zeros((len(cell), 8, 1 + 3 * len(self._lights)))
         corners[..., 0] = values.reshape(-1, 8)
         if self._lights:
             seen = np.flatnonzero(self.occupied(corners))
-            here = tuple(place[seen] for place in places)
+            here = tuple(index[seen] for index in indices)
             for number, light in enumerate(self._lights):
                 found = np.asarray(light[here], dtype=np.float64)
                 channels = found.shape[4] if found.ndim == 5 else 1

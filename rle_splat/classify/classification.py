@@ -25,8 +25,8 @@ from .visible import Visibility, VisibleVoxels, count_steps, fill_steps
 ALPHA_CAP = 1.0 - 2.0**-24
 # A matrix whose smallest singular value is below this fraction of its largest flattens the volume.
 FLAT = 1e-12
-# Columns of ``looks``, the optical properties of voxels; LOOKS is their number.
-EXTINCTION, OPACITY, RED, LOOKS = 0, 1, 2, 5
+# Columns of ``properties``, the optical properties of voxels; PROPERTIES is their number.
+EXTINCTION, OPACITY, RED, PROPERTIES = 0, 1, 2, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +36,12 @@ class ClassifiedVolume:
     Attributes
     ----------
     voxels : VisibleVoxels
-    looks : (n, 5) ndarray of float32
+    properties : (n, 5) ndarray of float32
         Optical properties: extinction in 1 / world length, opacity (alpha per ``opacity_distance``), and unassociated,
         unshaded scene-linear red, green, blue. With ``by_value`` one row per bit pattern of a stored value, else one
         row per visible voxel.
     by_value : bool
-        Whether ``looks`` is a lookup table over the values of an 8- or 16-bit volume.
+        Whether ``properties`` is a lookup table over the values of an 8- or 16-bit volume.
     unit_length : float
         World length of one of the volume's units.
     opacity_distance : float
@@ -49,13 +49,13 @@ class ClassifiedVolume:
     """
 
     voxels: VisibleVoxels
-    looks: np.ndarray
+    properties: np.ndarray
     by_value: bool
     unit_length: float
     opacity_distance: float
 
     def __post_init__(self):
-        self.looks.setflags(write=False)
+        self.properties.setflags(write=False)
 
     @classmethod
     def from_lists(
@@ -83,10 +83,10 @@ class ClassifiedVolume:
         opens = np.ones(len(column), bool)
         opens[1:] = (np.diff(row) != 0) | (np.diff(column.astype(np.int64)) != 1)
         row_pieces = np.bincount(row[opens], minlength=len(row_start) - 1).astype(np.int32)
-        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of looks
-        looks = np.column_stack((extinction, opacity, color)).astype(np.float32).reshape(-1, LOOKS)
+        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of properties
+        properties = np.column_stack((extinction, opacity, color)).astype(np.float32).reshape(-1, PROPERTIES)
         voxels = VisibleVoxels(shape_xyz, row_start, row_pieces, column, stored, nan_voxels)
-        return cls(voxels, looks, False, unit_length, opacity_distance)
+        return cls(voxels, properties, False, unit_length, opacity_distance)
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
@@ -109,13 +109,13 @@ class ClassifiedVolume:
         return self.voxels.nan_voxels
 
     @property
-    def look_of(self) -> np.ndarray | None:
-        """(m,) row of ``looks`` of each voxel; None if voxel i has row i."""
+    def row_of(self) -> np.ndarray | None:
+        """(m,) row of ``properties`` of each voxel; None if voxel i has row i."""
         return self.voxels.stored if self.by_value else None
 
     def _each(self, columns) -> np.ndarray:
-        """Columns of ``looks`` for each voxel, read-only."""
-        each = self.looks[self.voxels.stored, columns] if self.by_value else self.looks[:, columns]
+        """Columns of ``properties`` for each voxel, read-only."""
+        each = self.properties[self.voxels.stored, columns] if self.by_value else self.properties[:, columns]
         each = np.ascontiguousarray(each)
         each.setflags(write=False)
         return each
@@ -133,7 +133,7 @@ class ClassifiedVolume:
     @cached_property
     def color(self) -> np.ndarray:
         """(m, 3) float32, scene-linear, unassociated, unshaded."""
-        return self._each(slice(RED, LOOKS))
+        return self._each(slice(RED, PROPERTIES))
 
     @property
     def visible_voxels(self) -> int:
@@ -254,46 +254,46 @@ def classified(
     volume, tf = shown.volume, shown.tf
     distance = opacity_distance(volume, tf, length)
     if shown.by_table:
-        looks = _looks_by_table(shown, distance)
+        properties = _properties_by_table(shown, distance)
     else:
-        looks = _looks_by_points(shown, voxels.stored, distance, backend, threads)
+        properties = _properties_by_points(shown, voxels.stored, distance, backend, threads)
     if tf.gradient_opacity is None:
-        return ClassifiedVolume(voxels, looks, shown.by_table, length, distance)
+        return ClassifiedVolume(voxels, properties, shown.by_table, length, distance)
     # Voxels of equal value differ in their gradient, so every voxel gets its own row.
-    looks = looks[voxels.stored] if shown.by_table else looks
+    properties = properties[voxels.stored] if shown.by_table else properties
     sizes = gradient_sizes(volume, voxels.row_start, voxels.column, backend=backend, threads=threads)
     factor = tf.gradient_opacity.factor(sizes)
-    looks[:, EXTINCTION] *= factor
-    looks[:, OPACITY] = -np.expm1(factor * np.log1p(-np.minimum(looks[:, OPACITY], np.float32(ALPHA_CAP))))
-    return ClassifiedVolume(voxels, looks, False, length, distance)
+    properties[:, EXTINCTION] *= factor
+    properties[:, OPACITY] = -np.expm1(factor * np.log1p(-np.minimum(properties[:, OPACITY], np.float32(ALPHA_CAP))))
+    return ClassifiedVolume(voxels, properties, False, length, distance)
 
 
-def _looks_by_table(shown: Visibility, distance) -> np.ndarray:
+def _properties_by_table(shown: Visibility, distance) -> np.ndarray:
     """(256 or 65536, 5) float32 optical properties by bit pattern of the stored value."""
-    looks = np.zeros((len(shown.table), LOOKS), dtype=np.float32)
+    properties = np.zeros((len(shown.table), PROPERTIES), dtype=np.float32)
     seen = shown.table > 0
     values = shown.pattern_values[seen]
     alpha = np.asarray(shown.tf.alpha_at(values), dtype=np.float64)
-    looks[seen, EXTINCTION], looks[seen, OPACITY] = optical_depth(alpha) / distance, alpha
-    looks[seen, RED:] = shown.tf.color_at(values)
-    return looks
+    properties[seen, EXTINCTION], properties[seen, OPACITY] = optical_depth(alpha) / distance, alpha
+    properties[seen, RED:] = shown.tf.color_at(values)
+    return properties
 
 
-def _looks_by_points(shown: Visibility, stored, distance, backend, threads) -> np.ndarray:
+def _properties_by_points(shown: Visibility, stored, distance, backend, threads) -> np.ndarray:
     """(n, 5) float32 optical properties of ``stored`` values (n,)."""
     opacity, color = pieces(shown.tf.opacity), pieces(shown.tf.color)
     scaling = (float(shown.volume.slope), float(shown.volume.intercept))
-    looks = np.empty((len(stored), LOOKS), dtype=np.float32)
+    properties = np.empty((len(stored), PROPERTIES), dtype=np.float32)
     if compiled(backend):
         with parallel_call(threads):
-            passes.looks_by_points(
+            passes.properties_by_points(
                 stored, *scaling, opacity.values, opacity.heights, opacity.rates, color.values, color.heights,
-                color.rates, ALPHA_CAP, distance, looks,
+                color.rates, ALPHA_CAP, distance, properties,
             )
-        return looks
+        return properties
     with np.errstate(over="ignore"):
         values = np.clip(stored.astype(np.float64) * scaling[0] + scaling[1], -LARGEST, LARGEST)
     alpha = heights_at_numpy(opacity, values)[:, 0]
-    looks[:, EXTINCTION], looks[:, OPACITY] = optical_depth(alpha) / distance, alpha
-    looks[:, RED:] = heights_at_numpy(color, values)
-    return looks
+    properties[:, EXTINCTION], properties[:, OPACITY] = optical_depth(alpha) / distance, alpha
+    properties[:, RED:] = heights_at_numpy(color, values)
+    return properties

@@ -150,34 +150,34 @@ def _fill_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals
 
 
 @kernel
-def looks_by_points(
+def properties_by_points(
     stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights, color_rates,
-    alpha_cap, distance, looks,
+    alpha_cap, distance, properties,
 ):
     """Optical properties of ``stored`` values (m,) by the points of a transfer function.
 
     ``opacity_*``, ``color_*``: arrays of ``points.Pieces``; ``distance``: world length to which opacity refers. Writes
-    ``looks`` (m, 5) float32: extinction in 1 / world length, opacity, red, green, blue.
+    ``properties`` (m, 5) float32: extinction in 1 / world length, opacity, red, green, blue.
     """
     arguments = (
         stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
-        color_rates, alpha_cap, distance, looks,
+        color_rates, alpha_cap, distance, properties,
     )
-    share_out(_looks_by_points, stored.size, arguments)
+    share_out(_properties_by_points, stored.size, arguments)
 
 
 @kernel(exact=True, inner=True)
-def _looks_by_points(
+def _properties_by_points(
     begin, end, stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
-    color_rates, alpha_cap, distance, looks,
+    color_rates, alpha_cap, distance, properties,
 ):
-    """``looks_by_points`` for values [begin, end)."""
+    """``properties_by_points`` for values [begin, end)."""
     for i in range(begin, end):
         value = _physical(stored[i], slope, intercept)
         piece = piece_of(opacity_values, value)
         alpha = height_at(opacity_heights, opacity_rates, opacity_values, piece, value, 0)
-        looks[i, 0] = -np.log1p(-min(alpha, alpha_cap)) / distance
-        looks[i, 1] = alpha
+        properties[i, 0] = -np.log1p(-min(alpha, alpha_cap)) / distance
+        properties[i, 1] = alpha
         piece = piece_of(color_values, value)
         for channel in range(3):
-            looks[i, 2 + channel] = height_at(color_heights, color_rates, color_values, piece, value, channel)
+            properties[i, 2 + channel] = height_at(color_heights, color_rates, color_values, piece, value, channel)

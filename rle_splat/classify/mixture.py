@@ -16,8 +16,8 @@ import numpy as np
 from ..runtime.jit import read_only
 from ..volume.blocks import Blocks, slabs
 from ..volume.counts import counts_values
-from .classification import EXTINCTION, LOOKS, OPACITY, RED, ClassifiedVolume, opacity_distance, optical_depth
-from .mixture_kernels import add_looks, count_seen, mark_seen, mix, put_columns
+from .classification import EXTINCTION, OPACITY, PROPERTIES, RED, ClassifiedVolume, opacity_distance, optical_depth
+from .mixture_kernels import add_channel, count_seen, mark_seen, mix, put_columns
 from .visible import VisibleVoxels, row_offsets
 
 VOXELS_AT_ONCE = 1 << 20  # voxels whose float64 properties still fit into the cache
@@ -104,7 +104,7 @@ class _Part:
         return np.where(self.known[np.minimum(number, len(self.known) - 1)] == labels, number + 1, 0)
 
     def tables(self, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
-        """Lookup tables of ``add_looks``; ``length``: world length of one of the volume's units."""
+        """Lookup tables of ``add_channel``; ``length``: world length of one of the volume's units."""
         own = np.repeat(self._distances(volume, length), self.size)
         return self.alphas, optical_depth(self.alphas) / own, self.colors, own == distance
 
@@ -222,7 +222,7 @@ class Mixture:
             yield first / nz
             seen = self._seen(first, last, backend, threads)
             put_columns(seen, row_start[first * ny : last * ny + 1], column, backend, threads)
-        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of looks
+        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of properties
         return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
 
     def classified(
@@ -231,25 +231,25 @@ class Mixture:
         """Optical properties of visible voxels; ``length``: world length of one of the volume's units."""
         distance = opacity_distance(self.volume, self.tf, length)
         tables = [part.tables(self.volume, length, distance) if part.has_tables else None for part in self._parts]
-        looks = np.empty((len(voxels), LOOKS), np.float32)
+        properties = np.empty((len(voxels), PROPERTIES), np.float32)
         nx, row_start = self.volume.shape_xyz[0], voxels.row_start
         for begin in range(0, len(voxels), VOXELS_AT_ONCE):
             end = min(begin + VOXELS_AT_ONCE, len(voxels))
             first, last = np.searchsorted(row_start, (begin, end - 1), side="right") - 1
             held = np.diff(np.clip(row_start[first : last + 2], begin, end))
             indices = np.repeat(np.arange(first, last + 1) * nx, held) + voxels.column[begin:end]
-            mixed = np.zeros((end - begin, LOOKS))
+            mixed = np.zeros((end - begin, PROPERTIES))
             for part, table in zip(self._parts, tables):
                 if table is None:
                     mix(mixed, *part.looked_up(indices, self.volume, length, distance), distance)
                 else:
-                    add_looks(
+                    add_channel(
                         indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
                         backend, threads,
                     )
-            looks[begin:end, EXTINCTION], looks[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
-            looks[begin:end, RED:] = mixed[:, 2:]
-        return ClassifiedVolume(voxels, looks, False, length, distance)
+            properties[begin:end, EXTINCTION], properties[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
+            properties[begin:end, RED:] = mixed[:, 2:]
+        return ClassifiedVolume(voxels, properties, False, length, distance)
 
     def _seen(self, first: int, last: int, backend: str, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) are visible in any channel."""

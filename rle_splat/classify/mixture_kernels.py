@@ -63,8 +63,9 @@ def put_columns(seen, row_start, column, backend: str = "auto", threads: int = 0
         column[row_start[0] : row_start[len(seen)]] = np.nonzero(seen)[1]
 
 
-def add_looks(
-    indices, stored, labels, numbers, tables, size: int, distance: float, looks, backend: str = "auto", threads: int = 0
+def add_channel(
+    indices, stored, labels, numbers, tables, size: int, distance: float, properties, backend: str = "auto",
+    threads: int = 0,
 ) -> None:
     """Add one channel to the optical properties of voxels.
 
@@ -79,8 +80,8 @@ def add_looks(
     size : int
         Table entries per function.
     distance : float
-        World length to which the opacity in ``looks`` refers.
-    looks : (n, 5) ndarray of float64
+        World length to which the opacity in ``properties`` refers.
+    properties : (n, 5) ndarray of float64
         Extinction, opacity, RGB; changed in place.
     backend : {"auto", "numba", "numpy"}
     threads : int
@@ -88,22 +89,22 @@ def add_looks(
     """
     if compiled(backend):
         with parallel_call(threads):
-            _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, looks))
+            _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, properties))
     else:
         entry = _entries(stored[indices], None if labels is None else labels[indices], numbers, size)
-        mix(looks, *(table[entry] for table in tables), distance)
+        mix(properties, *(table[entry] for table in tables), distance)
 
 
-def mix(looks, alpha, extinction, color, per_distance, distance: float) -> None:
-    """Add a medium of ``extinction`` and ``color`` to ``looks``; reference implementation of ``add_looks``."""
+def mix(properties, alpha, extinction, color, per_distance, distance: float) -> None:
+    """Add a medium of ``extinction`` and ``color`` to ``properties``; reference implementation of ``add_channel``."""
     # A voxel with a single medium, whose alpha refers to ``distance``, keeps opacity and color bit for bit.
-    alone = (looks[:, 0] == 0.0) & per_distance
+    alone = (properties[:, 0] == 0.0) & per_distance
     adds = extinction > 0.0
-    looks[:, 0] += extinction
-    opacity = np.where(alone, alpha, -np.expm1(-looks[:, 0] * distance))
-    looks[:, 1] = np.where(adds, opacity, looks[:, 1])
-    share = np.divide(extinction, looks[:, 0], out=np.zeros(len(looks)), where=adds)
-    looks[:, 2:] += share[:, None] * (color - looks[:, 2:])
+    properties[:, 0] += extinction
+    opacity = np.where(alone, alpha, -np.expm1(-properties[:, 0] * distance))
+    properties[:, 1] = np.where(adds, opacity, properties[:, 1])
+    share = np.divide(extinction, properties[:, 0], out=np.zeros(len(properties)), where=adds)
+    properties[:, 2:] += share[:, None] * (color - properties[:, 2:])
 
 
 def _entries(stored, labels, numbers, size: int) -> np.ndarray:
@@ -130,13 +131,13 @@ def _mark_pieces(begin, end, stored, labels, numbers, shown, size, seen):
 
 @kernel
 def _add(pieces, arguments):
-    """Kernel of ``add_looks``."""
+    """Kernel of ``add_channel``."""
     share_out(_add_pieces, pieces, arguments)
 
 
 @kernel(inner=True, exact=True)
 def _add_pieces(
-    begin, end, indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, looks
+    begin, end, indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, properties
 ):
     """``_add`` for pieces [begin, end); arithmetic as in ``mix``."""
     for i in range(begin * PIECE, min(end * PIECE, indices.size)):
@@ -145,12 +146,12 @@ def _add_pieces(
             entry += size * np.int64(numbers[labels[indices[i]]])
         extinction = extinctions[entry]
         if extinction > 0.0:
-            alone = looks[i, 0] == 0.0 and per_distance[entry]
-            total = looks[i, 0] + extinction
-            looks[i, 0] = total
-            looks[i, 1] = alphas[entry] if alone else -math.expm1(-total * distance)
+            alone = properties[i, 0] == 0.0 and per_distance[entry]
+            total = properties[i, 0] + extinction
+            properties[i, 0] = total
+            properties[i, 1] = alphas[entry] if alone else -math.expm1(-total * distance)
             for channel in range(3):
-                looks[i, 2 + channel] += extinction / total * (colors[entry, channel] - looks[i, 2 + channel])
+                properties[i, 2 + channel] += extinction / total * (colors[entry, channel] - properties[i, 2 + channel])
 
 
 @kernel

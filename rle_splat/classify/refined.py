@@ -91,6 +91,15 @@ class RefinedVolume:
         made = (self.source.key, self.refinement, self.voxels.dtype.str, self.voxels.base, self.voxels.step)
         return hashlib.blake2b(repr((*made, self.voxels.ends)).encode(), digest_size=16).hexdigest()
 
+    @property
+    def voxels_at_once(self) -> int:
+        """Fine voxels of ``planes`` that are made together."""
+        return FINE_VOXELS_AT_ONCE
+
+    def planes(self, first: int, last: int, relevant, hidden, **machine) -> np.ndarray:
+        """See ``FineVoxels.planes``."""
+        return self.voxels.planes(first, last, relevant, hidden, **machine)
+
     def physical(self, stored) -> np.ndarray:
         """Convert fine voxels, as stored in ``voxels``, to physical values, float64."""
         return self.source.physical(self.voxels.stored(stored))

@@ -6,7 +6,7 @@ import math
 
 from ..volume.sizes import BLOCK_VOXELS
 
-LOOK = 20  # bytes of a voxel's extinction, opacity and color, where it has its own
+PROPERTY_BYTES = 20  # bytes of a voxel's extinction, opacity and color, where it has its own
 ROW = 28  # bytes of a row of visible voxels: where it starts, its pieces, and what counting these takes
 FINE_VOXELS_AT_ONCE = 1 << 23  # of a refined grid, made together: enough for all threads, some 16 to 64 MB
 LARGEST_TABLE = 65536  # columns that two bytes tell apart

@@ -14,11 +14,9 @@ import numpy as np
 
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, parallel_call, read_only
-from ..volume.blocks import BLOCK_Z, VOXELS_AT_ONCE, Blocks, slabs
+from ..volume.blocks import BLOCK_Z, Blocks, slabs
 from . import classify_kernels as passes
 from .points import LARGEST, pieces, positive_intervals
-from .refined import FineVoxels
-from .sizes import FINE_VOXELS_AT_ONCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,8 +163,6 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
     for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
         yield first / nz
         out = counts[first * ny : last * ny], row_pieces[first * ny : last * ny]
-        if not relevant.any():
-            continue
         if not compiled(backend):
             seen = _seen_numpy(shown, rows)
             out[0][:] = seen.sum(axis=1)
@@ -240,23 +236,15 @@ def _scaling(shown: Visibility) -> tuple[float, float]:
 
 
 def _pieces_of_work(shown: Visibility, blocks: Blocks, backend, threads):
-    """Yield (first plane, last plane, their rows, their relevant blocks) for pieces of the volume."""
-    nx, ny, nz = shown.volume.shape_xyz
-    voxels = shown.volume.voxels
-    finer = isinstance(voxels, FineVoxels)
-    if not finer:
-        voxels = read_only(np.asarray(voxels)).view(_list_type(shown))
-    relevant = shown.relevant(blocks)
-    for first, last in slabs(nz, ny * nx, FINE_VOXELS_AT_ONCE if finer else VOXELS_AT_ONCE, multiple=BLOCK_Z):
+    """Yield (first plane, last plane, their rows, their relevant blocks) for pieces of the volume with any of these."""
+    volume, relevant = shown.volume, shown.relevant(blocks)
+    nx, ny, nz = volume.shape_xyz
+    for first, last in slabs(nz, ny * nx, volume.voxels_at_once, multiple=BLOCK_Z):
         here = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         part = relevant[here]
-        if finer and not part.any():
-            continue
-        if finer:
-            planes = voxels.planes(first, last, part, blocks.low[here], backend=backend, threads=threads)
-        else:
-            planes = voxels[first:last]
-        yield first, last, read_only(planes).reshape(-1, nx), part
+        if part.any():
+            planes = volume.planes(first, last, part, blocks.low[here], backend=backend, threads=threads)
+            yield first, last, read_only(planes).view(_list_type(shown)).reshape(-1, nx), part
 
 
 def _seen_numpy(shown: Visibility, rows) -> np.ndarray:

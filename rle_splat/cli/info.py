@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..pipeline.memory_estimate import estimate, likely_sides, picture_bytes
+from ..pipeline.memory_estimate import picture_bytes
+from ..pipeline.quick_estimate import estimate, likely_sides
 from ..read.dicom.grouping import SeveralSeries
 from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text

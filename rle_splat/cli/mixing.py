@@ -18,8 +18,9 @@ def add_mixing_options(parser) -> None:
     group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
     group.add_argument(
         "--label-functions", metavar="FILE.json",
-        help="the looks of the labels: a list of {label, name, hidden, color, preset, transfer_function}, or a label "
-        "description of ITK-SNAP (.txt, .label); without it, the names and colors in the label file",
+        help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
+        "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
+        "the label file",
     )
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
@@ -36,7 +37,7 @@ def mixing_inputs(args) -> tuple:
     return args.labels, args.label_functions, *args.channel, *args.channel_function
 
 
-def read_looks(args) -> tuple[tuple, tuple]:
+def read_mixing(args) -> tuple[tuple, tuple]:
     """Read the JSON files of the options, and check the options, before any volume is read.
 
     Parameters
@@ -46,8 +47,8 @@ def read_looks(args) -> tuple[tuple, tuple]:
 
     Returns
     -------
-    looks : tuple of LabelStyle or None
-        The looks of the labels; None for those that the label file names.
+    styles : tuple of LabelStyle or None
+        The appearance of the labels; None for that which the label file names.
     functions : tuple of TransferFunction
         The transfer functions of the channels.
 
@@ -67,7 +68,7 @@ def read_looks(args) -> tuple[tuple, tuple]:
 
 
 def _read_styles(path) -> tuple | None:
-    """The looks in a JSON file, or in a text file of ITK-SNAP; None without a file."""
+    """The styles in a JSON file, or in a text file of ITK-SNAP; None without a file."""
     if path is None:
         return None
     if Path(path).suffix.lower() in TEXT_SUFFIXES:
@@ -76,13 +77,13 @@ def _read_styles(path) -> tuple | None:
 
 
 def _named_styles(path, labels) -> tuple:
-    """The looks of the labels that a label file names."""
+    """The styles of the labels that a label file names."""
     if not labels.named_labels:
-        raise RleSplatError(f"{Path(path).name} does not name its labels; give their looks with --label-functions.")
+        raise RleSplatError(f"{Path(path).name} does not name its labels; give their colors with --label-functions.")
     return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
 
 
-def mixed(args, scene: Scene, looks, functions, line) -> tuple[Scene, tuple]:
+def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
     """Add the labels and channels of the options to a scene.
 
     Parameters
@@ -91,8 +92,8 @@ def mixed(args, scene: Scene, looks, functions, line) -> tuple[Scene, tuple]:
         With ``labels`` and ``channel``.
     scene : Scene
         The scene.
-    looks, functions
-        The results of ``read_looks``.
+    styles, functions
+        The results of ``read_mixing``.
     line : ProgressLine
 
     Returns
@@ -105,9 +106,9 @@ def mixed(args, scene: Scene, looks, functions, line) -> tuple[Scene, tuple]:
     remarks = ()
     if args.labels is not None:
         found = line.follow(read_label_steps(args.labels, scene.volume))
-        if looks is None:
-            looks = _named_styles(args.labels, found)
-        scene = replace(scene, labels=labels_of(found, looks, scene.volume, scene.transfer_function))
+        if styles is None:
+            styles = _named_styles(args.labels, found)
+        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function))
         remarks = found.remarks
     channels = zip(args.channel, functions, strict=True)
     channels = tuple(Channel(_read_beside(scene, path), function) for path, function in channels)

@@ -153,7 +153,7 @@ def effects_from(args) -> dict[str, bool]:
     RleSplatError
         For an unknown effect or state.
     """
-    from ..effects.analyse import check_overrides
+    from ..effects.analyze import check_overrides
 
     overrides = {}
     for given in args.effect:

@@ -13,7 +13,7 @@ from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
-from .mixing import add_mixing_options, mixed, mixing_inputs, read_looks
+from .mixing import add_mixing_options, mixed, mixing_inputs, read_mixing
 from .options import (
     add_clip_option,
     add_image_options,
@@ -96,7 +96,7 @@ def run(args) -> None:
     check_scene_options(args)
     check_light_effects(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
-    poses, looks = read_motion(args.motion), read_looks(args)
+    poses, mixing = read_motion(args.motion), read_mixing(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
@@ -105,7 +105,7 @@ def run(args) -> None:
     with ProgressLine(args.progress) as line:
         line.show(0.0, f"reading {Path(args.volume).name}")
         prepared = _prepare_tables(args, quality) if is_encoded else _prepare_voxels(args, quality, line)
-        scene, noticed = mixed(args, moving(prepared.scene, poses), *looks, line)
+        scene, noticed = mixed(args, moving(prepared.scene, poses), *mixing, line)
         prepared = replace(prepared, scene=replace(scene, crop=crop), remarks=(*prepared.remarks, *noticed))
         line.show(0.1, "loading the renderer")
         with line.compiling():

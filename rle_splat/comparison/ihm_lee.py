@@ -77,7 +77,7 @@ def _first(index: DensityIndex, volume: Volume, reached) -> np.ndarray:
     return low
 
 
-def shown_places(index: DensityIndex, volume: Volume, transfer_function) -> list[np.ndarray]:
+def shown_indices(index: DensityIndex, volume: Volume, transfer_function) -> list[np.ndarray]:
     """For each slice the ascending positions ``y * nx + x`` of the voxels whose values are not transparent."""
     ranges = []
     for low, high in positive_intervals(pieces(transfer_function.opacity)):
@@ -97,23 +97,23 @@ def shown_places(index: DensityIndex, volume: Volume, transfer_function) -> list
 def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index_to_world, **how) -> ClassifiedVolume:
     """As ``classify``, with the visible voxels found by the index; ``how``: the backend and threads of ``classify``."""
     nx, ny, nz = volume.shape_xyz
-    shown = shown_places(index, volume, transfer_function)
-    counts = [len(places) for places in shown]
+    shown = shown_indices(index, volume, transfer_function)
+    counts = [len(indices) for indices in shown]
     total = sum(counts)
     # Classify the visible voxels alone, as a volume with rows of ROW voxels; the last one is filled up.
     stored = np.zeros(max(-(-total // ROW), 1) * ROW, volume.voxels.dtype)
     slices = volume.voxels.reshape(nz, -1)
-    for begin, places, voxels in zip(row_offsets(np.array(counts)), shown, slices):
-        stored[begin : begin + len(places)] = voxels[places]
+    for begin, indices, voxels in zip(row_offsets(np.array(counts)), shown, slices):
+        stored[begin : begin + len(indices)] = voxels[indices]
     found = classify(replace(volume, voxels=stored.reshape(1, -1, ROW)), transfer_function, index_to_world, **how)
     row = np.repeat(np.arange(len(found.row_start) - 1), np.diff(found.row_start))
     seen = row * ROW + found.column
     kept = slice(0, int(np.searchsorted(seen, total)))  # without the filling of the last row
-    place = np.concatenate([k * (ny * nx) + places for k, places in enumerate(shown)])[seen[kept]]
-    per_row = np.bincount(place // nx, minlength=nz * ny)
+    flat = np.concatenate([k * (ny * nx) + indices for k, indices in enumerate(shown)])[seen[kept]]
+    per_row = np.bincount(flat // nx, minlength=nz * ny)
     lists = (found.extinction[kept], found.opacity[kept], found.color[kept])
     return ClassifiedVolume.from_lists(
-        (nx, ny, nz), row_offsets(per_row), (place % nx).astype(np.uint16 if nx <= 65536 else np.int32), *lists,
+        (nx, ny, nz), row_offsets(per_row), (flat % nx).astype(np.uint16 if nx <= 65536 else np.int32), *lists,
         int(nz * ny * nx - index.numbers.sum()), found.unit_length, found.opacity_distance,
     )
 

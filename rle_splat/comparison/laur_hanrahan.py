@@ -75,12 +75,12 @@ def in_order(medium: Medium, tree, nodes):
     return tuple(np.ascontiguousarray(np.concatenate(part)[order]) for part in (pixels, level_of, records))
 
 
-def _morton(places: np.ndarray) -> np.ndarray:
+def _morton(indices: np.ndarray) -> np.ndarray:
     """(m,) int64: the interleaved bits of (m, 3) positions from 0 to 2^21."""
-    key = np.zeros(len(places), np.int64)
-    for bit in range(int(places.max(initial=0)).bit_length()):
+    key = np.zeros(len(indices), np.int64)
+    for bit in range(int(indices.max(initial=0)).bit_length()):
         for axis in range(3):
-            key |= ((places[:, axis].astype(np.int64) >> bit) & 1) << (3 * bit + 2 - axis)
+            key |= ((indices[:, axis].astype(np.int64) >> bit) & 1) << (3 * bit + 2 - axis)
     return key
 
 
@@ -129,9 +129,9 @@ def splat_nodes(workers, pixels, level_of, records, starts, weights, shapes, rea
                 if row >= bottom or row + height <= top:
                     continue
                 column, sub_column = first_pixel(pixels[n, 0], reaches[level, 0], subpixels)
-                place = starts[level] + (sub_row * subpixels + sub_column) * height * width
+                base = starts[level] + (sub_row * subpixels + sub_column) * height * width
                 for r in range(max(row, top), min(row + height, bottom)):
-                    entry = place + (r - row) * width - column
+                    entry = base + (r - row) * width - column
                     _composite_row(
                         image, r, max(column, 0), min(column + width, columns), weights, entry, records, n
                     )

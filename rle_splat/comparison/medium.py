@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume
-from ..effects.analyse import analyse, called_for
+from ..effects.analyze import analyze, called_for
 from ..encode.store import StoredVolume
 from ..pipeline.scan_source import classify_and_shade
 from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
 from ..view.eye import IndexView, index_view
 from ..view.principal_axis import dominant_axis
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 
 CHANNELS = 4  # of a voxel record: extinction * RGB, extinction
 
@@ -47,7 +47,7 @@ class Medium:
         return index_view(self.scene.camera, self.scene.index_to_world, self.scene.width, self.scene.height)
 
     @cached_property
-    def places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def indices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Indices z, y, x, each (m,) int64, of the non-transparent voxels."""
         _, ny, nz = self.classified.shape_xyz
         row = np.repeat(np.arange(nz * ny), np.diff(self.classified.row_start))
@@ -62,7 +62,7 @@ class Medium:
         began = time.perf_counter()
         nx, ny, nz = self.classified.shape_xyz
         dense = np.zeros((nz + 2, ny + 2, nx + 2, CHANNELS), np.float32)
-        z, y, x = (axis + 1 for axis in self.places)
+        z, y, x = (axis + 1 for axis in self.indices)
         extinction = self.classified.extinction[:, None]
         dense[z, y, x] = np.concatenate((extinction * self.colors, extinction), axis=1)
         self.stages_ms["dense"] = 1e3 * (time.perf_counter() - began)
@@ -104,7 +104,7 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
         )
     if not scene.volume.holds_values:
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
-    scene = called_for(scene, analyse(scene, quality))
+    scene = called_for(scene, analyze(scene, quality))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()

@@ -30,8 +30,8 @@ class SparseMedium(ClassifiedMedium):
         self.low, self.high = np.full(3, -1.0), self._shape.astype(np.float64)
         self._colors = None
         if medium.colors is not medium.classified.color:
-            z, y, x = medium.places
-            self._colors, self._places = medium.colors, (z * self._shape[1] + y) * self._shape[0] + x
+            z, y, x = medium.indices
+            self._colors, self._indices = medium.colors, (z * self._shape[1] + y) * self._shape[0] + x
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
         """(P, 8, 4) extinction * RGB and extinction at the corners of cells; ``cell`` (P, 3): low corners x, y, z."""
@@ -42,9 +42,9 @@ class SparseMedium(ClassifiedMedium):
         values = volume.physical(volume.voxels[z, y, x])
         extinction, color = extinction_and_color(self._scene.transfer_function, values, self._distance)
         extinction = np.where(inside, extinction, 0.0)
-        if self._colors is not None and len(self._places):
-            found = np.searchsorted(self._places, (z * self._shape[1] + y) * self._shape[0] + x)
-            color = self._colors[np.minimum(found, len(self._places) - 1)]
+        if self._colors is not None and len(self._indices):
+            found = np.searchsorted(self._indices, (z * self._shape[1] + y) * self._shape[0] + x)
+            color = self._colors[np.minimum(found, len(self._indices) - 1)]
         return np.concatenate((color * extinction[..., None], extinction[..., None]), axis=-1)
 
 

@@ -70,18 +70,18 @@ def transform(voxels: np.ndarray) -> Spectrum:
     counts = voxels.shape
     sizes = [fast_size(max(math.ceil(OVERSAMPLING * n), n + TAPS)) for n in counts]
     centers = [n // 2 for n in counts]
-    places, scales = [], []
+    positions, scales = [], []
     for n, size, center in zip(counts, sizes, centers):
         away = np.arange(n) - center
-        places.append(away % size)
+        positions.append(away % size)
         scales.append(1.0 / _kernel_transform(away / size))
     half = sizes[2] // 2 + 1
     values = np.zeros((sizes[0], sizes[1], half + 2 * HALO), np.complex64)
     core = values[:, :, HALO : HALO + half]
     plane = np.zeros((sizes[1], sizes[2]), np.float32)
     for k in range(counts[0]):
-        plane[np.ix_(places[1], places[2])] = voxels[k] * (scales[0][k] * scales[1][:, None] * scales[2])
-        core[places[0][k]] = np.fft.rfft2(plane)
+        plane[np.ix_(positions[1], positions[2])] = voxels[k] * (scales[0][k] * scales[1][:, None] * scales[2])
+        core[positions[0][k]] = np.fft.rfft2(plane)
     for j in range(sizes[1]):
         core[:, j] = np.fft.fft(core[:, j], axis=0)
     # The spectrum of a real grid at -f is the conjugate of that at f; this fills the columns beyond both ends.
@@ -93,11 +93,11 @@ def transform(voxels: np.ndarray) -> Spectrum:
 
 
 @kernel(inline="always")
-def _taps(place, weights):
-    """The first grid point of the interpolation kernel around ``place``; writes its TAPS ``weights``."""
-    first = math.ceil(place - 0.5 * TAPS)
+def _taps(position, weights):
+    """The first grid point of the interpolation kernel around ``position``; writes its TAPS ``weights``."""
+    first = math.ceil(position - 0.5 * TAPS)
     for i in range(TAPS):
-        t = (first + i - place) * (2.0 / TAPS)
+        t = (first + i - position) * (2.0 / TAPS)
         weights[i] = math.exp(BETA * (math.sqrt(max(1.0 - t * t, 0.0)) - 1.0))
     return first
 
@@ -111,16 +111,16 @@ def look_up(values, size, frequencies, across, down, out):
     """
     for b in prange(down.size):
         wx, wy, wz = np.empty(TAPS), np.empty(TAPS), np.empty(TAPS)
-        place = np.empty(3)
+        position = np.empty(3)
         for a in range(across.size):
             for axis in range(3):
                 f = across[a] * frequencies[0, axis] + down[b] * frequencies[1, axis]
-                place[axis] = f - math.floor(f + 0.5)  # the spectrum of samples repeats every cycle per voxel
-            turned = place[0] < 0.0
+                position[axis] = f - math.floor(f + 0.5)  # the spectrum of samples repeats every cycle per voxel
+            turned = position[0] < 0.0
             sign = -1.0 if turned else 1.0
-            x0 = _taps(sign * place[0] * size[0], wx) + HALO
-            y0 = _taps(sign * place[1] * size[1], wy)
-            z0 = _taps(sign * place[2] * size[2], wz)
+            x0 = _taps(sign * position[0] * size[0], wx) + HALO
+            y0 = _taps(sign * position[1] * size[1], wy)
+            z0 = _taps(sign * position[2] * size[2], wz)
             real, imaginary = 0.0, 0.0
             for k in range(TAPS):
                 z = (z0 + k) % size[2]

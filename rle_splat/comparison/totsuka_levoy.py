@@ -87,8 +87,8 @@ def _folded(values, period: int, axis: int, zero_at: int) -> np.ndarray:
     shape = list(values.shape)
     shape[axis] = period
     folded = np.zeros(shape, np.complex128)
-    places = (np.arange(values.shape[axis]) - zero_at) % period
-    np.add.at(np.moveaxis(folded, axis, 0), places, np.moveaxis(values, axis, 0))
+    positions = (np.arange(values.shape[axis]) - zero_at) % period
+    np.add.at(np.moveaxis(folded, axis, 0), positions, np.moveaxis(values, axis, 0))
     return folded
 
 

@@ -117,9 +117,9 @@ def _splat_slice(
             if first_row >= last_row or first_column >= last_column:
                 continue
             red, green, blue = voxels[slice_, j, i, 0], voxels[slice_, j, i, 1], voxels[slice_, j, i, 2]
-            place = (sub_row * subpixels + sub_column) * height * width
+            base = (sub_row * subpixels + sub_column) * height * width
             for r in range(first_row, last_row):
-                entry = place + (r - row) * width - column
+                entry = base + (r - row) * width - column
                 for c in range(first_column, last_column):
                     weight = weights[entry + c]
                     if sheets:

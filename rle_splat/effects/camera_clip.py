@@ -10,28 +10,58 @@ from ..scene import LARGEST_LENGTH, LEAST_LENGTH, Quality, Scene
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
-from ..view.ray_limits import box_depths, ray_limits
+from ..view.ray_intervals import box_depths, ray_intervals
 from .kind import Kind
 from .ray_pass import RayEffect, RayPass
 
 
 def slab_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
-    """Planar depths between which every slab of every sheet ends, with half a voxel to spare.
+    """Planar depths between which all slabs lie, with half a voxel to spare.
 
-    What shortens no ray in here shortens none at all: the picture has the same bits whether it is asked or not.
+    An end outside of these depths shortens no ray, so that the picture has the same bits with and without it.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : IndexView
+    quality : Quality
+
+    Returns
+    -------
+    (nearest, furthest)
+        Along the camera's axis, in world units.
     """
     return box_depths(view, scene.volume.shape_xyz, np.ceil(FOOTPRINTS[quality.kernel].radius) + 0.5)
 
 
 def is_cut(scene: Scene, view: IndexView, quality: Quality) -> bool:
-    """Whether a clip plane of the camera cuts the volume's box, or its eye is inside."""
+    """Whether a clip plane of the camera cuts the volume's box, or its eye is inside.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : IndexView
+    quality : Quality
+
+    Returns
+    -------
+    bool
+    """
     nearest, furthest = slab_depths(scene, view, quality)
     behind_eye = not view.is_parallel and nearest <= 0.0
     return (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
 
 
 class CameraClip(RayEffect):
-    """Ends rays at the camera's clip distances, and at the surface of a mesh where a pass has one."""
+    """Ends rays at the camera's clip distances, and at the surface of a mesh where a pass has one.
+
+    Parameters
+    ----------
+    camera : Camera
+    quality : Quality
+    cuts : bool
+        Whether a clip plane cuts the volume; else only meshes end rays.
+    """
 
     def __init__(self, camera, quality: Quality, cuts: bool):
         self._distances, self._machine = (camera.clip_start, camera.clip_end), (quality.backend, quality.threads)
@@ -39,17 +69,20 @@ class CameraClip(RayEffect):
 
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> CameraClip | None:
+        """The effect, None where neither clip planes nor meshes can end rays; parameters as of ``RayEffects``."""
         cuts, meshes = is_cut(scene, view, quality), scene.triangles is not None and len(scene.triangles) > 0
         return cls(scene.camera, quality, cuts) if cuts or meshes else None
 
     def stage_of(self, ray_pass: RayPass) -> str:
+        """See ``RayEffect.stage_of``."""
         return self.stage if ray_pass.surface is None else "occlusion"
 
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shortened``."""
         if not self.moves_depth and ray_pass.surface is None:
             return plane, intervals
         backend, threads = self._machine
-        found = ray_limits(
+        found = ray_intervals(
             plane, *self._distances, ray_pass.surface, ray_pass.first_pixel, backend=backend, threads=threads
         )
         return plane, found

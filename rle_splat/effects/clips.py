@@ -8,20 +8,31 @@ import numpy as np
 
 from ..scene import CLIP_KINDS, Clip, Quality, Scene
 from ..view.base_plane import BasePlane
-from ..view.clip_limits import Cuts, clip_limits, what_is_left
+from ..view.clip_intervals import Cuts, clip_intervals, what_is_left
 from ..view.footprints import FOOTPRINTS
 from ..warp.warp import TAPS, warp_reach
 from .kind import Kind
 from .ray_pass import RayEffect, RayPass
 
-NOTHING_LEFT = "The picture is empty: what the clip objects leave of the volume is transparent, or out of sight."
+NOTHING_LEFT = "The picture is empty: what the clip objects leave of the volume is transparent or out of view."
 
 # A plane this little inside the volume, in voxels, cuts nothing: a box that was fitted to it, rounded.
 TOUCHING = 1e-5
 
 
 def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
-    """What the scene's clip objects cut of the volume, in the indices of its voxels; None when nothing."""
+    """The cuts that a scene's clip objects make in its volume.
+
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+
+    Returns
+    -------
+    Cuts or None
+        In voxel indices; None where nothing is cut.
+    """
     cutting = [(clip, sides) for clip, sides in _cutting(scene, quality) if len(sides)]
     if not cutting:
         return None
@@ -32,7 +43,13 @@ def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
 
 
 class ClipBodies(RayEffect):
-    """Cuts out of rays what the scene's clip objects cut away."""
+    """Cuts out of rays what the scene's clip objects cut away.
+
+    Parameters
+    ----------
+    cuts : Cuts
+    quality : Quality
+    """
 
     stage = "clip objects"
     nothing_left = NOTHING_LEFT
@@ -42,12 +59,14 @@ class ClipBodies(RayEffect):
 
     @classmethod
     def of(cls, scene: Scene, view, quality: Quality, ends_at_box: bool) -> ClipBodies | None:
+        """The effect, None where nothing is cut; parameters as of ``RayEffects``."""
         cuts = cuts_of(scene, quality)
         return None if cuts is None else cls(cuts, quality)
 
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shortened``."""
         quality = self._quality
-        found = clip_limits(plane, self._cuts, intervals, quality.backend, quality.threads)
+        found = clip_intervals(plane, self._cuts, intervals, quality.backend, quality.threads)
         # A pass that takes pixels over needs all of the plane.
         return (plane, found) if ray_pass.before else what_is_left(plane, found, warp_reach(quality) + TAPS)
 
@@ -72,8 +91,19 @@ def _is_hole(clip: Clip) -> bool:
 
 
 def half_spaces(clip: Clip, index_to_world) -> np.ndarray:
-    """(n, 4) float64 planes in voxel indices, each at most 0 inside the clip object, or where it keeps the outside of
-    a plane, outside it; in voxels."""
+    """The half-spaces of a clip object: one of a plane, six of a box.
+
+    Parameters
+    ----------
+    clip : Clip
+    index_to_world : (4, 4) ndarray of float64
+
+    Returns
+    -------
+    (n, 4) ndarray of float64
+        Plane equations in voxel indices; their values are distances in voxels, at most 0 on the kept side of a plane
+        and inside a box.
+    """
     to_own = np.linalg.inv(clip.matrix_world) @ index_to_world
     if clip.kind == "plane":
         sides = to_own[2:3] if clip.keep == "inside" else -to_own[2:3]
@@ -95,7 +125,7 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     kinds = [clip.kind for clip, sides in _cutting(scene, quality) if len(sides)]
     found = [_counted(kinds.count(kind), kind) for kind in CLIP_KINDS if kind in kinds]
     if not found:
-        return False, f"{_counted(len(scene.clips), 'object')} of the scene to clip by, and none cuts the volume"
+        return False, f"the scene has {_counted(len(scene.clips), 'clip object')}, and none cuts the volume"
     return True, f"{' and '.join(found)} {'cuts' if len(kinds) == 1 else 'cut'} the volume"
 
 

@@ -23,9 +23,17 @@ _ZERO, _ONE, _TWO, _INFINITE = (np.float32(n) for n in (0.0, 1.0, 2.0, np.inf))
 
 @dataclass(frozen=True, eq=False)
 class DepthLayers:
-    """``near`` and ``far``: (H, W) float32 planar depths, inf for no mesh.  ``coverage``: (H, W) float32, the
-    part of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same.
-    ``first_pixel``: column and row in the picture of their first."""
+    """Two depths per pixel and the share of the nearer one.
+
+    Attributes
+    ----------
+    near, far : (H, W) ndarray of float32
+        Planar depths in world units, inf for no mesh.
+    coverage : (H, W) ndarray of float32
+        The share of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same.
+    first_pixel : (column, row)
+        Of the first pixel in the picture.
+    """
 
     near: np.ndarray
     far: np.ndarray
@@ -34,10 +42,21 @@ class DepthLayers:
 
     @property
     def has_silhouettes(self) -> bool:
+        """Whether any pixel has two depths."""
         return bool((self.near != self.far).any())
 
     def coverage_of(self, region) -> np.ndarray:
-        """The coverage of the pixels (left, top, right, bottom) of the picture."""
+        """The coverage of a part of the picture.
+
+        Parameters
+        ----------
+        region : (left, top, right, bottom)
+            Pixels of the picture.
+
+        Returns
+        -------
+        (height, width) ndarray of float32
+        """
         (left, top), (across, down) = region[:2], self.first_pixel
         return self.coverage[top - down : region[3] - down, left - across : region[2] - across]
 
@@ -45,10 +64,27 @@ class DepthLayers:
 def depth_layers(
     samples: np.ndarray, step: float, first_pixel=(0, 0), *, backend: str = "auto", threads: int = 0
 ) -> DepthLayers:
-    """Layers from (H, W, S) sample depths; depths further apart than ``step`` (world units) are two surfaces.
+    """Make the layers of a picture or of a part of it.
 
-    ``first_pixel``: column and row in the picture of the first.  Within HALO pixels of a side that is none of the
-    picture's, layers are not what they are in the whole picture.
+    Parameters
+    ----------
+    samples : (H, W, S) ndarray of float32
+        Planar depths of the meshes on S rays of each pixel, in world units; inf for none.
+    step : float
+        World units; depths further apart belong to two surfaces.
+    first_pixel : (column, row)
+        Of the first pixel in the picture.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    DepthLayers
+
+    Notes
+    -----
+    Within HALO pixels of a border that is not the picture's own, layers differ from those of the whole picture.
     """
     shape = samples.shape[:2]
     layers = np.empty((3, *shape), np.float32)  # near, far, coverage
@@ -88,7 +124,7 @@ def _surfaces_numpy(samples, step: float, layers, spread) -> None:
     coverage[split], spread[split] = in_front / count, np.inf
 
 
-def _neighbours(shape):
+def _neighbors(shape):
     """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbor on the left, right, top and bottom."""
     height, width = shape
     for down, right in SIDES:
@@ -105,7 +141,7 @@ def _silhouettes_between_pixels(near, far, coverage, spread, step: float) -> np.
     """
     own, found = near.copy(), np.zeros(near.shape, dtype=bool)
     step, two = np.float32(step), np.float32(2.0)
-    for to, of in _neighbours(near.shape):
+    for to, of in _neighbors(near.shape):
         with np.errstate(invalid="ignore"):
             behind = own[to] - own[of] > step + two * (spread[to] + spread[of])
         near[to][behind], far[of][behind] = own[of][behind], own[to][behind]
@@ -123,7 +159,7 @@ def _carried_past_silhouettes(near, far, coverage, known) -> None:
     """
     for number in range(2 * REACH if known.any() else 0):
         reached = known.copy()
-        for to, of in _neighbours(near.shape):
+        for to, of in _neighbors(near.shape):
             new = known[of] & ~reached[to]
             if not new.any():
                 continue

@@ -17,8 +17,19 @@ LENS, SHUTTER = "depth of field", "motion blur"  # their names in the table of e
 
 
 def exposures(scene: Scene) -> list[Scene]:
-    """The sharp, still scenes whose mean is the scene's picture; the scene alone if nothing is blurred.
+    """The sharp, still scenes whose mean is the scene's picture.
 
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of Scene
+        The scene alone if nothing is blurred.
+
+    Notes
+    -----
     Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
     """
     through, during = lens_pictures(scene), motion_pictures(scene)
@@ -38,7 +49,7 @@ def exposures(scene: Scene) -> list[Scene]:
 
 
 def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
-    """Generator of Progress: the mean of the pictures of some scenes as one Rendering.
+    """Render the mean of the pictures of some scenes.
 
     Parameters
     ----------
@@ -48,6 +59,10 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
         Its ``exposures``.
     sharp_steps : callable
         ``sharp_steps(scene)``: generator of Progress, returns the Rendering of a sharp scene.
+
+    Yields
+    ------
+    Progress
 
     Returns
     -------

@@ -12,15 +12,27 @@ import numpy as np
 from ..splat.intermediate_image import IntermediateImage
 from ..splat.pixel_block import BLOCK
 from ..view.base_plane import BasePlane
-from ..view.ray_limits import MOST
+from ..view.ray_intervals import MOST
 from .depth_layers import DepthLayers
 
 
 def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach: int) -> list[tuple]:
-    """(layer, the part of the picture it is wanted for, (number, base plane) of those that show any of it), once or
-    twice: all of ``region`` (left, top, right, bottom) as far as the near layer, and what is seen past silhouettes.
+    """The layers to splat: the near one, and the far one where there are silhouettes.
 
-    ``reach``: sheet pixels on either side of a ray that its pixel depends on.
+    Parameters
+    ----------
+    layers : DepthLayers
+    region : (left, top, right, bottom)
+        The pixels wanted of the picture.
+    planes : list of BasePlane
+    reach : int
+        Sheet pixels on either side of a ray that its pixel depends on.
+
+    Returns
+    -------
+    list of (depth, region, planes)
+        (H, W) float32 planar depths; the pixels that they are wanted for, as ``region``; and (number, BasePlane) of
+        each plane that shows any of them, cut to a window for the far layer.
     """
     found = [(layers.near, region, list(enumerate(planes)))]
     rows, columns = np.nonzero(layers.coverage_of(region) < 1.0)
@@ -34,20 +46,44 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
     return found
 
 
-def leave_out_like(plane: BasePlane, limits, near: BasePlane, near_limits) -> np.ndarray:
-    """(H, W) bool: the pixels of a far layer's ``plane``, a window of ``near``, whose block has the same limits there,
-    ``near_limits``; their rays are made empty in ``limits`` (2, H, W)."""
+def leave_out_like(plane: BasePlane, intervals, near: BasePlane, near_intervals) -> np.ndarray:
+    """Make those rays of a far layer empty whose block has the same ray intervals in the near layer.
+
+    Parameters
+    ----------
+    plane : BasePlane
+        Of the far layer, a window of ``near``.
+    intervals : (2, H, W) ndarray of float32
+        Its ray intervals; changed in place.
+    near : BasePlane
+    near_intervals : (2, height, width) ndarray of float32
+        The ray intervals of ``near``.
+
+    Returns
+    -------
+    (H, W) ndarray of bool
+        The pixels whose rays were made empty.
+    """
     column, row = (plane.origin[n] - near.origin[n] for n in (0, 1))  # a whole number of blocks
-    there = near_limits[:, row : row + plane.height, column : column + plane.width]
-    blocks = np.logical_and.reduceat((limits == there).all(axis=0), np.arange(0, plane.width, BLOCK), axis=1)
+    there = near_intervals[:, row : row + plane.height, column : column + plane.width]
+    blocks = np.logical_and.reduceat((intervals == there).all(axis=0), np.arange(0, plane.width, BLOCK), axis=1)
     like = np.repeat(blocks, BLOCK, axis=1)[:, : plane.width]
-    limits[0][like], limits[1][like] = MOST, -MOST
+    intervals[0][like], intervals[1][like] = MOST, -MOST
     return like
 
 
 def take_like(image: IntermediateImage, near: IntermediateImage | None, like) -> None:
-    """Fill in what ``leave_out_like`` has left out.  ``near``: any window of its base plane, None where that is empty;
-    outside the window everything is empty."""
+    """Fill in the pixels that ``leave_out_like`` has left out.
+
+    Parameters
+    ----------
+    image : IntermediateImage
+        Of the far layer; changed in place.
+    near : IntermediateImage or None
+        Of the near layer, any window of its base plane, outside of which it is empty; None where all of it is.
+    like : (H, W) ndarray of bool
+        The result of ``leave_out_like``.
+    """
     if near is None:
         return
     of_image, of_near = [], []
@@ -64,7 +100,20 @@ def take_like(image: IntermediateImage, near: IntermediateImage | None, like) ->
 
 
 def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_depth) -> None:
-    """Mix the pixels ``behind`` silhouettes into the picture of ``region``, by what of them a mesh covers."""
+    """Mix the pixels seen past silhouettes into the picture, by the share of each that a mesh covers.
+
+    Parameters
+    ----------
+    layers : DepthLayers
+    region, behind : (left, top, right, bottom)
+        The pixels of the picture, and of its part with silhouettes.
+    rgba : (H, W, 4) ndarray of float32
+        Premultiplied scene-linear picture of ``region``; changed in place.
+    depth : (H, W) ndarray of float32
+        Its planar depth in world units; changed in place.
+    far_rgba, far_depth
+        The same of ``behind``, as far as the far layer.
+    """
     left, top = behind[0] - region[0], behind[1] - region[1]
     part = slice(top, top + far_depth.shape[0]), slice(left, left + far_depth.shape[1])
     coverage = layers.coverage_of(behind)

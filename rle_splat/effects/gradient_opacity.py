@@ -1,4 +1,4 @@
-"""Opacity by how steep the scalar is: surfaces between materials, without what is inside them."""
+"""Opacity by the size of the gradient: surfaces between materials stay, even regions become transparent."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def _gradient_opacity(scene: Scene, _: Quality) -> tuple[bool, str]:
         return False, BAKED
     ends = scene.transfer_function.gradient_opacity
     if ends is None:
-        return False, "the transfer function goes by the value alone"
+        return False, "the transfer function has no gradient opacity"
     if is_mixed(scene):
-        return False, "labels and channels go by values alone"
+        return False, "there is none with labels or channels"
     if scene.mode in OF_VALUES:
         return False, f"nothing is absorbed in the mode {MODE_NAMES[scene.mode]}"
     return True, f"from {ends.low:g} to {ends.high:g} values per unit of length"
@@ -32,6 +32,6 @@ def _without(scene: Scene) -> Scene:
 
 
 GRADIENT_OPACITY = Kind(
-    "opacity times how steep the values are, so that surfaces stay and what is even inside them goes",
+    "multiplies opacity by the size of the gradient, so that surfaces stay and even regions become transparent",
     _gradient_opacity, _without, stage="gradients",
 )

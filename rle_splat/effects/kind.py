@@ -1,4 +1,4 @@
-"""A kind of effect: one row of the table in ``analyse.py``."""
+"""A kind of effect: one row of the table in ``analyze.py``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Kind:
     Attributes
     ----------
     text : str
-        What it does, for people.
+        What it does, for tooltips: begins with a verb, without a period.
     called_for : callable
         ``called_for(scene, quality) -> (on, reason)``: whether the scene calls for it, and why or why not, as words
         behind "on" or "off".  The scene has the effects before it in the table removed where they are off.  It must not
@@ -21,13 +21,14 @@ class Kind:
     without : callable
         ``without(scene) -> scene``: the scene with the effect removed.
     stage : str or None
-        Of the clock, its own work; None where that is part of the work of the effect ``within``.
+        The stage that its own work is timed as; None where it is part of the work of the effect ``within``.
     within : str or None
+        Name of that effect.
     with_default : callable or None
         ``with_default(scene) -> scene``: the scene with the effect turned on by hand; unchanged where it has it.  None
         where there is no default.
     may_be_idle : bool
-        Whether it may stay where it changes nothing; only a hand then removes it.
+        Whether it stays in the scene where it changes nothing, unless it is turned off by hand.
     fitted : callable or None
         ``fitted(scene, quality) -> (quality, remark)``: the quality that a scene with the effect can be rendered by,
         and a sentence for the report, "" for none; None where any quality will do.

@@ -16,7 +16,7 @@ import numpy as np
 from ..scene import Camera, Quality, Scene
 from ..view.eye import index_view
 from ..view.projection import fitted_pixels
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 from .kind import Kind
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
@@ -27,11 +27,29 @@ FEWEST_POINTS = 4
 
 
 def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float = 1.0, times=None) -> np.ndarray:
-    """(count, 2) float64 points spread evenly over an aperture of radius 1; mean and second moments are its own.
+    """Points spread evenly over an aperture of radius 1, with its mean and second moments.
 
-    They lie on the spiral of golden angles (Vogel 1979).  ``blades``: corners of the aperture, a disk below three;
-    ``rotation``: of its first corner, radians; ``ratio``: how many times less wide than high it is.
-    ``times``: (count,) something else that varies from point to point and must not go with them.
+    Parameters
+    ----------
+    count : int
+        Number of points.
+    blades : int
+        Corners of the aperture; below three it is a disk.
+    rotation : float
+        Angle of the first corner, radians.
+    ratio : float
+        Height over width of the aperture.
+    times : (count,) ndarray of float64, optional
+        The time of each point; points are made uncorrelated with it.
+
+    Returns
+    -------
+    (count, 2) ndarray of float64
+        To the right and up.
+
+    Notes
+    -----
+    The points lie on the spiral of golden angles (Vogel 1979).
     """
     number = np.arange(count)
     radius, angle = np.sqrt((number + 0.5) / count), GOLDEN_ANGLE * number
@@ -56,10 +74,20 @@ def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float
 
 
 def through_lens(camera: Camera, point: np.ndarray) -> Camera:
-    """The sharp camera at ``point`` of the aperture, (2,) in aperture radii to the right and up, focused as the lens.
+    """The sharp camera at a point of the aperture, focused as the lens.
 
-    A pinhole whose sensor is shifted; or parallel rays that slant, as Cycles has them, through the places of the plane
-    of focus that the unslanted ones go through.
+    Parameters
+    ----------
+    camera : Camera
+        With its lens.
+    point : (2,) ndarray of float64
+        In aperture radii to the right and up.
+
+    Returns
+    -------
+    Camera
+        A pinhole whose sensor is shifted; of an orthographic camera one with slanted parallel rays, as in Cycles, which
+        meet the plane of focus where the unslanted ones do.
     """
     offset = camera.aperture_radius * np.asarray(point, dtype=np.float64)
     if camera.type == "ORTHO":
@@ -76,8 +104,21 @@ def through_lens(camera: Camera, point: np.ndarray) -> Camera:
 
 
 def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
-    """Pixels across the disk to which a point at planar ``depth``, world units, is blurred: the thin lens's formula; of
-    parallel rays, in which pixels are everywhere as large, that of a cone whose tip is in focus."""
+    """The diameter of the disk that a point is blurred to.
+
+    Parameters
+    ----------
+    camera : Camera
+    width, height : int
+        Pixels of the picture.
+    depth : float
+        Planar depth of the point, world units.
+
+    Returns
+    -------
+    float
+        Pixels: by the formula of the thin lens, or for parallel rays that of a cone with its tip in focus.
+    """
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
     across = camera.ortho_scale if camera.type == "ORTHO" else depth * sensor / camera.lens
     spread = 2.0 * camera.aperture_radius * max(1.0, 1.0 / camera.aperture_ratio)
@@ -86,7 +127,17 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 
 
 def widest_blur(scene: Scene) -> float:
-    """The widest blur of anything in the volume's box, pixels."""
+    """The widest blur of any point in the volume's box.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    float
+        Diameter in pixels; 0 without a lens.
+    """
     camera = scene.camera
     if camera.aperture_radius == 0.0:
         return 0.0
@@ -97,7 +148,17 @@ def widest_blur(scene: Scene) -> float:
 
 
 def lens_pictures(scene: Scene) -> int:
-    """How many points of the lens a picture needs, one for a sharp one."""
+    """The number of lens points that a picture needs.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    int
+        1 for a sharp picture.
+    """
     blur = widest_blur(scene)
     if blur <= SHARP:
         return 1
@@ -106,7 +167,7 @@ def lens_pictures(scene: Scene) -> int:
 
 def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
     if scene.camera.aperture_radius == 0.0:
-        return False, "the camera has none"
+        return False, "the camera has no depth of field"
     blur = widest_blur(scene)
     if blur <= SHARP:
         return False, f"nothing is blurred by more than {SHARP:g} pixels"

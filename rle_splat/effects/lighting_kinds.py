@@ -1,4 +1,4 @@
-"""Which light a scene calls for: shading, lights, a headlight, highlights."""
+"""The effects of light: shading, light objects, a headlight, highlights."""
 
 from __future__ import annotations
 
@@ -20,12 +20,22 @@ def _unlit_because(scene: Scene) -> str | None:
     if scene.mode != MODES[0]:
         return f"nothing is lit in the mode {MODE_NAMES[scene.mode]}"
     if scene.transfer_function.shade is None:
-        return "the transfer function does not shade"
+        return "the transfer function has no shading"
     return None if scene.lights or scene.headlight or scene.world else "the scene has no light"
 
 
 def idle_because(scene: Scene) -> str | None:
-    """Why what belongs to shading is not done; None where it is."""
+    """Why an effect that belongs to shading is off.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    str or None
+        The reason, as words behind "off"; None where the scene is shaded.
+    """
     reason = _unlit_because(scene)
     return reason if reason in (None, BAKED) else "nothing is shaded"
 
@@ -65,12 +75,12 @@ def _shaded(scene: Scene) -> Scene:
     return replace(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
 
 
-# --- what shines ----------------------------------------------------------------------------------------------------
+# --- light sources ----------------------------------------------------------------------------------------------------
 
 
 def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.lights:
-        return False, "the scene has none" if scene.volume.holds_values else BAKED
+        return False, "the scene has no lights" if scene.volume.holds_values else BAKED
     reason = idle_because(scene)
     kinds = Counter(light.type.lower() for light in scene.lights)
     return reason is None, reason or ", ".join(f"{number} {kind}" for kind, number in kinds.items())
@@ -78,7 +88,7 @@ def _lights(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 def _headlight(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.headlight:
-        return False, "the scene does not ask for one" if scene.volume.holds_values else BAKED
+        return False, "the scene has no headlight" if scene.volume.holds_values else BAKED
     reason = idle_because(scene)
     return reason is None, reason or "white and parallel, along the camera's axis"
 
@@ -108,17 +118,19 @@ def _with_specular(scene: Scene) -> Scene:
 
 
 SHADING = Kind(
-    "brightness by the angle between the light and the surface that the gradient tells", _shading, _unshaded,
-    stage="shade", with_default=_shaded,
+    "shades by the angle between the light and the surface; its normal is the gradient", _shading,
+    _unshaded, stage="shade", with_default=_shaded,
 )
 LIGHTS = Kind(
-    "the light objects of the scene, in place of a headlight", _lights, lambda scene: replace(scene, lights=()),
-    within="shading",
+    "lights the volume by the light objects of the scene instead of a headlight", _lights,
+    lambda scene: replace(scene, lights=()), within="shading",
 )
 HEADLIGHT = Kind(
-    "one white parallel light along the camera's axis", _headlight, lambda scene: replace(scene, headlight=False),
-    within="shading", with_default=lambda scene: replace(scene, headlight=True),
+    "lights the volume by one white parallel light along the camera's axis", _headlight,
+    lambda scene: replace(scene, headlight=False), within="shading",
+    with_default=lambda scene: replace(scene, headlight=True),
 )
 SPECULAR = Kind(
-    "highlights, which follow the eye", _specular, _without_specular, within="shading", with_default=_with_specular
+    "adds highlights, which change with the view", _specular, _without_specular, within="shading",
+    with_default=_with_specular,
 )

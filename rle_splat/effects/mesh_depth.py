@@ -1,6 +1,6 @@
-"""Mesh depth: how far each ray goes before it meets a mesh, without rendering anything.
+"""Mesh depth: the planar depth at which each ray meets the first mesh.
 
-Triangles are rasterised in homogeneous pixel coordinates (Olano and Greer 1997), which needs no clipping: the
+Triangles are rasterized in homogeneous pixel coordinates (Olano and Greer 1997), which needs no clipping: the
 inverse of a triangle's 3x3 matrix of homogeneous vertices gives its edge functions, and wherever all three are
 positive the ray meets the triangle in front of the camera.
 """
@@ -23,15 +23,34 @@ SAMPLE_COLUMNS = (np.arange(SAMPLES) + 0.5) / SAMPLES
 SAMPLE_ROWS = (_ORDER + 0.5) / SAMPLES
 # Samples this close outside an edge, in parts of the triangle, still count: neighbors must leave no crack.
 CRACK = 1e-9
-BAND = 16  # picture rows that one worker rasterises at a time
+BAND = 16  # picture rows that one worker rasterizes at a time
 
 
 def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: int):
-    """Edge functions (n, 3, 3) float64, vertex depths (n, 3) and pixel bounds (n, 4) of world triangles (n, 3, 3).
+    """Set up the triangles of a scene for rasterization.
 
-    ``edges[t, i] @ (column, row, 1)`` is barycentric coordinate i over homogeneous depth.  Bounds are column and
-    row from, column and row to (inclusive, float); triangles that reach behind the camera have infinite ones.
-    Triangles seen edge-on are left out.
+    Parameters
+    ----------
+    triangles : (m, 3, 3) array_like
+        World coordinates of the vertices.
+    camera : Camera
+    width, height : int
+        Pixels of the picture.
+
+    Returns
+    -------
+    edges : (n, 3, 3) ndarray of float64
+        ``edges[t, i] @ (column, row, 1)`` is barycentric coordinate i over homogeneous depth.  Triangles seen edge-on
+        or behind the camera are left out.
+    depths : (n, 3) ndarray of float64
+        Planar depth of the vertices, world units.
+    bounds : (n, 4) ndarray of float64
+        First column and row, last column and row (inclusive); infinite for triangles that reach behind the camera.
+
+    Raises
+    ------
+    RleSplatError
+        If the triangles have another shape, or are not finite.
     """
     triangles = np.asarray(triangles, dtype=np.float64)
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all():
@@ -41,8 +60,19 @@ def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: in
 
 
 def edges_of(pixels: np.ndarray, depths: np.ndarray):
-    """The same from homogeneous ``pixels`` (n, 3 vertices, 3) and ``depths`` (n, 3): any number that is affine in the
-    world, and in homogeneous pixels with it."""
+    """As ``edge_functions``, from projected vertices.
+
+    Parameters
+    ----------
+    pixels : (m, 3, 3) ndarray of float64
+        Homogeneous pixel coordinates of the vertices of each triangle.
+    depths : (m, 3) ndarray of float64
+        A number of each vertex that is affine in the world, such as planar depth.
+
+    Returns
+    -------
+    edges, depths, bounds
+    """
     size = np.abs(pixels).max(axis=(1, 2))
     determinant = np.linalg.det(pixels / np.where(size > 0.0, size, 1.0)[:, None, None])
     in_front = (pixels[..., 2] > 0.0).any(axis=1)
@@ -52,9 +82,9 @@ def edges_of(pixels: np.ndarray, depths: np.ndarray):
     bounds = np.empty((len(pixels), 4))
     whole = (pixels[..., 2] > 1e-9 * np.abs(pixels[..., 2]).max(axis=1, keepdims=True)).all(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        place = pixels[..., :2] / pixels[..., 2:]
-    bounds[:, :2] = np.where(whole[:, None], place.min(axis=1), -np.inf)
-    bounds[:, 2:] = np.where(whole[:, None], place.max(axis=1), np.inf)
+        position = pixels[..., :2] / pixels[..., 2:]
+    bounds[:, :2] = np.where(whole[:, None], position.min(axis=1), -np.inf)
+    bounds[:, 2:] = np.where(whole[:, None], position.max(axis=1), np.inf)
     return np.ascontiguousarray(edges), np.ascontiguousarray(depths), bounds
 
 
@@ -77,10 +107,21 @@ def _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sam
 
 
 @kernel(parallel=True)
-def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
-    """``out`` (H, W, SAMPLES) float32: planar depth of the first triangle between ``nearest`` and ``furthest``.
+def rasterize(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
+    """Find the first triangle on each ray of a part of the picture.
 
-    ``out`` begins at column ``left``, row ``above`` of the picture.
+    Parameters
+    ----------
+    edges, depths, bounds
+        Of ``edge_functions``.
+    nearest, furthest : float
+        Depths between which triangles count.
+    sample_columns, sample_rows : (SAMPLES,) ndarray of float64
+        Positions of a pixel's rays in it, 0 to 1.
+    left, above : int
+        Column and row in the picture of the first pixel of ``out``.
+    out : (H, W, SAMPLES) ndarray of float32
+        Depths so far; changed in place.
     """
     right, below = left + out.shape[1], above + out.shape[0]
     bands = (out.shape[0] + BAND - 1) // BAND
@@ -100,8 +141,8 @@ def rasterise(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
                     _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sample_rows, pixel)
 
 
-def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
-    """Reference implementation of ``rasterise``: one triangle at a time."""
+def rasterize_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
+    """Reference implementation of ``rasterize``: one triangle at a time."""
     height, width = out.shape[:2]
     for t in range(len(edges)):
         first = np.maximum(np.floor(bounds[t, :2]), (left, above))
@@ -124,30 +165,67 @@ def rasterise_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sa
 def mesh_depth(
     triangles, camera: Camera, width: int, height: int, *, region=None, backend="auto", threads=0
 ) -> np.ndarray:
-    """(H, W, SAMPLES) float32: planar depth, in world units, of the first mesh on each of SAMPLES rays a pixel.
+    """The depth of the first mesh on SAMPLES rays of each pixel.
 
-    ``triangles``: (n, 3, 3) world coordinates, seen from both sides.  inf where no mesh lies between the
-    camera's clip distances.  ``region``: (left, top, right, bottom), the pixels of the picture wanted, None for all.
+    Parameters
+    ----------
+    triangles : (n, 3, 3) array_like
+        World coordinates; seen from both sides.
+    camera : Camera
+    width, height : int
+        Pixels of the picture.
+    region : (left, top, right, bottom), optional
+        The pixels wanted; by default all.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (H, W, SAMPLES) ndarray of float32
+        Planar depth in world units; inf where no mesh is between the camera's clip distances.
+
+    Raises
+    ------
+    RleSplatError
+        If the triangles have another shape, or are not finite.
     """
     edges, depths, bounds = edge_functions(triangles, camera, width, height)
     left, top, right, bottom = region or (0, 0, width, height)
     out = np.full((bottom - top, right - left, SAMPLES), np.inf, np.float32)
-    _rasterise(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, backend, threads)
+    _rasterize(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, backend, threads)
     return out
 
 
 def sheet_depth(pixels, depths, clips, width: int, height: int, *, backend="auto", threads=0) -> np.ndarray:
-    """(height, width, SAMPLES) float32, the least of ``depths`` within ``clips`` on each ray of a picture given by its
-    homogeneous ``pixels``; both are of triangles, see ``edges_of``.  inf where there is none."""
+    """The depth of the first triangle on each ray of a sheet, from projected vertices.
+
+    Parameters
+    ----------
+    pixels, depths
+        Of ``edges_of``.
+    clips : (nearest, furthest)
+        Depths between which triangles count.
+    width, height : int
+        Pixels of the sheet.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (height, width, SAMPLES) ndarray of float32
+        Inf where there is none.
+    """
     out = np.full((height, width, SAMPLES), np.inf, np.float32)
-    _rasterise(*edges_of(pixels, depths), clips, 0, 0, out, backend, threads)
+    _rasterize(*edges_of(pixels, depths), clips, 0, 0, out, backend, threads)
     return out
 
 
-def _rasterise(edges, depths, bounds, clips, left: int, top: int, out, backend, threads) -> None:
+def _rasterize(edges, depths, bounds, clips, left: int, top: int, out, backend, threads) -> None:
     arguments = (edges, depths, bounds, *clips, SAMPLE_COLUMNS, SAMPLE_ROWS, left, top, out)
     if compiled(backend):
         with parallel_call(threads):
-            rasterise(*arguments)
+            rasterize(*arguments)
     else:
-        rasterise_numpy(*arguments)
+        rasterize_numpy(*arguments)

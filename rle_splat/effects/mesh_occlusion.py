@@ -11,7 +11,7 @@ from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
-from ..view.ray_limits import pixels_read
+from ..view.ray_intervals import pixels_read
 from .camera_clip import slab_depths
 from .depth_layers import HALO, DepthLayers, depth_layers
 from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
@@ -19,11 +19,18 @@ from .kind import Kind
 from .mesh_depth import mesh_depth
 from .ray_pass import RayEffect, RayPass
 
-BEHIND = "no mesh lies in or before the volume"
+BEHIND = "no mesh is in or in front of the volume"
 
 
 class MeshSurfaces(RayEffect):
-    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass."""
+    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : IndexView
+    quality : Quality
+    """
 
     name, stage = "mesh occlusion", "occlusion"
 
@@ -33,14 +40,17 @@ class MeshSurfaces(RayEffect):
 
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> MeshSurfaces | None:
+        """The effect, None for a scene without meshes; parameters as of ``RayEffects``."""
         meshes = scene.triangles is not None and len(scene.triangles) > 0
         return cls(scene, view, quality) if meshes else None
 
-    def look(self, planes: list[BasePlane]) -> str | None:
+    def inspect(self, planes: list[BasePlane]) -> str | None:
+        """See ``RayEffect.inspect``."""
         self._layers = mesh_layers(self._scene, self._view, self._quality, planes)
         return BEHIND if self._layers is None else None
 
     def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:
+        """See ``RayEffect.passes``: the near layer, and the far layer where there are silhouettes."""
         (whole,) = passes
         planes, first_pixel = [plane for _, plane in whole.planes], self._layers.first_pixel
         found: list[RayPass] = []
@@ -49,25 +59,41 @@ class MeshSurfaces(RayEffect):
         return found
 
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shortened``; ``CameraClip`` has shortened the rays, this leaves out repeated blocks."""
         if ray_pass.before is None:
-            ray_pass.ends[number] = plane, intervals
+            ray_pass.intervals[number] = plane, intervals
         else:
-            ray_pass.alike[number] = leave_out_like(plane, intervals, *ray_pass.before.ends[number])
+            ray_pass.alike[number] = leave_out_like(plane, intervals, *ray_pass.before.intervals[number])
         return plane, intervals
 
     def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
+        """See ``RayEffect.completed``."""
         if ray_pass.before is None:
             ray_pass.images[number] = image
         else:
             take_like(image, ray_pass.before.images.get(number), ray_pass.alike[number])
 
     def mixed(self, ray_pass: RayPass, picture, found):
+        """See ``RayEffect.mixed``."""
         mix_layers(self._layers, self._scene.region, ray_pass.region, *picture, *found)
         return picture
 
 
 def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:
-    """Where the rays of each pixel end at meshes; None when no mesh ends any ray inside the volume."""
+    """The depth layers of a scene's meshes.
+
+    Parameters
+    ----------
+    scene : Scene
+    view : IndexView
+    quality : Quality
+    planes : list of BasePlane
+
+    Returns
+    -------
+    DepthLayers or None
+        None where no mesh ends any ray inside the volume.
+    """
     if scene.triangles is None or len(scene.triangles) == 0:
         return None
     region = _pixels_with_layers(scene, planes)
@@ -103,7 +129,7 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     if nearest > slab_depths(scene, view, quality)[1]:
         return False, BEHIND
-    return True, "meshes stand in or before the volume"
+    return True, "meshes are in or in front of the volume"
 
 
 MESH_OCCLUSION = Kind(

@@ -12,11 +12,14 @@ from .ray_mode import MODE_NAMES
 def _mist(scene: Scene, _: Quality) -> tuple[bool, str]:
     mist = scene.mist
     if mist is None:
-        return False, "the scene has none"
+        return False, "the scene has no mist"
     if scene.mode != MODES[0]:
         return False, f"there are no colors to fade in the mode {MODE_NAMES[scene.mode]}"
     falloff = mist.falloff.lower().replace("_", " ")
     return True, f"{falloff} from {mist.start:g} to {mist.start + mist.depth:g}"
 
 
-MIST = Kind("fades colors towards one with their distance", _mist, lambda scene: replace(scene, mist=None))
+MIST = Kind(
+    "fades colors into the mist's color with their distance from the camera", _mist,
+    lambda scene: replace(scene, mist=None),
+)

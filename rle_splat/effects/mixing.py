@@ -1,4 +1,4 @@
-"""Labels and channels: whether a scene has any that change its picture, and what they ask of the classification."""
+"""Labels and channels: whether a scene has any that change its picture, and the classification that they need."""
 
 from __future__ import annotations
 
@@ -11,7 +11,16 @@ BY_PRE = "Labels and channels are classified voxel by voxel, so the classificati
 
 
 def is_mixed(scene: Scene) -> bool:
-    """Whether more than one transfer function classifies the voxels."""
+    """Whether more than one transfer function classifies the voxels.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    bool
+    """
     return scene.labels is not None or bool(scene.channels)
 
 
@@ -23,7 +32,7 @@ def _classified_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
         return replace(quality, classification="pre", depth_rule=None, rays=NO_RAYS), BY_PRE
 
 
-def _hindered(scene: Scene) -> str:
+def _obstacle(scene: Scene) -> str:
     """Why a scene's voxels cannot be classified by several functions; "" if they can."""
     if not scene.volume.holds_values:
         return "a .rle file holds classified voxels"
@@ -34,7 +43,7 @@ def _labels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     labels = scene.labels
     if labels is None:
         return False, "the scene has no label volume"
-    if reason := _hindered(scene):
+    if reason := _obstacle(scene):
         return False, reason
     hidden = sum(function is None for function in labels.functions.values())
     if not labels.functions:
@@ -45,11 +54,11 @@ def _labels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     if not scene.channels:
         return False, "the volume is the only channel"
-    if reason := _hindered(scene):
+    if reason := _obstacle(scene):
         return False, reason
     shown = sum(max(alpha for _, alpha in channel.transfer_function.opacity) > 0.0 for channel in scene.channels)
     if not shown:
-        return False, f"nothing is shown of {len(scene.channels)} further channel(s)"
+        return False, f"{len(scene.channels)} further channel(s) are fully transparent"
     return True, f"{len(scene.channels)} further channel(s) are added"
 
 

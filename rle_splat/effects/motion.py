@@ -18,10 +18,23 @@ FEWEST_PICTURES = 4
 
 
 def at_time(scene: Scene, time: float) -> Scene:
-    """The scene at a time from 0, when the shutter opens, to 1, when it closes: between two poses as they change."""
-    place = time * (len(scene.motion) - 1)
-    first = min(int(place), len(scene.motion) - 2)
-    part = place - first
+    """The scene at one time.
+
+    Parameters
+    ----------
+    scene : Scene
+        With at least two poses in ``motion``, evenly spaced in time; matrices are interpolated linearly between them.
+    time : float
+        From 0, when the shutter opens, to 1, when it closes.
+
+    Returns
+    -------
+    Scene
+        Without motion.
+    """
+    position = time * (len(scene.motion) - 1)
+    first = min(int(position), len(scene.motion) - 2)
+    part = position - first
     before, after = scene.motion[first], scene.motion[first + 1]
     camera = replace(scene.camera, matrix_world=_between(before.camera_matrix, after.camera_matrix, part))
     placed = _between(before.volume_matrix, after.volume_matrix, part)
@@ -33,7 +46,17 @@ def _between(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarray:
 
 
 def distance_moved(scene: Scene) -> float:
-    """Pixels that a corner of the volume's box moves on the picture while the shutter is open; 0 without poses."""
+    """The longest path of a corner of the volume's box in the picture while the shutter is open.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    float
+        Pixels; 0 without poses.
+    """
     if len(scene.motion) < 2:
         return 0.0
     paths = []
@@ -50,7 +73,17 @@ def distance_moved(scene: Scene) -> float:
 
 
 def motion_pictures(scene: Scene) -> int:
-    """How many times the volume is drawn while the shutter is open, once for a still one."""
+    """The number of times at which the volume is rendered while the shutter is open.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    int
+        1 for a still scene.
+    """
     moved = distance_moved(scene)
     if moved <= STILL:
         return 1

@@ -1,6 +1,6 @@
 """How effects shorten rays: the one interface by which clipping, meshes and clip objects attach to the pipeline.
 
-An effect on rays is a RayEffect: it says where the rays of a base plane begin and end, whether the planes are drawn
+An effect on rays is a RayEffect: it gives the ray intervals of a base plane, whether the planes are drawn
 more than once, and how the pictures of these passes are mixed.  ``RAY_EFFECTS`` lists them in the order in which they
 shorten rays; a new one is a module with a subclass and a row there.
 """
@@ -17,14 +17,14 @@ from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..warp.warp import warp_reach
-from .analyse import EffectSet
-from .box_ends import BoxEnds
+from .analyze import EffectSet
+from .box_intervals import BoxIntervals
 from .camera_clip import CameraClip
 from .clips import ClipBodies
 from .mesh_occlusion import MeshSurfaces
 from .ray_pass import RayEffect, RayPass
 
-RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, BoxEnds.of, MeshSurfaces.of, ClipBodies.of)
+RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, BoxIntervals.of, MeshSurfaces.of, ClipBodies.of)
 
 
 class RayEffects:
@@ -52,15 +52,20 @@ class RayEffects:
 
     @property
     def shorten_rays(self) -> bool:
-        """Whether any rays may be shortened; known before anything is looked at."""
+        """Whether any rays may be shortened; known before ``inspect``."""
         return bool(self._chain)
 
-    def look(self, planes: list[BasePlane]) -> None:
-        """Find out what the effects do to the rays of some base planes; drop those that do nothing."""
+    def inspect(self, planes: list[BasePlane]) -> None:
+        """Drop the effects that do nothing to the rays of some base planes.
+
+        Parameters
+        ----------
+        planes : list of BasePlane
+        """
         left = []
         for effect in self._chain:
             with self._clock.stage(effect.stage):
-                idle = effect.look(planes)
+                idle = effect.inspect(planes)
             if idle is None:
                 left.append(effect)
             elif effect.name is not None:
@@ -68,14 +73,31 @@ class RayEffects:
         self._chain = left
 
     def passes(self, planes: list[BasePlane]) -> list[RayPass]:
-        """How often, and which parts of, the base planes are drawn."""
+        """The passes over the base planes.
+
+        Parameters
+        ----------
+        planes : list of BasePlane
+
+        Returns
+        -------
+        list of RayPass
+            Usually one; meshes with silhouettes add another.
+        """
         passes = [RayPass(self._scene.region, list(enumerate(planes)))]
         for effect in self._chain:
             passes = effect.passes(passes, self._reach)
         return passes
 
     def intervals(self, ray_pass: RayPass, number: int, plane: BasePlane):
-        """Where the rays of a base plane begin and end.
+        """The ray intervals of a base plane.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+        number : int
+            Number of the plane.
+        plane : BasePlane
 
         Returns
         -------
@@ -92,14 +114,43 @@ class RayEffects:
         return found
 
     def drawn(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> IntermediateImage:
-        """The intermediate image of a plane, completed by the effects."""
+        """The intermediate image of a plane, completed by the effects.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+        number : int
+            Number of the plane.
+        image : IntermediateImage
+            Changed in place.
+
+        Returns
+        -------
+        IntermediateImage
+        """
         for effect in self._chain:
             with self._clock.stage(effect.stage):
                 effect.completed(ray_pass, number, image)
         return image
 
     def mixed(self, ray_pass: RayPass, picture, found):
-        """The picture, (rgba, depth) or None before the first pass, with what a pass has ``found``."""
+        """The picture with the result of a further pass.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+        picture : (rgba, depth) or None
+            The picture so far; None before the first pass.
+        found : (rgba, depth)
+            The result of the pass.
+
+        Returns
+        -------
+        rgba : (H, W, 4) ndarray of float32
+            Premultiplied, scene-linear.
+        depth : (H, W) ndarray of float32
+            Planar depth in world units.
+        """
         if picture is None:
             return found
         for effect in self._chain:
@@ -107,8 +158,19 @@ class RayEffects:
         return picture
 
     def within_clip(self, depth: np.ndarray) -> np.ndarray:
-        """(H, W) float32: depths held to the camera's clip distances where rays were shortened.
+        """Clamp depths to the camera's clip distances where rays were shortened.
 
+        Parameters
+        ----------
+        depth : (H, W) ndarray of float32
+            Planar depth in world units.
+
+        Returns
+        -------
+        (H, W) ndarray of float32
+
+        Notes
+        -----
         A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere.
         """
         if not any(effect.moves_depth for effect in self._chain):
@@ -118,6 +180,17 @@ class RayEffects:
         return np.where(depth == np.float32(NO_DEPTH), depth, held)
 
     def remarks(self, picture, some_visible: bool) -> list[str]:
-        """Sentences on what the effects have done to a finished picture, (rgba, depth)."""
+        """Sentences for the report on a finished picture.
+
+        Parameters
+        ----------
+        picture : (rgba, depth)
+        some_visible : bool
+            Whether the volume has any visible voxel.
+
+        Returns
+        -------
+        list of str
+        """
         sentences = [effect.nothing_left for effect in self._chain if effect.nothing_left]
         return sentences if sentences and some_visible and not picture[0][..., 3].any() else []

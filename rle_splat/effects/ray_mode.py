@@ -1,4 +1,4 @@
-"""What a pixel shows of its ray, where that is not emission and absorption: the modes of ``ray_values``."""
+"""The effect mode: X-ray, MIP, MinIP and average instead of emission and absorption (see ``ray_values``)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,23 @@ def _mode(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality by which a mode can be rendered: by sheets of the scalar, which alone hold values.
+    """The quality that a scene's mode is rendered with: post-classified, because other sheets hold no values.
 
-    Returns it and a sentence on why it is another, "" where it is not.  RleSplatError for a ``.rle`` file.
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+
+    Returns
+    -------
+    quality : Quality
+    remark : str
+        A sentence on why the quality was changed; "" where it was not.
+
+    Raises
+    ------
+    RleSplatError
+        For a ``.rle`` file in a mode other than composite.
     """
     if scene.mode == MODES[0]:
         return quality, ""
@@ -34,7 +48,7 @@ def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
 
 
 MODE = Kind(
-    "absorption alone, or the largest, smallest or mean value of each ray, in place of emission and absorption", _mode,
+    "shows absorption alone, or the largest, smallest or mean value of each ray", _mode,
     lambda scene: replace(scene, mode=MODES[0]), stage="splat",
     fitted=mode_quality,
 )

@@ -25,7 +25,7 @@ class RayPass:
     first_pixel : (column, row)
     before : RayPass or None
         A pass whose blocks of pixels this one takes over where rays end alike.
-    ends : dict
+    intervals : dict
         Number of a plane -> the plane and its intervals, before clip objects.
     images : dict
         Number of a plane -> its intermediate image; none where no ray is left.
@@ -38,7 +38,7 @@ class RayPass:
     surface: np.ndarray | None = None
     first_pixel: tuple[int, int] = (0, 0)
     before: RayPass | None = None
-    ends: dict = field(default_factory=dict)
+    intervals: dict = field(default_factory=dict)
     images: dict = field(default_factory=dict)
     alike: dict = field(default_factory=dict)
 
@@ -49,9 +49,9 @@ class RayEffect:
     Attributes
     ----------
     name : str or None
-        In the table of effects, where ``look`` may find that it does nothing.
+        Name in the table of effects, of an effect that ``inspect`` may find idle.
     stage : str
-        Of the clock, its work.
+        The stage that its work is timed as.
     moves_depth : bool
         Whether depths must be held to the camera's clip distances afterwards.
     nothing_left : str
@@ -64,27 +64,90 @@ class RayEffect:
     nothing_left = ""
 
     def stage_of(self, ray_pass: RayPass) -> str:
-        """Of the clock, the work of shortening the rays of a pass."""
+        """The stage that shortening the rays of a pass is timed as.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+
+        Returns
+        -------
+        str
+        """
         return self.stage
 
-    def look(self, planes: list[BasePlane]) -> str | None:
-        """Look at the scene; why the effect does nothing, None where it does something."""
+    def inspect(self, planes: list[BasePlane]) -> str | None:
+        """Find out whether the effect does anything to the rays of some base planes.
+
+        Parameters
+        ----------
+        planes : list of BasePlane
+
+        Returns
+        -------
+        str or None
+            Why it does nothing; None where it does something.
+        """
         return None
 
     def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:
-        """The passes over the base planes, given those without this effect.
+        """The passes over the base planes.
 
-        ``reach``: sheet pixels on either side of a ray that its pixel depends on.
+        Parameters
+        ----------
+        passes : list of RayPass
+            The passes without this effect.
+        reach : int
+            Sheet pixels on either side of a ray that its pixel depends on.
+
+        Returns
+        -------
+        list of RayPass
         """
         return passes
 
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
-        """(plane, intervals) after this effect; None where no ray is left.  See ``RayEffects.intervals``."""
+        """Shorten the rays of a base plane.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+        number : int
+            Number of the plane.
+        plane : BasePlane
+        intervals : (2 + 2 holes, H, W) ndarray of float32 or None
+            Ray intervals so far, in voxels along the viewing direction; None for whole rays.
+
+        Returns
+        -------
+        (BasePlane, ndarray or None) or None
+            The plane, or the window of it that has rays, and the intervals; None where no ray is left.
+        """
         return plane, intervals
 
     def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
-        """Fill in what of a plane's image was left out for this effect."""
+        """Fill in the pixels of a plane's image that were left out for this effect.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+        number : int
+            Number of the plane.
+        image : IntermediateImage
+            Changed in place.
+        """
 
     def mixed(self, ray_pass: RayPass, picture, found):
-        """The picture, (rgba, depth), with what a further pass has ``found``."""
+        """The picture with the result of a further pass.
+
+        Parameters
+        ----------
+        ray_pass : RayPass
+        picture, found : (rgba, depth)
+            The picture so far, and the result of the pass.
+
+        Returns
+        -------
+        (rgba, depth)
+        """
         return picture

@@ -1,16 +1,17 @@
-"""Modes: what a pixel shows of its ray in place of emission and absorption (algorithm.md 4.2).
+"""Modes: what a pixel shows of its ray instead of emission and absorption (algorithm.md 4.2).
 
-    xray      absorption alone: 1 - exp(-sum of optical depths), white on nothing, bone bright as on film
-    mip       the largest value on the ray, minip the smallest, average the mean over its path: values first, the
-              transfer function afterwards, once a pixel
+    xray      absorption alone: 1 - exp(-sum of optical depths), white, so that bone is bright as on film
+    mip       the largest value on the ray
+    minip     the smallest value on the ray
+    average   the mean value over the path of the ray
 
-Values are interpolated inside each sheet, and the transfer function of a pixel is that of the one value found: its
-color, and its opacity in parts of the function's largest, so that the curve of opacity is the window of a viewer:
-from transparent, black on a dark background, to opaque.  (Opacity per length would mean nothing here.)
+In the last three, values are interpolated inside each sheet, and the transfer function is applied once per pixel, to
+the value found: its color, and its opacity relative to the function's largest, so that the opacity curve acts as a
+viewer's window from transparent to opaque.  (Opacity per length has no meaning here.)
 
-Only what can decide a pixel is kept of a volume.  The largest value of a ray is exact as soon as it is above the
-lowest value that is shown, and whatever is below is not shown: cells that reach up to there are kept, and for the
-smallest value, cells that reach down to the highest value shown.  A mean needs every voxel.
+Only voxels that can decide a pixel are kept.  For the largest value these are the corners of cells that reach the
+lowest shown value, because anything lower is transparent; for the smallest value, of cells that reach down to the
+highest shown value.  A mean needs every voxel.
 """
 
 from __future__ import annotations
@@ -30,7 +31,19 @@ LEAST_COVERED = 1.0 / 256.0  # of a pixel; with less of it in the box its value 
 
 
 def shown_values(tf, mode: str) -> np.ndarray:
-    """(k, 2) half-open intervals of physical values: a cell with any of them may decide a pixel in this mode."""
+    """The values that may decide a pixel.
+
+    Parameters
+    ----------
+    tf : TransferFunction
+    mode : str
+        Of ``scene.MODES``, but not "composite".
+
+    Returns
+    -------
+    (k, 2) ndarray of float64
+        Half-open intervals of physical values: a cell with any of them may decide a pixel in this mode.
+    """
     if mode == "average":
         return np.array(((-np.inf, np.inf),))
     shown = positive_intervals(pieces(tf.opacity))
@@ -44,12 +57,24 @@ def shown_values(tf, mode: str) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class ValueLook:
-    """How the values of rays are counted in sheets, and what they look like in the picture.
+class ValueMap:
+    """How the values of rays are counted in sheets, and how the picture shows them.
 
-    ``sign``: 1 for the largest of the stored values, -1 the smallest, 0 the mean.  ``origin``: ``sign`` (or 1) times
-    the stored value from which they are counted, ``most`` the largest count.  ``least``: stored, below all there is.
-    ``hollow``: whether rays on which nothing was kept show ``origin``, which is transparent, or nothing.
+    Attributes
+    ----------
+    tf : TransferFunction
+    slope, intercept : float
+        From stored to physical values.
+    sign : float
+        1 for the largest of the stored values, -1 for the smallest, 0 for the mean.
+    origin : float
+        ``sign`` (or 1) times the stored value from which values are counted.
+    most : float
+        The largest count.
+    least : float
+        A stored value below all others.
+    hollow : bool
+        Whether a ray without any kept voxel shows ``origin``, which is transparent.
     """
 
     tf: object
@@ -63,25 +88,54 @@ class ValueLook:
 
     @property
     def nbytes(self) -> int:
+        """Bytes for the stage cache: none of note."""
         return 0
 
     def picture(self, rgba, depth):
-        """What warping counts and coverage gave, (H, W, 4) float32 with counts in the first channel, in the transfer
-        function's colors; and the depth, none where nothing is seen."""
+        """Color a picture of values by the transfer function.
+
+        Parameters
+        ----------
+        rgba : (H, W, 4) ndarray of float32
+            Warped counts in the first channel, coverage in the last.
+        depth : (H, W) ndarray of float32
+            Planar depth in world units.
+
+        Returns
+        -------
+        rgba : (H, W, 4) ndarray of float32
+            Premultiplied, scene-linear.
+        depth : (H, W) ndarray of float32
+            NO_DEPTH where nothing is seen.
+        """
         covered = rgba[..., 3]
         seen = covered > LEAST_COVERED
         share = covered[seen].astype(np.float64)
         stored = (rgba[..., 0][seen] / share + self.origin) * (self.sign or 1.0)
-        look = self.tf.table(stored * self.slope + self.intercept)
+        shown = self.tf.table(stored * self.slope + self.intercept)
         strongest = max(alpha for _, alpha in self.tf.opacity)
-        alpha = look[:, 3] / strongest * share if strongest > 0.0 else np.zeros_like(share)
+        alpha = shown[:, 3] / strongest * share if strongest > 0.0 else np.zeros_like(share)
         found = np.zeros_like(rgba)
-        found[seen] = np.concatenate((look[:, :3] * alpha[:, None], alpha[:, None]), axis=1)
+        found[seen] = np.concatenate((shown[:, :3] * alpha[:, None], alpha[:, None]), axis=1)
         return found, np.where(found[..., 3] > 0.0, depth, np.float32(NO_DEPTH))
 
 
-def value_look(volume, tf, mode: str, ends) -> ValueLook:
-    """``ends``: smallest and largest stored value that is splatted."""
+def value_map(volume, tf, mode: str, ends) -> ValueMap:
+    """The ValueMap of a volume in a mode.
+
+    Parameters
+    ----------
+    volume : Volume
+    tf : TransferFunction
+    mode : str
+        "mip", "minip" or "average".
+    ends : (low, high)
+        Smallest and largest stored value that is splatted.
+
+    Returns
+    -------
+    ValueMap
+    """
     sign = TO_STORED[mode] * math.copysign(1.0, volume.slope)
     low, high = sorted((sign or 1.0) * end for end in ends)
     slack = 1e-6 * max(abs(low), abs(high), 1e-30)
@@ -93,6 +147,6 @@ def value_look(volume, tf, mode: str, ends) -> ValueLook:
     if volume.voxels.dtype.kind in "iu":
         origin = math.floor(origin)  # counts of whole numbers stay whole
     hollow = not tf.alpha_at(volume.physical((sign or 1.0) * origin)) > 0.0
-    return ValueLook(
+    return ValueMap(
         tf, volume.slope, volume.intercept, sign, origin, high - origin, min(ends) - slack - 1e-6, bool(hollow)
     )

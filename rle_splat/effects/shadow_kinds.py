@@ -1,4 +1,4 @@
-"""Whether a scene calls for shadows, for the world's light and for ambient occlusion."""
+"""The effects that shadows, the world's light and ambient occlusion are."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from ..scene import Quality, Scene
 from .kind import Kind
 from .lighting_kinds import idle_because
 
-REFINED = "the classification refined has none; choose post or pre"
+REFINED = "the classification refined cannot show it; choose post or pre"
 
 
 def _shadows(scene: Scene, quality: Quality) -> tuple[bool, str]:
     reason = idle_because(scene)
     casting = Counter(light.type.lower() for light in scene.lights if light.casts_shadow and light.energy > 0.0)
     if reason is None and not scene.volume_shadows:
-        reason = "the scene does not ask for them"
+        reason = "shadows are turned off"
     if reason is None and not casting:
-        reason = "no light casts shadows" if scene.lights else "a headlight casts none"
+        reason = "no light casts shadows" if scene.lights else "a headlight casts no shadows"
     if reason is None and quality.classification == "refined":
         reason = REFINED
     if reason is not None:
@@ -29,17 +29,17 @@ def _shadows(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 def _world(scene: Scene, _: Quality) -> tuple[bool, str]:
     if scene.world is None or not any(scene.world):
-        return False, "the scene gives none" if scene.world is None else "the world is black"
+        return False, "the scene has no world light" if scene.world is None else "the world is black"
     reason = idle_because(scene)
-    return reason is None, reason or f"radiance {', '.join(f'{part:g}' for part in scene.world)} from everywhere"
+    return reason is None, reason or f"radiance {', '.join(f'{part:g}' for part in scene.world)} from all directions"
 
 
 def _ambient_occlusion(scene: Scene, quality: Quality) -> tuple[bool, str]:
     reason = idle_because(scene)
     if reason is None and scene.ambient_occlusion == 0.0:
-        reason = "the scene does not ask for it"
+        reason = "ambient occlusion is turned off"
     if reason is None and scene.world is None and scene.transfer_function.shade.ambient == 0.0:
-        reason = "no light comes from everywhere"
+        reason = "there is no ambient light"
     if reason is None and quality.classification == "refined":
         reason = REFINED
     return reason is None, reason or f"strength {scene.ambient_occlusion:g}"
@@ -50,14 +50,15 @@ def _occluded(scene: Scene) -> Scene:
 
 
 SHADOWS = Kind(
-    "what the volume and the meshes take away of each light that casts shadows", _shadows,
+    "darkens what the volume and the meshes shade from lights that cast shadows", _shadows,
     lambda scene: replace(scene, volume_shadows=False), stage="shadows",
     with_default=lambda scene: replace(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
-    "the world's color as light from everywhere", _world, lambda scene: replace(scene, world=None), within="shading"
+    "adds the world's color as light from all directions", _world, lambda scene: replace(scene, world=None),
+    within="shading",
 )
 AMBIENT_OCCLUSION = Kind(
-    "what the volume and the meshes hide of the sky, taken from the light from everywhere", _ambient_occlusion,
+    "reduces ambient light by the share of directions that the volume and the meshes block", _ambient_occlusion,
     lambda scene: replace(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_occluded,
 )  # fmt: skip

@@ -1,6 +1,6 @@
-"""Shadows of the volume and of meshes, and ambient occlusion: what reaches each voxel of a light and of the sky.
+"""Shadows of the volume and of meshes, and ambient occlusion: the share of each light that reaches each voxel.
 
-Each is one number a voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives.
+Each is one number per voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives.
 The extinction that casts shadows is that of the voxels, interpolated, whatever the classification.
 """
 
@@ -21,24 +21,39 @@ from ..runtime.steps import drain
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
-from .cut_matter import cover
+from .clip_cover import cover
 from .mesh_depth import sheet_depth
 
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.
 BEHIND_MESHES = 0.5
-# Slices before a voxel that do not hide its sky: they are of the same surface, whose rounding by voxels would show.
+# Slices next to a voxel that do not occlude it: they belong to the same surface, whose steps between voxels would show.
 NEAR_SKY = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Occluders:
-    """What stands in the way of light: voxels and meshes.
+    """What blocks light: voxels and meshes.
 
-    ``voxels``, and ``find_extinction()``: (m,) float32 of theirs, 1 / world length, in their own order; called once.
-    ``tables_of(axis)``: their RunTables.  ``matrix``: (4, 4) index to world.  ``triangles``: (n, 3, 3) world, or None.
-    ``clips``: what they cut away casts no shadow.
-    ``look``: names all that the voxels and their extinction depend on.  ``boxed``: whether the medium ends at the
-    outermost voxels' centers.
+    Attributes
+    ----------
+    voxels : VisibleVoxels
+    find_extinction : callable
+        ``find_extinction()``: (m,) float32 extinction of the voxels, 1 / world length, in their own order; called once.
+    tables_of : callable
+        ``tables_of(axis)``: RunTables of the voxels.
+    matrix : (4, 4) ndarray of float64
+        Voxel index (x, y, z) to world.
+    triangles : (n, 3, 3) ndarray or None
+        World coordinates of the meshes.
+    clips : tuple of Clip
+        What they cut away casts no shadow.
+    medium_key : tuple
+        Identifies everything that the voxels and their extinction depend on.
+    boxed : bool
+        Whether the medium ends at the box of the voxel centers.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
     """
 
     voxels: VisibleVoxels
@@ -47,17 +62,17 @@ class Occluders:
     matrix: np.ndarray
     triangles: np.ndarray | None
     clips: tuple
-    look: tuple
+    medium_key: tuple
     boxed: bool
     backend: str = "auto"
     threads: int = 0
 
     @cached_property
     def key(self) -> tuple:
-        """Names all that shadows depend on beside the light."""
+        """Identifies everything that shadows depend on, except the light."""
         triangles = () if self.triangles is None else hashlib.blake2b(self.triangles.tobytes()).digest()
         clips = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in self.clips)
-        return self.look, self.matrix.tobytes(), triangles, clips, self.boxed
+        return self.medium_key, self.matrix.tobytes(), triangles, clips, self.boxed
 
     @property
     def corners(self) -> np.ndarray:
@@ -67,24 +82,40 @@ class Occluders:
 
     @property
     def voxel(self) -> float:
-        """World length of a voxel, of a cube of the same volume."""
+        """World length of the side of a cube of the same size as a voxel."""
         return float(np.cbrt(abs(np.linalg.det(self.matrix[:3, :3]))))
 
     @cached_property
     def extinction(self) -> np.ndarray:
-        """(m,) float32 of what clips leave of each voxel, 1 / world length, in the voxels' own order."""
+        """(m,) float32 extinction that clip objects keep of each voxel, 1 / world length, in the voxels' own order."""
         whole = self.find_extinction()
         return whole * cover(self.clips, self.voxels, self.matrix) if self.clips else whole
 
     @cached_property
     def extinction_across(self) -> np.ndarray:
-        """The same in the order of principal x."""
+        """The same in the order of the scanlines of principal axis x."""
         machine = dict(backend=self.backend, threads=self.threads)
         return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, **machine))
 
 
 def light_steps(light, occluders: Occluders):
-    """Generator: yields the fraction done; returns (m,) uint16, what arrives at each voxel of a scene.Light."""
+    """Find how much of a light arrives at each voxel.
+
+    Parameters
+    ----------
+    light : Light
+    occluders : Occluders
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    (m,) ndarray of uint16
+        FULL times the share that arrives.
+    """
     samples = light_samples(light, occluders.corners, occluders.voxel)
     make = sun_sweeps if light.type == "SUN" else point_sweeps
     passes = [make(sample, occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed) for sample in samples]
@@ -92,8 +123,24 @@ def light_steps(light, occluders: Occluders):
 
 
 def sky_steps(occluders: Occluders):
-    """The same of light from everywhere, seen in fourteen directions; what is nearer than NEAR_SKY slices hides none
-    of it."""
+    """As ``light_steps``, for light from all directions, sampled by fourteen; ambient occlusion.
+
+    The NEAR_SKY slices next to a voxel do not occlude it.
+
+    Parameters
+    ----------
+    occluders : Occluders
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    (m,) ndarray of uint16
+        FULL times the share that arrives.
+    """
     shape = occluders.voxels.shape_xyz
     passes = [
         [sweep.without_nearest(NEAR_SKY) for sweep in sun_sweeps(direction, occluders.matrix, shape, occluders.boxed)]
@@ -103,8 +150,25 @@ def sky_steps(occluders: Occluders):
 
 
 def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
-    """Generator: yields the fraction done; returns (m,) uint16, the weighted mean of what several lights without size
-    leave; each has its Sweeps."""
+    """Find the weighted mean of the light of several point or parallel lights at each voxel.
+
+    Parameters
+    ----------
+    passes : list of list of Sweep
+        The sweeps of each light.
+    weights : (lights,) array_like
+    occluders : Occluders
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    (m,) ndarray of uint16
+        FULL times the share that arrives.
+    """
     total = np.zeros(len(occluders.voxels) if len(passes) > 1 else 0, np.float32)
     for n, (sweeps, weight) in enumerate(zip(passes, weights)):
         yield n / len(passes)

@@ -77,7 +77,7 @@ def turn_words(words, n, block):
     return True
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def write_runs(word, before, first, end, runs, run):
     """Write the runs that end in a word of a scanline, whose first bit is voxel ``first``, to ``runs`` from ``run`` on.
 

@@ -14,9 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..classify.sizes import (
-    LOOK,
-    TYPICAL_NEAR,
-    TYPICAL_PIECE,
+    PROPERTY_BYTES,
     fine_block_bytes,
     fine_work_bytes,
     mark_bytes,
@@ -32,10 +30,9 @@ from ..shade.sizes import LIGHT, LIT, NORMAL, lit_voxels, shadow_bytes
 from ..splat.sizes import SHEET_PIXEL
 from ..view.sizes import INTERVALS
 from ..volume.axes import AXES
-from ..volume.counts import counts_values, stored_values
+from ..volume.counts import counts_values
 from ..warp.sizes import PICTURE_PIXEL, WRITTEN, filter_bytes
 
-SAMPLED_PLANES = 32
 SPARE = 0.9  # of what is free may be asked for: the system and Python want some too
 
 
@@ -44,9 +41,9 @@ class MemoryEstimate:
     """Bytes, by what they are for.
 
     ``volume``: the voxels themselves, already in memory or mapped from their file.  ``visible``: which voxels are
-    shown, and how they look.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes`` principal
-    axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.  ``record``: bytes of a voxel
-    record, 0 where scalars are kept, of which no voxel has less.
+    shown, and their optical properties.  ``normals``: for shading.  ``runs`` and ``records``: the tables of ``axes``
+    principal axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.  ``record``: bytes of a
+    voxel record, 0 where scalars are kept, of which no voxel has less.
 
     However few voxels are shown, ``rows`` of the visible ones and their normals stays, and ``scanlines`` of each axis'
     runs.  ``alone``: the runs of a voxel without neighbors along its scanline, which is the most there are.
@@ -131,115 +128,95 @@ class MemoryEstimate:
 _PARTS = ("visible", "normals", "runs", "records", "work", "picture")
 
 
-def estimate(
-    volume, tf, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None, picture: int = 0
-) -> MemoryEstimate:
-    """What tables of ``volume`` under ``tf`` take, of classified voxels where no ``quality`` is given, quickly: counted
-    for 8- and 16-bit volumes, else, and for the number of runs, from a few planes.
+class Found(NamedTuple):
+    """The voxels that tables hold, by their number alone.
 
-    ``axes``: how many principal axes are held, mostly one.  ``shaded``: whether something shines; left out, as the
-    transfer function has it.  ``picture``: see ``picture_bytes``.
+    Attributes
+    ----------
+    shape_xyz : (nx, ny, nz)
+        Of the grid that is classified.
+    dtype : dtype
+        Of its voxels.
+    count, pieces, lines : int
+        Voxels, connected pieces of rows, and rows with any.
+    held : int
+        Bytes of the volume itself.
+    refinement : int
+        Voxels of the grid per voxel of the scan, along each side.
     """
-    quality = quality or Quality(classification="pre")
-    planes = volume.voxels[:: max(len(volume.voxels) // SAMPLED_PLANES, 1)]
-    count = pieces = lines = 0
-    for plane in planes:
-        seen = tf.alpha_at(volume.physical(plane)) > 0.0
-        count += int(seen.sum())
-        pieces += int((seen[:, 1:] & ~seen[:, :-1]).sum() + seen[:, 0].sum())
-        lines += int(seen.any(axis=1).sum())
-    share = len(volume.voxels) / len(planes)
-    count, pieces, lines = round(share * count), round(share * pieces), round(share * lines)
-    if counts_values(volume.voxels.dtype):
-        values = volume.physical(stored_values(volume.voxels.dtype))
-        count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
-    shaded = tf.shade is not None if shaded is None else shaded
-    held = volume.voxels.nbytes
-    return _reckon_scan(
-        volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, quality, axes, shaded, picture, held
-    )
 
+    shape_xyz: tuple[int, int, int]
+    dtype: np.dtype
+    count: int
+    pieces: int
+    lines: int
+    held: int
+    refinement: int = 1
 
-def estimate_from_histogram(
-    shape_xyz, dtype, values, counts, tf, quality: Quality, *, shaded: bool = True, picture: int = 0
-) -> MemoryEstimate:
-    """As ``estimate`` for one principal axis, roughly, without the voxels: from ``counts`` (n,) of the physical
-    ``values`` (n,) of a volume of ``shape_xyz`` and ``dtype``."""
-    _, ny, nz = shape_xyz
-    count = int(counts[tf.alpha_at(values) > 0.0].sum())
-    pieces = count // TYPICAL_PIECE
-    dtype, lines = np.dtype(dtype), min(pieces, ny * nz)
-    held = math.prod(shape_xyz) * dtype.itemsize
-    return _reckon_scan(shape_xyz, dtype, count, pieces, lines, quality, 1, shaded, picture, held)
+    @classmethod
+    def in_rows(cls, volume, counted, dtype=None) -> Found:
+        """From ``counted``: voxels and connected pieces per row, (nz * ny,) each; ``dtype``: other than the voxels'."""
+        counts, pieces = counted
+        return cls(
+            volume.shape_xyz, np.dtype(dtype or volume.voxels.dtype), int(counts.sum()), int(pieces.sum()),
+            int(np.count_nonzero(counts)), volume.voxels.nbytes, volume.refinement,
+        )  # fmt: skip
 
 
 def estimate_of(
     volume, counted, quality: Quality, *, axes: int = 1, shaded: bool = True, picture: int = 0, dtype=None
 ) -> MemoryEstimate:
-    """As ``estimate``, from ``counted``: visible voxels and connected pieces per row, (nz * ny,) each.
+    """What tables of classified voxels take.
 
-    ``volume``: a RefinedVolume for a classification that is refined.
-    ``picture``: see ``picture_bytes``.  ``dtype``: as if the voxels were of that type; None for their own.
+    Parameters
+    ----------
+    volume : Volume or RefinedVolume
+    counted : (counts, pieces)
+        Visible voxels and connected pieces per row, (nz * ny,) each.
+    quality : Quality
+    axes : int
+        How many principal axes are held, mostly one.
+    shaded : bool
+        Whether something shines.
+    picture : int
+        See ``picture_bytes``.
+    dtype : dtype, optional
+        As if the voxels were of that type.
+
+    Returns
+    -------
+    MemoryEstimate
     """
-    counts, pieces = counted
-    lines = int(np.count_nonzero(counts))
-    return _reckon(
-        volume.shape_xyz, np.dtype(dtype or volume.voxels.dtype), int(counts.sum()), int(pieces.sum()), lines, quality,
-        axes, shaded, picture, volume.voxels.nbytes,
-    )  # fmt: skip
-
-
-def _refinement_of(quality: Quality) -> int:
-    return quality.refinement if quality.classification == "refined" else 1
-
-
-def _reckon_scan(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
-    """From the visible voxels, pieces and lines of the scan itself, whatever grid they will be classified on.  Where
-    scalars are kept, of which there are more than visible voxels, the estimate still tells how many are visible."""
-    if quality.classification == "post":
-        near = min(round(TYPICAL_NEAR * count), math.prod(shape))
-        needs = _reckon_scalars(shape, dtype, near, pieces, lines, axes, shaded, picture, held)
-        return replace(needs, visible_voxels=count)
-    s = _refinement_of(quality)
-    if s > 1:
-        # Of values that are interpolated the same share is shown, so that the count grows as the grid does.
-        shape, count, pieces, lines = (s * (n - 1) + 1 for n in shape), s**3 * count, s**2 * pieces, s**2 * lines
-        dtype = np.dtype("u2" if counts_values(dtype) else "f4" if dtype == np.float32 else "f8")
-    return _reckon(tuple(shape), dtype, count, pieces, lines, quality, axes, shaded, picture, held)
+    return estimate_classified(Found.in_rows(volume, counted, dtype), quality.record, axes, shaded, picture)
 
 
 def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture: int = 0) -> MemoryEstimate:
-    """As ``estimate_of``, for tables of scalars: ``counted`` are the voxels that matter to post-classified sheets.
-
-    ``lit``: whether something shines.
-    """
-    counts, pieces = counted
-    return _reckon_scalars(
-        volume.shape_xyz, volume.voxels.dtype, int(counts.sum()), int(pieces.sum()), int(np.count_nonzero(counts)),
-        axes, lit, picture, volume.voxels.nbytes,
-    )  # fmt: skip
+    """As ``estimate_of``, for tables of scalars: ``counted`` are the voxels that matter to post-classified sheets."""
+    return estimate_scalars(Found.in_rows(volume, counted), axes, lit, picture)
 
 
-def _reckon_scalars(shape, dtype, count, pieces, lines, axes, lit, picture, held) -> MemoryEstimate:
-    least = Quality(classification="pre", record=RECORDS[-1])
-    needs = _reckon(tuple(shape), dtype, count, pieces, lines, least, axes, lit, picture, held)
-    looks = 0 if counts_values(dtype) else LOOK * count  # the lookup table stands for them
-    light, marks = LIGHT * lit, mark_bytes(shape)
-    visible = needs.visible - looks + marks + light * count
+def estimate_scalars(found: Found, axes: int, lit: bool, picture: int) -> MemoryEstimate:
+    """As ``scalar_estimate``, from a Found."""
+    needs = estimate_classified(found, RECORDS[-1], axes, lit, picture)
+    dtype, count = found.dtype, found.count
+    properties = 0 if counts_values(dtype) else PROPERTY_BYTES * count  # the lookup table stands for them
+    light, marks = LIGHT * lit, mark_bytes(found.shape_xyz)
+    visible = needs.visible - properties + marks + light * count
     records = axes * scalar_record(dtype.itemsize, light) * count
     return replace(needs, visible=visible, records=records, record=0, work=0, rows=needs.rows + marks)
 
 
-def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, held) -> MemoryEstimate:
-    refinement = _refinement_of(quality)
+def estimate_classified(found: Found, record: int, axes: int, shaded: bool, picture: int) -> MemoryEstimate:
+    """As ``estimate_of``, from a Found and the bytes of a voxel record."""
+    shape, dtype, count, pieces, refinement = found.shape_xyz, found.dtype, found.count, found.pieces, found.refinement
     rows = row_bytes(shape)
     visible = count * voxel_bytes(shape, dtype.itemsize) + rows
     if not counts_values(dtype):
-        visible += LOOK * count
+        visible += PROPERTY_BYTES * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
     run = run_bytes(shape)
-    runs, most_scanlines = (2 * pieces + lines) * run, scanlines(shape)
-    normals, work = NORMAL * count, work_bytes(count, quality.record)
+    runs, most_scanlines = (2 * pieces + found.lines) * run, scanlines(shape)
+    normals, work = NORMAL * count, work_bytes(count, record)
     if refinement > 1:
         scan = [(n - 1) // refinement + 1 for n in shape]
         lit = min(lit_voxels(count, pieces, refinement), math.prod(scan))
@@ -249,33 +226,20 @@ def _reckon(shape, dtype, count, pieces, lines, quality, axes, shaded, picture, 
         rows += blocks + shaded * row_bytes(scan)
         work = max(work, fine_work_bytes(shape, dtype.itemsize))
     return MemoryEstimate(
-        visible_voxels=count, voxels=math.prod(shape), volume=held, visible=visible,
+        visible_voxels=count, voxels=math.prod(shape), volume=found.held, visible=visible,
         normals=normals if shaded else 0, runs=axes * (runs + SCANLINE * most_scanlines),
-        records=axes * quality.record * count, work=work, picture=picture, axes=axes, record=quality.record,
+        records=axes * record * count, work=work, picture=picture, axes=axes, record=record,
         rows=rows, scanlines=(SCANLINE + run) * most_scanlines, alone=2 * run, refinement=refinement,
     )
 
 
-class SheetSides(NamedTuple):
-    """Sheet pixels along each side."""
-
-    width: int
-    height: int
-
-
-def likely_sides(shape_xyz, quality: Quality, width: int, height: int) -> SheetSides:
-    """Of the sheets of a volume that fills a frame of so many pixels, seen along z."""
-    density = quality.sheet_density
-    return SheetSides(*((int(density * side) for side in (width, height)) if density else shape_xyz[:2]))
-
-
 def picture_bytes(
-    planes, width: int, height: int, quality: Quality, *, limited: bool = False, meshes: bool = False, scratch: int = 0,
-    traced: bool = False,
+    planes, width: int, height: int, quality: Quality, *, shortened: bool = False, meshes: bool = False,
+    scratch: int = 0, traced: bool = False,
 ) -> int:
     """What the sheets and the finished pixels of a picture take.
 
-    ``planes``: its base planes, each with a width and a height.  ``limited``: whether clip distances or meshes
+    ``planes``: its base planes, each with a width and a height.  ``shortened``: whether clip distances or meshes
     shorten rays.  ``meshes``: whether there are any; behind their silhouettes all may be splatted twice.
     ``scratch``: of the splat, which is kept.  ``traced``: whether steep pixels have rays of their own.
     """
@@ -283,7 +247,7 @@ def picture_bytes(
     sheets = [plane.width * plane.height for plane in planes]
     largest = max(sheets, default=0)
     splatting = (1 + meshes) * SHEET_PIXEL * sum(sheets) + MESH_LAYERS * meshes * pixels
-    splatting += (filter_bytes(quality.warp_filter) + INTERVALS * limited) * largest
+    splatting += (filter_bytes(quality.warp_filter) + INTERVALS * shortened) * largest
     tracing = (STEEP_PIXEL * pixels + AT_ONCE * RAY) * traced
     after = PICTURE_PIXEL * pixels + max(splatting, WRITTEN * pixels, tracing)
     return scratch + max(MESH_PIXEL * meshes * pixels, after)

@@ -94,4 +94,4 @@ def pooled(scan: ScanSource, planes: list[BasePlane]) -> Source:
 def _bytes_of(made) -> int:
     """Of nodes and their colors, as ``pooled_steps`` makes them."""
     nodes, colors = made
-    return nodes.voxels.nbytes + nodes.looks.nbytes + colors.nbytes
+    return nodes.voxels.nbytes + nodes.properties.nbytes + colors.nbytes

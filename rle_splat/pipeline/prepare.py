@@ -15,7 +15,6 @@ from time import perf_counter
 import numpy as np
 
 from ..classify.default import default_transfer_function
-from ..classify.transfer_function import Shade
 from ..runtime import jit
 from ..runtime.steps import Progress, part
 from ..scene import Light, Quality, RleSplatError, Scene
@@ -39,42 +38,32 @@ NOT_KEPT = (
 class Picture:
     """One synthetic picture, made once for each stored type.
 
-    ``first``, ``more``: seconds that its kernels took to compile in an empty cache, for the first type and for each
-    other, of one core's time; the fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
+    ``first``, ``more``: seconds that its kernels took to compile in an empty cache, for the first of STORED_TYPES and
+    for each other, of one core's time; the fractions of progress are shares of their sum.  ``scene``: see ``_scene``.
     """
 
     name: str
     first: float
     more: float
     quality: str = "standard"
-    classification: str = "post"
     scene: str = "headlight"
     azimuth: float = 0.0
     perspective: bool = False
     previews: bool = False
-    types: tuple[str, ...] = STORED_TYPES
 
     def seconds(self, stored: str) -> float:
-        return self.first if stored == self.types[0] else self.more
+        return self.first if stored == STORED_TYPES[0] else self.more
 
 
 # In the order in which users need them.  Sideways: the voxels' x is the principal axis, whose runs lie across rows.
 PICTURES = (
-    Picture("orthographic", 7.0, 3.8),
-    Picture("perspective", 1.0, 0.0, perspective=True),
-    Picture("sideways", 1.3, 0.0, azimuth=90.0),
-    Picture("lights", 2.4, 0.0, scene="lights", perspective=True),
-    Picture("lights and meshes", 7.3, 2.1, scene="meshes", perspective=True),
-    Picture("previews", 5.8, 0.9, scene="meshes", perspective=True, previews=True),
-    Picture("matt", 2.6, 0.0, scene="matt lights", perspective=True, types=("float32",)),
-    Picture("matt among meshes", 2.6, 0.0, scene="matt meshes", perspective=True, types=("float32",)),
-    Picture("colored lights", 2.5, 2.4, scene="colored lights", perspective=True),
-    Picture("colored lights and meshes", 2.5, 2.3, scene="colored meshes", perspective=True),
-    Picture("draft", 0.5, 0.0, quality="draft"),
-    Picture("pre-classified, orthographic", 2.4, 0.6, classification="pre"),
-    Picture("pre-classified, perspective", 0.7, 0.5, classification="pre", perspective=True),
-    Picture("pre-classified, sideways", 0.1, 0.0, classification="pre", azimuth=90.0),
-    Picture("pre-classified, draft", 0.1, 0.0, quality="draft", classification="pre"),
+    Picture("orthographic", 21.3, 12.5),
+    Picture("perspective", 2.9, 0.0, perspective=True),
+    Picture("sideways", 3.6, 0.0, azimuth=90.0),
+    Picture("lights", 6.9, 0.0, scene="lights", perspective=True),
+    Picture("lights and meshes", 17.9, 6.7, scene="meshes", perspective=True),
+    Picture("previews", 14.5, 2.0, scene="meshes", perspective=True, previews=True),
+    Picture("draft", 1.2, 0.0, quality="draft"),
 )
 
 
@@ -93,15 +82,14 @@ def prepare_steps():
 
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
 
-    - post-classified at the quality "standard": by the headlight; by lamps, white or colored, with shadows and the
-      world's light, without and with meshes that hide the volume; with progressive previews.  Of float32, which VDB
-      grids of smoke are, without a highlight too.
-    - post-classified at "draft", and pre-classified at "standard" and "draft": by the headlight.
+    - at the quality "standard", which classifies after interpolation: by the headlight; by white lamps with shadows
+      and the world's light, without and with meshes that hide the volume; with progressive previews.
+    - at "draft": by the headlight.
 
-    Not covered, and compiled when a picture first needs them: other stored types; other types
-    without a highlight, and unshaded ones; the classification "refined"; the qualities "fine", "strict" and "paper"
-    and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient occlusion;
-    modes other than "composite"; ``.rle`` files.
+    Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
+    without a highlight, and unshaded ones; the classifications "pre" and "refined"; the qualities "fine", "strict"
+    and "paper" and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient
+    occlusion; modes other than "composite"; ``.rle`` files.
 
     Yields
     ------
@@ -120,10 +108,10 @@ def prepare_steps():
     """
     if jit.compiled("numba") and not _can_be_kept():
         raise RleSplatError(NOT_KEPT)
-    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in picture.types)
+    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in STORED_TYPES)
     done, prepared = 0.0, []
     for picture in PICTURES:
-        for stored in picture.types:
+        for stored in STORED_TYPES:
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()
             start, done = done, done + picture.seconds(stored)
@@ -157,7 +145,7 @@ def _on_disk() -> set[Path]:
 
 def _picture_steps(picture: Picture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread, its previews left out."""
-    quality = Quality.preset(picture.quality, classification=picture.classification, backend="numba", threads=1)
+    quality = Quality.preset(picture.quality, backend="numba", threads=1)
     scene = _scene(picture, _ball(stored))
     if picture.previews:
         steps = progressive_steps(scene, quality, StageCache(), every=True)
@@ -178,23 +166,19 @@ def _ball(stored: str) -> Volume:
 def _scene(picture: Picture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
-    By the headlight, or as the words of ``picture.scene`` say: "lights", a lamp that casts shadows and the world's
-    light; "colored" ones; "meshes", with these lights and a triangle that cuts the ball; "matt", without a highlight.
+    By the headlight, or as ``picture.scene`` says: "lights", a lamp that casts shadows and the world's light;
+    "meshes", with these lights and a triangle that cuts the ball.
     """
-    words = picture.scene.split()
     camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
     function, _ = default_transfer_function(volume)
-    if "matt" in words:
-        function = replace(function, shade=Shade(specular=0.0))
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
-    if "headlight" in words:
+    if picture.scene == "headlight":
         return scene
     beside = np.eye(4)
     beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
-    color = (1.0, 0.5, 0.25) if "colored" in words else (1.0, 1.0, 1.0)
-    lamp = Light("POINT", color, float(SIDE**3), beside, radius=1.0)
+    lamp = Light("POINT", (1.0, 1.0, 1.0), float(SIDE**3), beside, radius=1.0)
     scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
-    if "meshes" not in words:
+    if picture.scene != "meshes":
         return scene
     corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
     return replace(scene, triangles=corners)

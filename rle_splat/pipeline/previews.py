@@ -93,8 +93,8 @@ class Level:
 def previews(scene: Scene, quality: Quality | None = None, cache: StageCache | None = None):
     """Generator: Previews of a scene, coarse to fine; the last is the picture that ``render`` makes.
 
-    ``cache``: a store shared with other pictures, so that a new view of the same volume does not average it again.
-    Volumes that are a few nodes wide, `.rle` files and the opacity model have no previews.
+    ``cache``: a stage cache shared with other pictures, so that a new view of the same volume does not average it
+    again.  Volumes that are a few nodes wide, `.rle` files and the opacity model have no previews.
     """
     finished: list[Rendering] = []
 
@@ -183,7 +183,7 @@ def _lit_steps(source: Source, door: Settled, job: Job, axes: int):
     try:
         return (yield from scan_source(door.scene, door.quality).lit_steps(Work(job, Clock(), axes)))
     except RleSplatError:
-        if source.scalar_sheets:
+        if source.sheets.scalar_sheets:
             return None
         raise
 

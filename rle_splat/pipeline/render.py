@@ -3,7 +3,7 @@
     classify -> shade -> run-length encode -> splat into the sheet buffer -> warp
 
 ``render`` is the public verb and ``render_steps`` its generator form.  What the volume is and how it is classified is
-decided once, by ``choose_source``; effects attach by the interfaces of ``effects.analyse`` and ``effects.ray_effects``.
+decided once, by ``choose_source``; effects attach by the interfaces of ``effects.analyze`` and ``effects.ray_effects``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..warp.warp import warp
 from .choose_source import Settled, choose_source, settled
 from .memory_estimate import picture_bytes, refuse_too_large
 from .report import report_of
-from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbours
+from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbors
 from .source import Medium, Source, Work
 from .stage_cache import StageCache
 from .views import Fade, View, seen
@@ -102,10 +102,10 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
 def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool):
     """Generator: the stages of one sharp picture, in the paper's order; returns its Rendering."""
     clock, wanted, quality = Clock(), door.scene, door.quality
-    traced = traces_steep_pixels(wanted, quality)
-    source = choose_source(with_neighbours(wanted) if traced else wanted, quality)
-    source, view = seen(source, refuse_empty_view)
-    rays = RayEffects(source.scene, view.index_view, quality, source.ends_at_box, door.effects, clock)
+    source = choose_source(wanted, quality)
+    traced = traces_steep_pixels(source)
+    source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
+    rays = RayEffects(source.scene, view.index_view, quality, source.sheets.ends_at_box, door.effects, clock)
     work = _begin_work(source, view, rays, traced, cache, clock)
 
     # Classify and shade.
@@ -115,7 +115,7 @@ def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool):
     for axis in view.axes:
         tables[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
     # Splat and warp.
-    rays.look(view.planes)
+    rays.inspect(view.planes)
     picture = None
     for n, fade in enumerate(view.fades):
         span = 0.2 + 0.75 * n / len(view.fades), 0.75 / len(view.fades)
@@ -140,7 +140,7 @@ def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cach
     scratch = max((source.splat_bytes(plane, rays.shorten_rays) for plane in view.planes), default=0)
     triangles = source.scene.triangles
     needed = picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, limited=rays.shorten_rays,
+        view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
         meshes=triangles is not None and len(triangles) > 0, scratch=scratch, traced=traced,
     )  # fmt: skip
     cache.make_room(needed)

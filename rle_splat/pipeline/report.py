@@ -6,13 +6,13 @@ from dataclasses import asdict
 
 import numpy as np
 
-from ..effects.analyse import EffectSet
+from ..effects.analyze import EffectSet
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
 from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count
 from ..runtime.steps import Clock
 from ..scene import NO_DEPTH, Scene, truth_of
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 from ..volume.axes import AXIS_NAMES
 from .scalar_source import ONE_VOXEL_THICK
 from .source import ALL_TRANSPARENT, Medium, Source

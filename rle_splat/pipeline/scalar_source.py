@@ -22,12 +22,12 @@ import numpy as np
 
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.gaps import close_gaps
+from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.points import LARGEST
 from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
-from ..classify.value_table import ValueTable, extinction_of, value_table
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
-from ..effects.ray_values import ValueLook, shown_values, value_look
+from ..effects.ray_values import ValueMap, shown_values, value_map
 from ..effects.shadows import Occluders
 from ..encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
 from ..raycast.scalar_rays import RowVoxels, bricks_of
@@ -45,6 +45,7 @@ from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .memory_estimate import MemoryEstimate, scalar_estimate
+from .quick_estimate import ScalarSheets
 from .shadows import shadow_count
 from .source import Medium, Source, Work, array_key
 
@@ -89,7 +90,7 @@ class LitScalars:
         Stored values that stand for minus and plus infinity; empty where nothing is infinite.
     center : float
         What is taken from stored values before they are splatted.
-    look : ValueTable or ValueLook
+    transfer : LookupTable or ValueMap
         The lookup table of the transfer function; in a mode that shows values, how these are counted.
     light : VoxelLight or None
         None where nothing shines and nothing thins.
@@ -105,7 +106,7 @@ class LitScalars:
     ends: tuple
     infinite: tuple
     center: float
-    look: ValueTable | ValueLook
+    transfer: LookupTable | ValueMap
     light: VoxelLight | None
     light_key: tuple
     thinned: bool
@@ -116,8 +117,7 @@ class LitScalars:
 class ScalarSource(Source):
     """A scan whose values are interpolated inside each sheet and then classified."""
 
-    scalar_sheets = True
-    traces_rays = True
+    sheets = ScalarSheets
 
     @property
     def preview_stages(self) -> tuple[str, ...]:
@@ -152,16 +152,16 @@ class ScalarSource(Source):
         if self.shows_values:
 
             def splat_values(tables, plane, intervals):
-                return value_splat_steps(tables, lit.look, plane, quality, intervals)
+                return value_splat_steps(tables, lit.transfer, plane, quality, intervals)
 
-            picture = lit.look.picture
+            picture = lit.transfer.picture
             return Medium(
-                voxels.shape_xyz, encode_steps, splat_values, lambda tables: lit.look.most, *counts, picture=picture
+                voxels.shape_xyz, encode_steps, splat_values, lambda tables: lit.transfer.most, *counts, picture=picture
             )  # fmt: skip
 
         def splat(tables, plane, intervals):
             absorbs = scene.mode == "xray"
-            return scalar_splat_steps(tables, lit.look, plane, quality, intervals, absorbs, scene.mist)
+            return scalar_splat_steps(tables, lit.transfer, plane, quality, intervals, absorbs, scene.mist)
 
         def trace(rays, slabs):
             return self._traced(lit, work, rays, slabs)
@@ -182,7 +182,7 @@ class ScalarSource(Source):
         voxels, key = relevant.voxels, (voxels_key, relevant.key)
         with clock.stage("classify"):
             ends, infinite = _value_ends(volume, tf, blocks)
-            look = self._look(work, voxels_key, ends, length)
+            transfer = self._transfer(work, voxels_key, ends, length)
         factor = None
         if tf.gradient_opacity is not None and not self.shows_values:
             with clock.stage("gradients"):
@@ -192,7 +192,7 @@ class ScalarSource(Source):
             return job.get("runs", (key, axis), lambda: scalar_tables(voxels, axis, **self.machine))
 
         def extinction():
-            found = extinction_of(look, voxels.stored, volume.voxels.dtype, infinite)
+            found = extinction_of(transfer, voxels.stored, volume.voxels.dtype, infinite)
             return found if factor is None else found * factor
 
         around = scene.index_to_world, scene.triangles, scene.clips
@@ -208,7 +208,7 @@ class ScalarSource(Source):
             light_key = (light_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
         center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
-        return LitScalars(voxels, key, ends, infinite, center, look, light, light_key, factor is not None, needed)
+        return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, factor is not None, needed)
 
     def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
@@ -251,20 +251,20 @@ class ScalarSource(Source):
             relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed))
         return relevant, needed
 
-    def _look(self, work: Work, voxels_key, ends, length: float) -> ValueTable | ValueLook:
+    def _transfer(self, work: Work, voxels_key, ends, length: float) -> LookupTable | ValueMap:
         volume, tf = self.scene.volume, self.scene.transfer_function
         if self.shows_values:
-            return value_look(volume, tf, self.scene.mode, ends)
+            return value_map(volume, tf, self.scene.mode, ends)
         key = (voxels_key, tf.classification_key, length)
         distance = opacity_distance(volume, tf, length)
-        return work.job.get("table", key, lambda: value_table(volume, tf, ends, distance))
+        return work.job.get("table", key, lambda: lookup_table(volume, tf, ends, distance))
 
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
         """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""
         volume = self.scene.volume
-        place = (key, array_key(volume.affine[:3, :3]))
+        placed_key = (key, array_key(volume.affine[:3, :3]))
         rows = voxels.row_start, voxels.column
-        sizes = work.job.get("gradients", place, lambda: gradient_sizes(volume, *rows, **self.machine))
+        sizes = work.job.get("gradients", placed_key, lambda: gradient_sizes(volume, *rows, **self.machine))
         return self.scene.transfer_function.gradient_opacity.factor(sizes)
 
     def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key):
@@ -288,7 +288,7 @@ class ScalarSource(Source):
         # A volume of a single value has no normal anywhere, and shows the colors as they are.
         is_lit = light is not None and lit.ends[0] < lit.ends[1]
         shine = (light.most_light, light.most_highlight) if is_lit else (1.0, 0.0)
-        brightest = refuse_too_bright(lit.look.most_color * shine[0] + shine[1])
+        brightest = refuse_too_bright(lit.transfer.most_color * shine[0] + shine[1])
         return max(brightest, *(scene.mist.color if scene.mist else (0.0,)))
 
     def axis_steps(self, lit: LitScalars, axis: int, work: Work):
@@ -328,7 +328,7 @@ class ScalarSource(Source):
             shown = np.clip(reach.ends.astype(np.float64) - lit.center, -LARGEST, LARGEST)
         records = read_only(scalars), *lights
         rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
-        return trace_rays(rows, lit.center, lit.look, rays, slabs, self.quality)
+        return trace_rays(rows, lit.center, lit.transfer, rays, slabs, self.quality)
 
 
 def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:

@@ -2,13 +2,13 @@
 
 What each stage result depends on, so that a change redoes no more than it must:
 
-    blocks    the voxels
-    visible   blocks, and which values the transfer function shows
-    looks     visible, the transfer function, how long a unit of the volume is in the world
-    normals   visible, and how the volume lies in the world
-    shadows   looks, where a light is, meshes: one for each light that casts them
-    runs      visible, and the principal axis
-    records   looks, normals, lights and shadows, the model, and the principal axis
+    blocks      the voxels
+    visible     blocks, and which values the transfer function shows
+    properties  visible, the transfer function, how long a unit of the volume is in the world
+    normals     visible, and how the volume lies in the world
+    shadows     properties, where a light is, meshes: one for each light that casts them
+    runs        visible, and the principal axis
+    records     properties, normals, lights and shadows, the model, and the principal axis
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .memory_estimate import MemoryEstimate, estimate_of
+from .quick_estimate import RefinedSheets
 from .shadows import shadow_count
 from .source import Medium, Source, Work, array_key
 from .stage_cache import StageCache
@@ -83,7 +84,7 @@ class ScanSource(Source):
     """A scan whose voxels are classified by one transfer function."""
 
     stage = "classify"  # of the clock, the work of classifying
-    preview_stages, bounds_previews = ("visible", "looks", "normals"), True
+    preview_stages, bounds_previews = ("visible", "properties", "normals"), True
 
     # --- what differs between kinds of scans ----------------------------------------------------------------------
 
@@ -107,7 +108,7 @@ class ScanSource(Source):
 
     @property
     def record_type(self):
-        """Type of the voxels for the estimate of memory: float32 where every voxel has a look of its own."""
+        """Type of the voxels for the estimate of memory: float32 where each has its own optical properties."""
         return np.float32 if self.scene.transfer_function.gradient_opacity is not None else None
 
     @property
@@ -119,8 +120,8 @@ class ScanSource(Source):
         return normals(voxels, self.scene.volume, self.lit_matrix, **self.machine)
 
     def record_writer(self, lit: LitVolume, model: str):
-        def write(places, records):
-            return light_records(lit.classified, lit.normals, lit.falling, model, places, records, **self.machine)
+        def write(positions, records):
+            return light_records(lit.classified, lit.normals, lit.falling, model, positions, records, **self.machine)
 
         return write
 
@@ -142,7 +143,7 @@ class ScanSource(Source):
         """Generator of Progress: the LitVolume of the scene."""
         scene, job, clock = self.scene, work.job, work.clock
         length = unit_length(scene.volume, scene.index_to_world)
-        # A store without room needs no content key, and large volumes no second reading for it.
+        # A cache without room needs no content key, and large volumes no second reading for it.
         voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
         shown = self.shown
         visible_key = (voxels_key, shown.key)
@@ -150,7 +151,9 @@ class ScanSource(Source):
         voxels, needed = yield from self._visible_steps(work, shown, voxels_key, visible_key, falling is not None)
         with clock.stage(self.stage):
             key = (visible_key, scene.transfer_function.classification_key, length)
-            found = job.get("looks", key, lambda: self.classified(shown, voxels, length), lambda c: c.looks.nbytes)
+            found = job.get(
+                "properties", key, lambda: self.classified(shown, voxels, length), lambda c: c.properties.nbytes
+            )
         if falling is None:
             return LitVolume(found, None, None, visible_key, (key, "unshaded"), needed, self)
         with clock.stage("shade"):
@@ -223,7 +226,7 @@ class ScanSource(Source):
                 brightest = lit.color_bound
                 if brightest is None:
                     brightest = yield from brightest_steps(voxels, write)
-                density = lit.classified.looks[:, DENSITY[quality.model]].max(initial=0.0)
+                density = lit.classified.properties[:, DENSITY[quality.model]].max(initial=0.0)
                 decoding = decoding_of(quality.record, float(density), brightest)
             steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, **self.machine)
             return (yield from steps)
@@ -262,7 +265,7 @@ class MixedSource(ScanSource):
 class RefinedSource(ScanSource):
     """A scan that is interpolated on a finer grid and classified there; light falls on the scan's own voxels."""
 
-    ends_at_box = True
+    sheets = RefinedSheets
     bounds_previews = False
 
     @classmethod

@@ -17,7 +17,7 @@ from ..view.base_plane import base_plane
 from ..view.eye import IndexView
 from ..view.principal_axis import candidate_pyramids, dominant_axis
 from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
-from .source import Medium
+from .source import Medium, Source
 
 NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays
 LEAST_SLABS = 4
@@ -28,12 +28,10 @@ KNOWN = {
 }  # fmt: skip
 
 
-def can_trace(scene: Scene, quality: Quality) -> bool:
-    """Whether pixels of a scene can be integrated by single rays: post-classified, and without meshes.
-
-    ``scene``: without the effects that are off (``effects.analyse``).
-    """
-    if quality.classification != "post" or min(scene.volume.shape_xyz) < 2:
+def can_trace(source: Source) -> bool:
+    """Whether pixels can be integrated by single rays: of post-classified values, and without meshes."""
+    scene = source.scene
+    if not source.sheets.traces_rays or min(scene.volume.shape_xyz) < 2:
         return False
     if scene.transfer_function.gradient_opacity is not None:
         return False
@@ -49,18 +47,20 @@ def _given(scene: Scene, field) -> bool:
     return value is not usual and value != usual
 
 
-def traces_steep_pixels(scene: Scene, quality: Quality) -> bool:
-    """Whether a quality integrates the steep pixels of a scene by single rays."""
-    return quality.rays > 0.0 and can_trace(scene, quality)
+def traces_steep_pixels(source: Source) -> bool:
+    """Whether the steep pixels of a picture are integrated by single rays."""
+    return source.quality.rays > 0.0 and can_trace(source)
 
 
-def with_neighbours(scene: Scene) -> Scene:
-    """The scene with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors."""
+def with_neighbors(source: Source) -> Source:
+    """The source with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors."""
+    scene = source.scene
     if scene.crop is None:
-        return scene
+        return source
     first = (max(side // TILE * TILE - AROUND, 0) for side in scene.crop[:2])
     ends = zip(scene.crop[2:], (scene.width, scene.height), strict=True)
-    return replace(scene, crop=(*first, *(min(-(-side // TILE) * TILE + AROUND, most) for side, most in ends)))
+    crop = (*first, *(min(-(-side // TILE) * TILE + AROUND, most) for side, most in ends))
+    return replace(source, scene=replace(scene, crop=crop))
 
 
 def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, slabs: int):
@@ -127,8 +127,8 @@ def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: 
     for first in range(0, len(where), AT_ONCE):
         yield first / len(where)
         rows, columns = np.divmod(where[first : first + AT_ONCE], steep.shape[1])
-        places = columns + inner[1].start, rows + inner[0].start
-        rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *places, slabs)
+        pixels = columns + inner[1].start, rows + inner[0].start
+        rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *pixels, slabs)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ..splat.scratch import scratch_bytes
 from ..view.base_plane import BasePlane
 from ..volume.axes import AXES
 from .memory_estimate import MemoryEstimate, refuse_too_much
+from .quick_estimate import ClassifiedSheets
 from .stage_cache import Job
 
 ALL_TRANSPARENT = "The transfer function makes every voxel transparent, so the picture is empty."
@@ -101,9 +103,7 @@ class Source(ABC):
     scene: Scene
     quality: Quality
 
-    scalar_sheets = False  # whether sheets hold the scalar, and the medium fills the box of voxel centers by itself
-    ends_at_box = False  # whether rays must be cut where they enter and leave the box of voxel centers
-    traces_rays = False  # whether single rays can go through the medium
+    sheets: ClassVar[type[ClassifiedSheets]] = ClassifiedSheets  # what its sheets are made of
     preview_stages = ()  # names of stages that previews share with the picture; empty where there are none
     bounds_previews = False  # whether the error of a preview can be bounded
     node_size = 1  # voxels of the scan along each side of what is splatted
@@ -132,9 +132,9 @@ class Source(ABC):
         """Sentences on what became of it."""
         return () if medium.visible_voxels else (ALL_TRANSPARENT,)
 
-    def splat_bytes(self, plane: BasePlane, limited: bool) -> int:
-        """Scratch memory of the splat on to a base plane; ``limited``: whether rays are shortened."""
-        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.scalar_sheets, limited)
+    def splat_bytes(self, plane: BasePlane, shortened: bool) -> int:
+        """Scratch memory of the splat on to a base plane; ``shortened``: whether rays are shortened."""
+        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.sheets.scalar_sheets, shortened)
 
     def tables_held(self, encodings: dict) -> dict:
         """Principal axis -> tables that are held in memory, given those that the picture needs."""

@@ -16,7 +16,7 @@ SHARE = 0.25  # of a larger machine's memory
 # How many results of a stage are kept while a light, a camera or a transfer function is dragged about.  (Memory of
 # those that leave is used again, see ``runtime.buffer_pool``.)
 MOST_RESULTS = {
-    "visible": 6, "relevant": 6, "looks": 6, "normals": 6, "light": 6, "runs": 6, "records": 6, "scalars": 6,
+    "visible": 6, "relevant": 6, "properties": 6, "normals": 6, "light": 6, "runs": 6, "records": 6, "scalars": 6,
     "lights": 6, "bricks": 6, "table": 6, "gradients": 6, "thinned": 6, "pyramid": 2, "nodes": 2, "node records": 6,
     "shadows": 12, "ambient occlusion": 6,
 }  # fmt: skip
@@ -71,19 +71,19 @@ class StageCache:
         if needed > available_bytes():
             self.clear()
 
-    def _add(self, place, result, size: int) -> None:
-        self._drop(place)
-        self._results[place] = (result, size)
-        alike = [other for other in self.contents if other[0] == place[0]]
-        for oldest in alike[: -MOST_RESULTS.get(place[0], len(alike))]:
+    def _add(self, entry, result, size: int) -> None:
+        self._drop(entry)
+        self._results[entry] = (result, size)
+        alike = [other for other in self.contents if other[0] == entry[0]]
+        for oldest in alike[: -MOST_RESULTS.get(entry[0], len(alike))]:
             self._drop(oldest)
         for oldest in self.contents[:-1]:
             if self.nbytes <= self.most_bytes:
                 break
             self._drop(oldest)
 
-    def _drop(self, place) -> None:
-        self._results.pop(place, None)
+    def _drop(self, entry) -> None:
+        self._results.pop(entry, None)
 
 
 class Job:
@@ -102,41 +102,41 @@ class Job:
 
         ``size(result)``: its bytes; left out, its own ``nbytes``.
         """
-        place = (stage, key)
-        if not self._find(place):
-            self._made(place, make(), size)
-        return self._used[place][0]
+        entry = (stage, key)
+        if not self._find(entry):
+            self._made(entry, make(), size)
+        return self._used[entry][0]
 
     def steps(self, stage: str, key, make_steps, size=None):
         """Generator form of ``get``: ``make_steps()`` is a generator of fractions done that returns the result."""
-        place = (stage, key)
-        if not self._find(place):
-            self._made(place, (yield from make_steps()), size)
-        return self._used[place][0]
+        entry = (stage, key)
+        if not self._find(entry):
+            self._made(entry, (yield from make_steps()), size)
+        return self._used[entry][0]
 
     def latest(self, stage: str, serves) -> object:
         """The key of the latest cached result of a stage for which ``serves(key, result)`` holds; None for none.
 
         The result then stays until the job is done.
         """
-        for place, held in reversed(self.cache._results.copy().items()):
-            if place[0] == stage and serves(place[1], held[0]):
-                self._used[place] = held
-                return place[1]
+        for entry, held in reversed(self.cache._results.copy().items()):
+            if entry[0] == stage and serves(entry[1], held[0]):
+                self._used[entry] = held
+                return entry[1]
         return None
 
     def keep(self) -> None:
         """Add everything that the job used to the cache; call it when the job is done."""
         if self.cache.keeps:
-            for place, (result, size) in self._used.items():
-                self.cache._add(place, result, size)
+            for entry, (result, size) in self._used.items():
+                self.cache._add(entry, result, size)
 
-    def _find(self, place) -> bool:
-        held = self._used.pop(place, None) or self.cache._results.get(place)
+    def _find(self, entry) -> bool:
+        held = self._used.pop(entry, None) or self.cache._results.get(entry)
         if held is not None:
-            self._used[place] = held  # the last of them now
+            self._used[entry] = held  # the last of them now
         return held is not None
 
-    def _made(self, place, result, size) -> None:
-        self.cache.made[place[0]] = self.cache.made.get(place[0], 0) + 1
-        self._used[place] = (result, result.nbytes if size is None else size(result))
+    def _made(self, entry, result, size) -> None:
+        self.cache.made[entry[0]] = self.cache.made.get(entry[0], 0) + 1
+        self._used[entry] = (result, result.nbytes if size is None else size(result))

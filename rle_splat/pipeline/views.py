@@ -11,7 +11,7 @@ from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import axis_shares, candidate_pyramids
-from ..view.ray_limits import box_depths
+from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
 from .choose_source import minified
 from .source import Source
@@ -82,11 +82,11 @@ def view_of(source: Source, refuse_empty: bool) -> View:
     scene, quality, shape_xyz = source.scene, source.quality, source.scene.volume.shape_xyz
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     footprint = FOOTPRINTS[quality.kernel]
-    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.scalar_sheets else footprint.radius)
+    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.sheets.scalar_sheets else footprint.radius)
     in_sight = furthest > scene.camera.clip_start and nearest < scene.camera.clip_end
 
     def planes_of(*pyramids):
-        knobs = source.depth_rule, quality.sheet_density, footprint, source.scalar_sheets, warp_reach(quality)
+        knobs = source.depth_rule, quality.sheet_density, footprint, source.sheets.scalar_sheets, warp_reach(quality)
         planes = [base_plane(view, shape_xyz, *pyramid, *knobs) for pyramid in pyramids if in_sight]
         return [plane for plane in planes if plane is not None]
 

@@ -22,7 +22,7 @@ from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..volume.axes import AXES
 
-SPAN = 4.0  # entries of a value table from which on a mean is taken over them; below, two of them are mixed
+SPAN = 4.0  # entries of a lookup table from which on a mean is taken over them; below, two of them are mixed
 SLIVER = 1e-9  # voxels of depth: what is shorter is nothing
 WORD_BITS, IN_WORD = 6, 63  # 2**WORD_BITS voxels of a row share a word of bits
 BRICK_BITS = 2  # of a brick's 2**BRICK_BITS voxels along each side, all of which are leaped over together
@@ -111,7 +111,7 @@ def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, cl
     return RayList(first, step, enter, leave, length, np.ascontiguousarray(depth))
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _pair_at(bits, row_start, row, x):
     """Where the record of voxel ``x`` of a row is; -1 where it, or the next one, is not kept."""
     at, shift = x >> WORD_BITS, np.uint64(x & IN_WORD)
@@ -121,13 +121,13 @@ def _pair_at(bits, row_start, row, x):
     after = (word >> ONE_BIT) if (x & IN_WORD) < IN_WORD else bits[row, at + 1]
     if after & ONE_BIT == np.uint64(0):
         return -1
-    place = row_start[row] + count_bits(bits[row, at] & ((ONE_BIT << shift) - ONE_BIT))
+    record = row_start[row] + count_bits(bits[row, at] & ((ONE_BIT << shift) - ONE_BIT))
     for before in range(at):
-        place += count_bits(bits[row, before])
-    return place
+        record += count_bits(bits[row, before])
+    return record
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _is_shown(scalars, i, j, k, m, shown):
     """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones."""
     low = min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
@@ -140,7 +140,7 @@ def _is_shown(scalars, i, j, k, m, shown):
     return False
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
     """The trilinear value along a ray from ``x``, ``y``, ``z`` in a cell to so much further, as powers 0 to 3 of the
     way there.  ``a0``, ``a1``: corners along x; ``b``: further along y; ``c`` and ``d``: these two further along z."""
@@ -152,19 +152,19 @@ def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
     return near + away * z, near_p + away_p * z + away * dz, near_pp + away_pp * z + away_p * dz, away_pp * dz
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _light_at(codes, unit, at, channel):
     bits = np.uint32(np.uint32(codes[at, channel]) << CODE_BITS)
     return np.float64(bits.view(np.float32) * unit)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _power_sum(cubic, channel, t):
     at = POWERS * channel
     return ((cubic[at + 3] * t + cubic[at + 2]) * t + cubic[at + 1]) * t + cubic[at]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _mean(table, sums, channel, first, second, last, width):
     """The table's mean between two of its entries, which may be parts of entries."""
     i, j = min(int(first), last - 1), min(int(second), last - 1)
@@ -173,13 +173,13 @@ def _mean(table, sums, channel, first, second, last, width):
     return max((high - low) / width, 0.0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _crossing(at, size, first, step, inverse):
     """Where a ray leaves the voxels from ``at`` on, ``size`` of them; infinitely far where it runs along them."""
     return (at + (size if step > 0.0 else 0) - first) * inverse if step != 0.0 else math.inf
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _absorbed(thick):
     """1 - exp(-thick), by its series where that is short (relative error below 1e-9)."""
     if thick < 0.125:
@@ -188,21 +188,21 @@ def _absorbed(thick):
     return 1.0 - math.exp(-thick)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_stretch(
-    lights, scalars, light_unit, lookup, matt, gloss, corners, place, step, a, deep, length, slabs, least, shine, ray,
+    lights, scalars, light_unit, lookup, matt, gloss, corners, start, step, a, deep, length, slabs, least, shine, ray,
 ):
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
     ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``lookup`` to ``gloss``, ``slabs``, ``least``: see
-    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``place``: where the stretch
+    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``start``: where the stretch
     begins in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins,
     and its length, in voxels of depth; ``length``: world length per voxel of depth.  ``shine``: scratch, (POWERS *
     channels of light,) float64.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
     table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     i, j, k, m = corners
-    px, py, pz = place
+    px, py, pz = start
     dx, dy, dz = step
     red, green, blue, transmittance, at_half = ray
     shining = len(matt) + len(gloss)
@@ -237,9 +237,9 @@ def _composite_stretch(
             value = 0.5 * (smallest + largest)
             if value < low or value > high:
                 continue
-            place = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
-            entry = int(place)
-            share, after = place - entry, 4 * min(entry + 1, last - 1)
+            position = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
+            entry = int(position)
+            share, after = position - entry, 4 * min(entry + 1, last - 1)
             entry *= 4
             sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
             if sigma <= 0.0:

@@ -54,10 +54,10 @@ def _dense(voxels) -> np.ndarray:
 
 
 def _next_cut(first, step, a, stop):
-    """(n,) where rays, (n, 3) places and steps, next meet a voxel plane after ``a``, ``stop`` at most."""
-    place = first + step * a[:, None]
+    """(n,) where rays, (n, 3) positions and steps, next meet a voxel plane after ``a``, ``stop`` at most."""
+    position = first + step * a[:, None]
     ahead = np.sign(step)
-    cut = np.where(ahead > 0.0, np.floor(place) + 1.0, np.ceil(place) - 1.0) - first
+    cut = np.where(ahead > 0.0, np.floor(position) + 1.0, np.ceil(position) - 1.0) - first
     with np.errstate(divide="ignore", invalid="ignore"):
         reached = cut / step
         after = (cut + ahead) / step
@@ -66,10 +66,10 @@ def _next_cut(first, step, a, stop):
     return np.maximum(np.minimum(reached.min(axis=1), stop), np.minimum(a + SLIVER, stop))
 
 
-def _trilinear(corners, place):
-    """(n, channels) float64 between corners (n, 8, channels) at (n, 3) places in the cell."""
-    place = np.clip(place, 0.0, 1.0)[:, None]
-    weights = np.where(CELL == 1, place, 1.0 - place).prod(axis=-1)
+def _trilinear(corners, position):
+    """(n, channels) float64 between corners (n, 8, channels) at (n, 3) positions in the cell."""
+    position = np.clip(position, 0.0, 1.0)[:, None]
+    weights = np.where(CELL == 1, position, 1.0 - position).prod(axis=-1)
     return (weights[..., None] * corners).sum(axis=1)
 
 
@@ -93,9 +93,9 @@ def _composited(state, half, corners, first, step, a, b, length, lookup, matt, g
         cells = [np.minimum(end.astype(np.int64), last - 1) for end in ends]
         low_sum, high_sum = (sums[c] + (end - c)[:, None] * table[c] for c, end in zip(cells, ends, strict=True))
         mean = np.maximum((high_sum - low_sum) / np.maximum(spread, SPAN)[:, None], 0.0)
-        place = np.clip((middle - origin) * rate - 0.5, 0.0, last - 1.0)
-        entry = place.astype(np.int64)
-        part = (place - entry)[:, None]
+        position = np.clip((middle - origin) * rate - 0.5, 0.0, last - 1.0)
+        entry = position.astype(np.int64)
+        part = (position - entry)[:, None]
         own = table[entry] * (1.0 - part) + table[np.minimum(entry + 1, last - 1)] * part
         own[(middle < low) | (middle > high)] = 0.0
         sampled = np.where((spread >= SPAN)[:, None], mean, own)

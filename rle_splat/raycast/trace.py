@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..classify.value_table import ValueTable
+from ..classify.lookup_table import LookupTable
 from ..runtime.jit import compiled, parallel_call
 from ..scene import Quality
 from ..splat.scalar_splat import kernel_light_planes, kernel_lookup
@@ -14,7 +14,7 @@ from .scalar_rays_numpy import trace_rays_numpy
 
 
 def trace(
-    voxels: RowVoxels, center: float, table: ValueTable, rays: RayList, slabs: int, quality: Quality
+    voxels: RowVoxels, center: float, table: LookupTable, rays: RayList, slabs: int, quality: Quality
 ) -> tuple[np.ndarray, np.ndarray]:
     """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
     them half is absorbed (n,) float64, inf where less is.

@@ -146,7 +146,7 @@ def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=
         candidates = _candidates(size, known)
         reasons.append(f"It holds {size} bytes" + (" unpacked." if is_gzip(path) else "."))
     named = name.get("byte_order")
-    candidates, decided = _judge_by_bytes(candidates, known, named, sample, reasons)
+    candidates, decided = _narrow_by_bytes(candidates, known, named, sample, reasons)
     if not candidates:
         if size is not None:
             reasons.append("No known layout fits this size.")
@@ -265,7 +265,7 @@ def _shapes_of(voxels: int):
             yield (n, n, slices), 7.0 + abs(math.log2(slices / n))
 
 
-def _judge_by_bytes(candidates, known: dict, named, sample: bytes, reasons: list):
+def _narrow_by_bytes(candidates, known: dict, named, sample: bytes, reasons: list):
     """Choose type and byte order by the bytes; return the candidates and whether the choice is certain.
 
     Neighboring voxels differ little, so the right interpretation of the bytes has the smallest steps. ``named``: the

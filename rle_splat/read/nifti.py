@@ -145,9 +145,10 @@ def _geometry(path, header, version: int):
     if code not in LENGTH_UNITS:
         remarks += ("The file states no unit of length; mm is assumed.",)
     try:
-        affine = header.get_sform(coded=True)[0]
-        if affine is None:
-            affine = header.get_qform(coded=True)[0]
+        with np.errstate(invalid="ignore"):  # damaged numbers; checked_affine refuses them
+            affine = header.get_sform(coded=True)[0]
+            if affine is None:
+                affine = header.get_qform(coded=True)[0]
     except (ValueError, nibabel.spatialimages.HeaderDataError):
         raise damaged(path, "its rotation is not one") from None
     if affine is None:

@@ -26,7 +26,7 @@ from .header import (
     sensible_spacing,
 )
 from .layout import checked_spacing
-from .streaming import Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
+from .streaming import EXPANSION, Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 SUFFIXES = (".tif", ".tiff")
@@ -95,6 +95,9 @@ def _library(path):
 
 def _decoded(path, page, number: int) -> np.ndarray:
     """(ny, nx): the values of a page, the ``number``-th of its file."""
+    size = page.parent.filehandle.size
+    if sum(page.databytecounts) > size or page.nbytes > EXPANSION["zlib"] * size:
+        raise damaged(path, f"its page {number + 1} is larger than the file")
     try:
         return page.asarray()
     except ValueError as problem:

@@ -15,7 +15,7 @@ RELEASE = "0.2.0"  # the version of RLE Splat: a release starts with an empty fo
 CACHE_VARIABLE = "RLE_SPLAT_CACHE"
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"  # set by users for everything that numba compiles, so it comes first
 KERNEL_PREFIX = "kernels-"
-KEPT_VERSIONS = 4  # folders of kernels, for several installations side by side
+KEPT_VERSIONS = 4  # folders of kernels, for several releases side by side
 
 
 def cache_folder() -> Path:
@@ -114,11 +114,10 @@ def kernel_folder(*parts: str) -> Path:
     Returns
     -------
     Path
-        In ``cache_folder()``; it may not exist yet.  It depends on the release and on where the package is installed.
+        In ``cache_folder()``; it may not exist yet.  It depends on the release and on the package's name.
     """
     parent = cache_folder()
-    package = Path(__file__).parents[1]
-    names = "\n".join((RELEASE, str(package), __package__, *parts))
+    names = "\n".join((RELEASE, __package__, *parts))
     folder = parent / f"{KERNEL_PREFIX}{hashlib.blake2b(names.encode(), digest_size=8).hexdigest()}"
     if not folder.exists():
         earlier = sorted(parent.glob(f"{KERNEL_PREFIX}*"), key=_last_changed, reverse=True)

@@ -110,7 +110,7 @@ _TOKEN.put(None)
 _HOLDS_TOKEN: ContextVar[bool] = ContextVar("holds_token", default=False)
 
 
-def kernel(function=None, *, parallel=False, inline="never", forceinline=False, exact=False, inner=False, counted=True):
+def kernel(function=None, *, parallel=False, inline="never", exact=False, inner=False, counted=True):
     """Compile a function of arrays and scalars in nopython mode, without the GIL; keep the result on disk.
 
     Parameters
@@ -121,12 +121,10 @@ def kernel(function=None, *, parallel=False, inline="never", forceinline=False, 
         Whether ``prange`` runs on several threads.
     inline : {"never", "always"}
         Whether numba inlines the function into kernels that call it.
-    forceinline : bool
-        Whether LLVM does, so that passing arrays costs nothing.
     exact : bool
         Round after each operation as numpy does, for values that decide between branches.
     inner : bool
-        Only other kernels call it: it has no entry from Python and is not kept on disk by itself.
+        Only other kernels call it: it has no entry from Python, is not kept on disk by itself, and LLVM inlines it.
     counted : bool
         Whether references to arrays are counted.  Without, the kernel must not create or return arrays.
 
@@ -144,7 +142,7 @@ def kernel(function=None, *, parallel=False, inline="never", forceinline=False, 
         )
         if internals is None:
             return numba.njit(**options)(f)
-        return internals.compile_with(f, options, forceinline=forceinline, inner=inner, counted=counted)
+        return internals.compile_with(f, options, inner=inner, counted=counted)
 
     return decorate if function is None else decorate(function)
 

@@ -104,16 +104,17 @@ class _Folder(UserProvidedCacheLocator):
     path = ""
 
     def __init__(self, py_func, py_file):
-        """Choose a subfolder by the module's name and folder.
+        """Choose a subfolder by the module's name.
 
         A file on disk refers to the classes of arguments by their modules, so the same package imported under another
-        name needs files of its own.  Eight digits distinguish them: Windows allows paths of 260 characters, and with
-        numba's forty digits a third of the kernels would not fit in the folder that Blender gives an extension.
+        name needs files of its own.  Where it is installed does not matter: the key holds the code.  Eight digits
+        distinguish modules: Windows allows paths of 260 characters, and with numba's forty digits a third of the
+        kernels would not fit in the folder that Blender gives an extension.
         """
         super().__init__(py_func, py_file)
-        room = os.path.dirname(os.path.abspath(py_file))
-        digits = hashlib.blake2b(f"{py_func.__module__} {room}".encode(), digest_size=4).hexdigest()
-        self._cache_path = os.path.join(self.path, f"{os.path.basename(room)}_{digits}")
+        digits = hashlib.blake2b(py_func.__module__.encode(), digest_size=4).hexdigest()
+        folder = os.path.basename(os.path.dirname(os.path.abspath(py_file)))
+        self._cache_path = os.path.join(self.path, f"{folder}_{digits}")
 
     @classmethod
     def from_function(cls, py_func, py_file):

@@ -1,6 +1,6 @@
 """Four-lane arithmetic: the four channels of a voxel are one 128-bit vector.
 
-LLVM's straight-line vectoriser is off in numba, so without these two instructions the horizontal footprint runs
+LLVM's straight-line vectorizer is off in numba, so without these two instructions the horizontal footprint runs
 one float at a time (measured: 2.9 ns a pixel against 1.5).  The vectors are LLVM's own, good on any processor.
 """
 

@@ -43,7 +43,7 @@ class Kernel(CPUDispatcher):
         return super().compile(signature)
 
 
-def compile_with(function, options: dict, *, forceinline: bool, inner: bool, counted: bool):
+def compile_with(function, options: dict, *, inner: bool, counted: bool):
     """Make a kernel of a function.
 
     Parameters
@@ -51,7 +51,7 @@ def compile_with(function, options: dict, *, forceinline: bool, inner: bool, cou
     function : callable
     options : dict
         Options of ``numba.njit``.
-    forceinline, inner, counted : bool
+    inner, counted : bool
         See ``jit.kernel``.
 
     Returns
@@ -59,7 +59,10 @@ def compile_with(function, options: dict, *, forceinline: bool, inner: bool, cou
     CPUDispatcher
         A ``Kernel`` unless ``inner``.
     """
-    options = {**options, "forceinline": forceinline, "no_cfunc_wrapper": True, "_nrt": counted}
+    # A part that is not inlined is compiled by itself and within each kernel, and of what is loaded the first counts:
+    # rounding depended on whether a kernel came from disk, and on which kernel came first (measured: a 16-bit code of
+    # light turned to the next).
+    options = {**options, "forceinline": inner, "no_cfunc_wrapper": True, "_nrt": counted}
     if inner:
         return numba.njit(no_cpython_wrapper=True, **options)(function)
     dispatcher = numba.njit(**options)(function)

@@ -1,7 +1,7 @@
 """LLVM's own vectors for kernels: arithmetic on many floats at once, written once for every processor.
 
-numba leaves vectors to LLVM's loop vectoriser, which gives up where it cannot prove that streams do not overlap, and
-its straight-line vectoriser is off.  A ``Vector`` is such a value inside an intrinsic, with the operators of Python, so
+numba leaves vectors to LLVM's loop vectorizer, which gives up where it cannot prove that streams do not overlap, and
+its straight-line vectorizer is off.  A ``Vector`` is such a value inside an intrinsic, with the operators of Python, so
 that a formula still reads like one.  Products and sums may contract, as everywhere in the kernels; nothing else.
 """
 

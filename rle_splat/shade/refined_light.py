@@ -12,15 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
-from ..classify.classification import LOOKS, RED, ClassifiedVolume
+from ..classify.classification import PROPERTIES, RED, ClassifiedVolume
 from ..classify.placing import RecordPositions, find_targets
 from ..classify.refined import RefinedVolume
 from ..classify.visible import VisibleVoxels, row_offsets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.gradient import CHUNK
+from .chunk_light import LANES
 from .lighting import Lighting
-from .shading import DENSITY, LANES, normals, refuse_too_bright, shaded_colors
+from .shading import DENSITY, normals, refuse_too_bright, shaded_colors
 
 LIGHT = 3  # channels of a voxel's light, and of its highlight
 _ZERO = np.float32(0.0)
@@ -72,16 +73,16 @@ class RefinedLight:
 
     def _shaded(self, color: float) -> np.ndarray:
         """(m, 3) float32 shaded colors of the lit voxels if all had the gray ``color``."""
-        look = np.full((1, LOOKS), color, np.float32)
-        matter = ClassifiedVolume(self.lit.voxels, look, True, 1.0, 1.0)
-        colors = shaded_colors(matter, self.lit.normals, self.falling, backend=self.backend, threads=self.threads)
+        one_row = np.full((1, PROPERTIES), color, np.float32)
+        medium = ClassifiedVolume(self.lit.voxels, one_row, True, 1.0, 1.0)
+        colors = shaded_colors(medium, self.lit.normals, self.falling, backend=self.backend, threads=self.threads)
         return colors.copy()
 
     def records(self, classified: ClassifiedVolume, model: str, positions: RecordPositions, records) -> float:
         """As ``shading.light_records``, for the fine voxels of ``classified``."""
         most = np.zeros(max(len(positions.data_starts), 1), np.float32)
-        look_of = classified.look_of if classified.look_of is None else read_only(classified.look_of)
-        seen = (look_of, read_only(classified.looks), DENSITY[model])
+        row_of = classified.row_of if classified.row_of is None else read_only(classified.row_of)
+        seen = (row_of, read_only(classified.properties), DENSITY[model])
         lit = self.lit.voxels
         if compiled(self.backend):
             fine_x = np.arange(classified.shape_xyz[0])
@@ -97,13 +98,13 @@ class RefinedLight:
             self._write_numpy(positions, *seen, records, most)
         return refuse_too_bright(float(most.max()))
 
-    def _write_numpy(self, positions, look_of, looks, density_column, records, most):
+    def _write_numpy(self, positions, row_of, properties, density_column, records, most):
         """Reference implementation of ``_write_records``, in chunks of voxels."""
         targets = positions.targets_numpy()
         first, last = positions.span
         for begin in range(first, last, CHUNK):
             part = slice(begin, min(begin + CHUNK, last))
-            seen = looks[part] if look_of is None else looks[look_of[part]]
+            seen = properties[part] if row_of is None else properties[row_of[part]]
             light, highlight = self._interpolated_numpy(positions.voxels, part)
             colors = seen[:, RED:] * light + highlight
             made = np.empty((len(seen), 4), np.float32)
@@ -167,7 +168,7 @@ def lit_voxels(
             _fill_marked(*marked, row_start, column)
     else:
         row_start, column = _marked_numpy(voxels, shape, s)
-    stored = np.zeros(len(column), np.uint8)  # not used: one row of looks serves all
+    stored = np.zeros(len(column), np.uint8)  # not used: one row of properties serves all
     lit = VisibleVoxels(shape, row_start, np.zeros(nz * ny, np.int32), column, stored, 0)
     return LitVoxels(lit, normals(lit, volume.source, index_to_world, backend=backend, threads=threads))
 
@@ -232,20 +233,22 @@ def _mark(begin, end, row_start, column, s, n_x, n_y, fine_y, fine_z, starts, ma
 
 
 @kernel
-def _write_records(positions, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+def _write_records(positions, row_of, properties, density_column, steps, lit, light, highlight, records, most):
     """Kernel of ``RefinedLight.records``.
 
-    ``positions``, ``look_of``, ``looks``: as in ``shading._write_records``. ``steps``: refinement; for each fine column
-    the column of the scan at or before it, int32, and its distance from there as a fraction, float32. ``lit``: ny of
-    the scan, row_start and column of its lit voxels. ``light``, ``highlight``: (m, 3) float32; ``highlight`` is None if
-    nothing is specular.
+    ``positions``, ``row_of``, ``properties``: as in ``shading._write_records``. ``steps``: refinement; for each fine
+    column the column of the scan at or before it, int32, and its distance from there as a fraction, float32. ``lit``:
+    ny of the scan, row_start and column of its lit voxels. ``light``, ``highlight``: (m, 3) float32; ``highlight`` is
+    None if nothing is specular.
     """
-    arguments = (positions, look_of, looks, density_column, steps, lit, light, highlight, records, most)
+    arguments = (positions, row_of, properties, density_column, steps, lit, light, highlight, records, most)
     share_out(_write_planes, positions[5].shape[0], arguments)
 
 
 @kernel(inner=True)
-def _write_planes(begin, end, positions, look_of, looks, density_column, steps, lit, light, highlight, records, most):
+def _write_planes(
+    begin, end, positions, row_of, properties, density_column, steps, lit, light, highlight, records, most
+):
     """``_write_records`` for planes [begin, end)."""
     n_y, first_plane, row_start, column, across, data_starts = positions
     s, before, shares = steps
@@ -274,15 +277,15 @@ def _write_planes(begin, end, positions, look_of, looks, density_column, steps, 
                 for i in range(at, stop):
                     x = np.intp(column[i])
                     here, share = LIGHT * np.intp(before[x]), shares[x]
-                    look = i if look_of is None else np.intp(look_of[i])
-                    red = looks[look, RED] * _mixed(matt, here, share)
-                    green = looks[look, RED + 1] * _mixed(matt, here + 1, share)
-                    blue = looks[look, RED + 2] * _mixed(matt, here + 2, share)
+                    entry = i if row_of is None else np.intp(row_of[i])
+                    red = properties[entry, RED] * _mixed(matt, here, share)
+                    green = properties[entry, RED + 1] * _mixed(matt, here + 1, share)
+                    blue = properties[entry, RED + 2] * _mixed(matt, here + 2, share)
                     if highlight is not None:
                         red += _mixed(gloss, here, share)
                         green += _mixed(gloss, here + 1, share)
                         blue += _mixed(gloss, here + 2, share)
-                    density = looks[look, density_column]
+                    density = properties[entry, density_column]
                     to = targets[i - at]
                     records[to, 0] = density * red
                     records[to, 1] = density * green

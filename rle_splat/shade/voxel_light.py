@@ -22,9 +22,10 @@ from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.gradient import CHUNK
+from .chunk_light import DR, LANES, SCRATCH, SHARE, SR, add_near, add_rays, clear_light, lit_numpy
 from .lighting import Lighting
 from .lights import AXIS, KIND, NEAREST, POSITION, RGB, SUN
-from .shading import DR, LANES, SCRATCH, SHARE, SR, add_near, add_rays, clear_light, lit_numpy, refuse_too_bright
+from .shading import refuse_too_bright
 
 _ZERO = np.float32(0.0)
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.jit import read_only
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
-from ..view.ray_limits import box_limits
+from ..view.ray_intervals import box_intervals
 from ..volume.axes import AXES
 
 
@@ -86,7 +87,7 @@ class Rays(NamedTuple):
     across, across_slope : (H,) float64
     seen : (2, H) int
         First column of each row that the picture sees, and the one behind the last (``view.base_plane.BasePlane``).
-    limits : (2 + 2 * holes, H, W) float32 or None
+    intervals : (2 + 2 * holes, H, W) float32 or None
         Where each ray begins and ends along the viewing direction of the axis, in voxels, and where it enters and
         leaves each hole.  Holes do not overlap; an empty one has begin = end.
     """
@@ -96,7 +97,7 @@ class Rays(NamedTuple):
     across: np.ndarray
     across_slope: np.ndarray
     seen: np.ndarray
-    limits: np.ndarray | None
+    intervals: np.ndarray | None
 
     def lengths(self) -> np.ndarray:
         """(H, W) float32: every pixel's length."""
@@ -110,23 +111,23 @@ class Rays(NamedTuple):
         return (number < first // block) | (number > (last - 1) // block) | (first >= last)
 
 
-def rays_of(plane: BasePlane, length_unit: float, corrected: bool, limits=None) -> Rays:
+def rays_of(plane: BasePlane, length_unit: float, corrected: bool, intervals=None) -> Rays:
     """The rays of a base plane, their lengths counted in ``length_unit``; all of length one if not ``corrected``.
 
     A ray advances (dx, dy, 1) voxels a slice, dx by its column and dy by its row (algorithm.md 1.4, 5); its world
     length is the square root of a quadratic form of that.
     """
-    if limits is not None:
-        limits = np.ascontiguousarray(limits, np.float32)
+    if intervals is not None:
+        intervals = np.ascontiguousarray(intervals, np.float32)
     if not corrected:
         none = np.zeros(plane.height)
-        return Rays(np.ones(plane.width), np.zeros(plane.width), none, none, plane.seen, limits)
+        return Rays(np.ones(plane.width), np.zeros(plane.width), none, none, plane.seen, intervals)
     dx, dy = plane.ray_slopes
     axes = list(AXES[plane.axis])
     to_world = plane.view.to_world[:, axes] / length_unit
     ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = to_world.T @ to_world
     along, across = dx * (xx * dx + 2.0 * xz) + zz, dy * (yy * dy + 2.0 * yz)
-    return Rays(along, 2.0 * xy * dx, across, np.array(dy), plane.seen, limits)
+    return Rays(along, 2.0 * xy * dx, across, np.array(dy), plane.seen, intervals)
 
 
 class Wide(NamedTuple):
@@ -154,6 +155,28 @@ def wide_of(plane: BasePlane, quality: Quality) -> Wide | None:
     return Wide(footprint.kind, footprint.radius, widen) if footprint.kind != TENT or widen else None
 
 
+class StoredScalars(NamedTuple):
+    """Stored values in the array of their type; the arrays of the other types are empty.
+
+    So one kernel serves all types: each would take ten seconds to compile, and a run of voxels has one branch more.
+    """
+
+    uint8: np.ndarray
+    int8: np.ndarray
+    uint16: np.ndarray
+    int16: np.ndarray
+    float32: np.ndarray
+
+    @classmethod
+    def of(cls, scalars):
+        """Of a flat array of one of the types."""
+        return cls(*(read_only(scalars if scalars.dtype.name == name else np.empty(0, name)) for name in cls._fields))
+
+    def array(self):
+        """The flat array that is not empty, unless there are no values."""
+        return max(self, key=len)
+
+
 class ScalarTables(NamedTuple):
     """The run-length tables of one principal axis of a scalar volume (``encode.scalars.ScalarVolume``).
 
@@ -161,7 +184,7 @@ class ScalarTables(NamedTuple):
     ----------
     pointers, data_starts, runs, width
         See ``Tables``.
-    scalars : (m,) any number
+    scalars : StoredScalars
         Stored values of the kept voxels.
     lights : (m, channels) uint16 or None
         Codes of the light on them: light, highlight and thinning.
@@ -172,14 +195,14 @@ class ScalarTables(NamedTuple):
     pointers: np.ndarray
     data_starts: np.ndarray
     runs: np.ndarray
-    scalars: np.ndarray
+    scalars: StoredScalars
     lights: np.ndarray | None
     light_unit: np.float32
     width: int
 
 
 class Lookup(NamedTuple):
-    """The transfer function as sheets of the scalar look it up (``classify.value_table``).
+    """The transfer function as sheets of the scalar look it up (``classify.lookup_table``).
 
     Stored values are those of the volume less ``ScalarVolume.center``.
 
@@ -239,7 +262,7 @@ class Box(NamedTuple):
     ----------
     columns : (2, W) float32
     rows : (2, H) float32
-        Entry and exit sideways, along and across scanlines (``view.ray_limits.box_limits``).
+        Entry and exit sideways, along and across scanlines (``view.ray_intervals.box_intervals``).
     blocks : (4, blocks) float32
         First and last entry, first and last exit of each block of columns.
     overhang : float
@@ -255,7 +278,7 @@ class Box(NamedTuple):
 
 def box_of(plane: BasePlane, shape_xyz, block: int) -> Box:
     """The Box of a base plane, its columns in blocks of ``block``."""
-    columns, rows = box_limits(plane, shape_xyz)
+    columns, rows = box_intervals(plane, shape_xyz)
     starts = range(0, columns.shape[1], block)
     ends = np.empty((4, len(starts)), np.float32)
     for place, (which, reduce) in enumerate(((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))):

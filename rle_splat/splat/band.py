@@ -68,7 +68,7 @@ def write_rows(state, top_row, rows, image_width, pixels, filled):
         filled[0, top_row + r], filled[1, top_row + r] = first, last
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def live_voxels(alive, blocks, live, shift, step, radius):
     """The voxel intervals that the footprints of the band's live blocks reach; their number.
 
@@ -94,7 +94,7 @@ def live_voxels(alive, blocks, live, shift, step, radius):
     return count
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def slice_ahead(first_slice, slice_weights, sheet, n_slices):
     """The last slice that the sheet behind number ``sheet`` reads, -1 for none.
 

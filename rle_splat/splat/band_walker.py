@@ -34,8 +34,8 @@ from ..runtime.jit import inner_loop
 from ..runtime.parallel import taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import begin_band, live_voxels, slice_ahead, write_rows
-from .limited_blocks import NO_MORE, SOME, bound_blocks, reached_blocks
-from .ray_ends import NO_ROW
+from .interval_blocks import NO_MORE, SOME, bound_blocks, reached_blocks
+from .rays_in_box import NO_ROW
 from .scratch import BAND, SPREAD, BlockScratch, Rows, Scanlines, Scratch, VoxelLine, WaitingBlocks
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
@@ -60,14 +60,14 @@ class Window(NamedTuple):
     image_width: int
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _scanlines_of(all_workers, mine):
     """Row ``mine`` of each array of ``scratch.Scanlines``."""
-    samples, marks, row_slot, row_line, row_place = all_workers
-    return Scanlines(samples[mine], marks[mine], row_slot[mine], row_line[mine], row_place[mine])
+    samples, marks, row_slot, row_line, row_position = all_workers
+    return Scanlines(samples[mine], marks[mine], row_slot[mine], row_line[mine], row_position[mine])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _scratch_of(scratch, mine):
     """Row ``mine`` of each array of the Scratch: the one worker's own."""
     line, reach, live, cells, weights, placed = scratch.line
@@ -97,9 +97,9 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
     place_row : (medium, footprint, sheets, number, v, shift_v, scale_v) -> (is_covered, y, first_line)
         Whether row ``v`` of the image reads the sheet, its position among scanlines and the first scanline it reads.
     is_filled : (medium, sheets, number, scanline) -> bool
-        Whether a scanline has any runs in the slices of the sheet.
+        Whether a scanline has any runs in the slices of the sheet.  It is called until one has.
     put_voxels : (medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks)
-        Put the scanline's voxels on the line and mark the blocks of pixels that they reach.
+        Put the scanline's voxels, if it has any, on the line, and mark the blocks of pixels that they reach.
     fetch_next : (medium, ahead, scanline, count)
         Ask for the memory of the slice behind.
     resample_block : (medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block)
@@ -109,7 +109,7 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
         Make the line empty again.
     """
 
-    @inner_loop(forceinline=True)
+    @inner_loop(inline="always")
     def resample_line(medium, footprint, number, slot, shift_u, scale_u, line, sheet, block, wanted):
         """The blocks of one slot that are both marked and ``wanted``, from the voxels on the line."""
         blocks = line.placed.size
@@ -125,7 +125,7 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
                     medium, footprint, is_new, b, slot * blocks + b, shift_u, scale_u, line, sheet.samples, block
                 )
 
-    @inner_loop(forceinline=True)
+    @inner_loop
     def resample_sheet(medium, sheets, number, member, window, line, sheet, block, wanted):
         """Sheet ``number``, which is number ``member`` of its group; ``wanted``: (words,) a bit for each block of
         pixels that counts.  Returns whether anything was found, and whether every pixel of the band is opaque."""
@@ -134,10 +134,10 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
         shift_u, scale_u = sheets.offset[number, 0], sheets.scale[number, 0]
         shift_v, scale_v = sheets.offset[number, 1], sheets.scale[number, 1]
         first_row = BAND * member
-        sheet.row_slot[first_row : first_row + BAND] = NO_ROW
         reach_u, reach_v, taps, footprint = footprint_of(medium, scale_u, scale_v)
         first_y, last_y = (top_row - shift_v) / scale_v, (top_row + rows - 1 - shift_v) / scale_v
         if last_y <= -reach_v or first_y >= n_scanlines - 1 + reach_v:
+            sheet.row_slot[first_row : first_row + BAND] = NO_ROW
             return False, False
         ahead = slice_ahead(sheets.first_slice, sheets.slice_weights, number, n_slices)
         found = False
@@ -148,20 +148,23 @@ def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, 
         for r in range(rows):
             is_covered, y, first_line = place_row(medium, footprint, sheets, number, top_row + r, shift_v, scale_v)
             if not is_covered:
+                sheet.row_slot[first_row + r] = NO_ROW
                 continue
             if first_line > tapped:
                 tapped = first_line - 1
             sheet.row_slot[first_row + r] = slot + first_line - tapped
             # Stored, not computed again: rounded otherwise, it might fall on the other side of a voxel.
-            sheet.row_line[first_row + r], sheet.row_place[first_row + r] = first_line, y
+            sheet.row_line[first_row + r], sheet.row_position[first_row + r] = first_line, y
             for scanline in range(tapped + 1, first_line + taps):
                 tapped = scanline
                 slot += 1
                 for word in range(sheet.marks.shape[1]):
                     sheet.marks[slot, word] = NO_BITS
-                if scanline < 0 or scanline >= n_scanlines or not is_filled(medium, sheets, number, scanline):
+                if scanline < 0 or scanline >= n_scanlines:
                     continue
                 if live_count < 0:
+                    if not is_filled(medium, sheets, number, scanline):
+                        continue
                     live_count = live_voxels(wanted, line.placed.size, line.live, shift_u, scale_u, reach_u)
                     if live_count == 0:
                         return False, True
@@ -198,7 +201,7 @@ def row_walker(slab_of, row_of, marked, composite_block, composite_queue):
         Composite the blocks that wait; whether any became opaque.
     """
 
-    @inner_loop(forceinline=True)
+    @inner_loop
     def composite_sheets(medium, sheets, first, together, window, rays, here, there, own, image):
         """Sheets number ``first`` to ``first + together - 1``; whether any block became opaque."""
         alive = own.rows.alive
@@ -250,7 +253,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         A task for ``parallel.share_out``.
     """
 
-    @inner_loop(forceinline=True)
+    @inner_loop(inline="always")
     def resample_sheets(medium, sheets, first, together, window, here, own, wanted):
         """All sheets of a group; whether anything was found, and whether every pixel of the band is opaque."""
         found = opaque = False
@@ -266,21 +269,21 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets."""
         own = _scratch_of(scratch, worker * SPREAD)
         pixels, half, filled = image
-        along, along_slope, across, across_slope, seen, limits = rays
+        along, along_slope, across, across_slope, seen, intervals = rays
         state, length, alive, bright, bounds, reached = own.rows
         window = Window(top_row, rows, along.size)
         band_alive = alive[BAND]
-        limited = bounds.size > 0
-        wanted = reached if limited else band_alive
+        shortened = bounds.size > 0
+        wanted = reached if shortened else band_alive
         clear_scratch(medium, own)
         begin_band(
             state, length, alive, bright, own.line.placed, half, top_row, rows, along, along_slope, across,
             across_slope, seen,
         )
-        bound_blocks(limits, top_row, rows, bounds)
+        bound_blocks(intervals, top_row, rows, bounds)
         here, there = own.sheet, own.sheet_before
         found_before = False
-        sheet = 0
+        sheet = np.int64(0)  # a literal would have the loops compiled twice
         while sheet < sheets.first_slice.size:
             together = group_at(medium, sheets, sheet)
             first, sheet = sheet, sheet + together
@@ -289,7 +292,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
                 if kind != OWN:  # what was here is the sheet before
                     here, there = there, here
             some = SOME
-            if limited:
+            if shortened:
                 some = reached_blocks(bounds, sheets.begin[first], sheets.far[first], band_alive, reached)
                 if some == NO_MORE:
                     break

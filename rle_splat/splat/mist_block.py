@@ -54,14 +54,14 @@ def mist_rays(plane: BasePlane, mist: Mist) -> MistRays:
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def copy_colors(state, row, ahead):
     """The colors of a block of the row, to ``ahead`` (3 * BLOCK,)."""
     for i in range(3 * BLOCK):
         ahead[i] = state[row + i]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def fade_added(mist, state, row, ahead, before, middle, v, first_pixel, count):
     """Fade what a slab has added to a block since ``copy_colors``.
 

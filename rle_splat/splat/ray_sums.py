@@ -16,24 +16,24 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK, GREEN, RED, TRANSMITTANCE
-from .ray_ends import end_in_box
+from .rays_in_box import interval_in_box
 from .scalar_block import ROW_BITS
 
 HALF = np.float32(math.log(2.0))  # optical depth at which half the light is left
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def sheet_depth(position, begin, end):
     """Where a sheet at ``position`` of the principal axis lies along the viewing direction, which is one of the axis or
     against it: inside its slab [``begin``, ``end``]."""
     return position if begin <= position <= end else -position
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def gather_values(
     sheet, upper, lower, down, sign, origin, least, length, deep, thickness, state, row, depth, cut, box_columns,
-    box_rows, limits, v, first_pixel, count, found, half,
+    box_rows, intervals, v, first_pixel, count, found, half,
 ):
     """One block of one sheet of the scalar: ``sign`` 1 for the largest value, -1 the smallest, 0 the mean.
 
@@ -69,19 +69,19 @@ def gather_values(
         if found[i] > _ZERO:
             at = depth
             if cut:
-                enter, leave = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+                enter, leave = interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i)
                 at = min(max(depth, enter), leave)
             half[v, first_pixel + i] = at
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def add_depths(
     table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end, cut, box_columns,
-    box_rows, limits, v, first_pixel, count, before, half,
+    box_rows, intervals, v, first_pixel, count, before, half,
 ):
     """One block of one slab: its optical depth.
 
-    ``table`` and ``sums``: extinction of the value table's entries, and sums of it.  ``entries``, ``spans``,
+    ``table`` and ``sums``: extinction of the lookup table's entries, and sums of it.  ``entries``, ``spans``,
     ``shares``, ``seen``: of ``scalar_block.look_up`` or ``look_between``.  Where half the light is gone in this slab,
     the depth at which it is goes to ``half``.  ``before`` (BLOCK,): scratch.  The others: see ``gather_values``.
     """
@@ -104,12 +104,12 @@ def add_depths(
         if before[i] < HALF and after >= HALF:
             from_, to = begin, end
             if cut:
-                enter, leave = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+                enter, leave = interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i)
                 from_, to = max(begin, enter), min(end, leave)
             half[v, first_pixel + i] = from_ + (HALF - before[i]) / (after - before[i]) * (to - from_)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def thin_slab(
     sheet, upper, lower, down, before, upper_before, lower_before, down_before, plane, shares, length, deep, thinned
 ):

@@ -10,10 +10,10 @@ from __future__ import annotations
 from ..runtime.llvm import intrinsic, ir, numba, types
 from .pixel_block import BLOCK
 
-# Entries of the value table between two sheets up to which the middle one stands for their mean.  Differences of its
+# Entries of the lookup table between two sheets up to which the middle one stands for their mean.  Differences of its
 # sums are as good as float32 sums of all entries are, so that few of them would lose in rounding what they gain.
 SPAN = 32.0
-ROW_BITS = 4  # a row of a value table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
+ROW_BITS = 4  # a row of a lookup table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
 
 if numba is not None:
     from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4

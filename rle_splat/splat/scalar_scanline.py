@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import inner_loop
+from ..runtime.prefetch import fetch_ahead
 from .pixel_block import BLOCK
 from .voxel_groups import (
     FEW,
@@ -26,7 +27,7 @@ from .voxel_scanline import BEFORE, BLOCK_BITS, SLACK, mark_blocks
 NOT_KEPT = np.float32(-3e38)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def put_scanline(
     line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, lights, light_unit, weight, run, voxel,
     far_weight, far_run, far_voxel, width, live, live_count, matt, gloss,
@@ -34,7 +35,8 @@ def put_scanline(
     """Put scalar and light of one scanline's voxels that lie in live spans on ``line``.
 
     ``line``: flat float32, planes of ``stride`` voxels, scalar first.  ``weight``, ``run``, ``voxel``: of the nearer
-    slice, its scanline's first run and voxel; likewise the farther one, left out where its weight is 0.  ``lights``:
+    slice, its scanline's first run and voxel; likewise the farther one, left out where its weight is 0.  ``scalars``:
+    StoredScalars.  ``lights``:
     (m, channels) uint16 codes, or None; ``light_unit`` makes numbers of them; ``matt`` and ``gloss``, see
     ``scalar_block.composite_classified``, are as many planes as it has channels.  ``overhang``: voxels beyond the first
     and the last from which samples are taken back to them.  The others: see ``voxel_scanline.add_runs``.
@@ -93,23 +95,50 @@ def put_scanline(
             s += 1
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def put_scalars(line, to, count, scalars, weight, voxel, far_weight, far_voxel, pair):
     """``count`` voxels of a scanline from number ``to`` on; see ``put_scanline``."""
+    if scalars.uint8.size > 0:
+        _put_stored(line, to, count, scalars.uint8, weight, voxel, far_weight, far_voxel, pair)
+    elif scalars.int16.size > 0:
+        _put_stored(line, to, count, scalars.int16, weight, voxel, far_weight, far_voxel, pair)
+    elif scalars.uint16.size > 0:
+        _put_stored(line, to, count, scalars.uint16, weight, voxel, far_weight, far_voxel, pair)
+    elif scalars.float32.size > 0:
+        _put_stored(line, to, count, scalars.float32, weight, voxel, far_weight, far_voxel, pair)
+    else:
+        _put_stored(line, to, count, scalars.int8, weight, voxel, far_weight, far_voxel, pair)
+
+
+@inner_loop
+def _put_stored(line, to, count, stored, weight, voxel, far_weight, far_voxel, pair):
     size = MANY if count >= MANY else FEW if count >= FEW else 1
     i = 0
     while i < count:
         i = min(i, count - size)
         if size == MANY:
-            mix_many_scalars(line, to + i, scalars, voxel + i, far_voxel + i, weight, far_weight, pair)
+            mix_many_scalars(line, to + i, stored, voxel + i, far_voxel + i, weight, far_weight, pair)
         elif size == FEW:
-            mix_few_scalars(line, to + i, scalars, voxel + i, far_voxel + i, weight, far_weight, pair)
+            mix_few_scalars(line, to + i, stored, voxel + i, far_voxel + i, weight, far_weight, pair)
         else:
-            mix_one_scalar(line, to + i, scalars, voxel + i, far_voxel + i, weight, far_weight, pair)
+            mix_one_scalar(line, to + i, stored, voxel + i, far_voxel + i, weight, far_weight, pair)
         i += size
 
 
-@inner_loop(forceinline=True)
+@inner_loop
+def fetch_scalars(scalars, first, count):
+    """Ask for the memory of ``count`` voxels from number ``first`` on."""
+    if scalars.uint8.size > 0:
+        fetch_ahead(scalars.uint8, first, count)
+    elif scalars.float32.size > 0:
+        fetch_ahead(scalars.float32, first, count)
+    elif scalars.int16.size > 0:
+        fetch_ahead(scalars.int16, first, count)
+    elif scalars.uint16.size > 0:
+        fetch_ahead(scalars.uint16, first, count)
+
+
+@inner_loop
 def put_lights(
     line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss
 ):

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.bits import lowest_bit
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..runtime.prefetch import fetch_ahead
@@ -19,31 +18,16 @@ from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
 from .arguments import Box, Light, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
-from .cut_slab import cut_ends
-from .half_depth import half_way
-from .limited_blocks import count_live, is_outside, is_shortened
-from .mist_block import MistRays, copy_colors, fade_added
-from .pixel_block import BLOCK, TRANSMITTANCE
-from .ray_ends import NO_ROW, block_at, end_in_box, inside_box
-from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
-from .scalar_block import (
-    classify_spans,
-    classify_values,
-    composite_classified,
-    look_between,
-    look_up,
-    place_inside,
-    resample_plane,
-)
+from .mist_block import MistRays
+from .pixel_block import BLOCK
+from .rays_in_box import NO_ROW, block_at
+from .scalar_block import place_inside, resample_plane
 from .scalar_group import GROUP
-from .scalar_scanline import NOT_KEPT, put_scanline
+from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
+from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab, plane_count
 from .scratch import BAND
-from .sheet_row import note_half_depth
-from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 from .waiting_blocks import composite_waiting, look_up_waiting, marked_by_both
-
-LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
-NO_SHARE = np.float32(0.0)  # of the second of two scanlines
 
 
 class ScalarMedium(NamedTuple):
@@ -62,8 +46,8 @@ class ScalarMedium(NamedTuple):
         True where only the sum of optical depths is wanted; the table has one channel then.
     mist : MistRays or None
     grouped : True or None
-        True where sheets are handled in groups (``scalar_group``), which needs the three above to be None, no limits,
-        no thinning, and sheets with slabs of their own.
+        True where sheets are handled in groups (``scalar_group``), which needs the three above to be None, whole
+        rays, no thinning, and sheets with slabs of their own.
     least : float32
         Transmittance at which a pixel is opaque.
     """
@@ -103,40 +87,13 @@ class Row(NamedTuple):
     down_before: np.float32
 
 
-class Samples(NamedTuple):
-    """A block of one sheet: ``samples`` of the scanlines that begin at ``upper`` and ``lower``, and the fraction
-    ``down`` (float32) towards the latter."""
-
-    samples: np.ndarray
-    upper: int
-    lower: int
-    down: np.float32
-
-
-class Pixels(NamedTuple):
-    """A block of the intermediate image: number ``b`` in row ``r`` of the band, ``count`` pixels of row ``v`` from
-    ``first`` on."""
-
-    r: int
-    b: int
-    v: int
-    first: int
-    count: int
-
-
-@inner_loop(forceinline=True)
-def _planes(light):
-    """Numbers that a sheet holds of a pixel."""
-    return 1 + len(light.matt) + len(light.gloss) + len(light.thinning)
-
-
-@inner_loop(forceinline=True)
+@inner_loop
 def _footprint_of(medium, scale_u, scale_v):
     """See ``band_walker.scanline_walker``: always the tent, and samples beside the box are taken at its face."""
     return 1.0 + medium.box.overhang, medium.box.overhang, 2, None
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _place_row(medium, footprint, sheets, number, v, shift_v, scale_v):
     """See ``band_walker.scanline_walker``."""
     box_rows, n_scanlines = medium.box.rows, medium.tables.pointers.shape[1]
@@ -146,7 +103,7 @@ def _place_row(medium, footprint, sheets, number, v, shift_v, scale_v):
     return True, y, max(min(int(y), n_scanlines - 2), 0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _slices_of(sheets, number):
     """The nearer slice that a sheet reads and its weight, and the weight of the next one, 0 where it reads one only."""
     first, weight, far_weight = (
@@ -157,7 +114,7 @@ def _slices_of(sheets, number):
     return first, weight, far_weight
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _is_filled(medium, sheets, number, scanline):
     """See ``band_walker.scanline_walker``: a sample that lacks one of its voxels is transparent."""
     near, _, far_weight = _slices_of(sheets, number)
@@ -167,49 +124,52 @@ def _is_filled(medium, sheets, number, scanline):
     return far_weight == np.float32(0.0) or int(pointers[near + 1, scanline]) >= 0
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     near, weight, far_weight = _slices_of(sheets, number)
     far_run, far_voxel = 0, 0
     if far_weight != np.float32(0.0):
         far_run, far_voxel = int(tables.pointers[near + 1, scanline]), tables.data_starts[near + 1, scanline]
-    line.reach[0], line.reach[1] = tables.width, 0
+    line.reach[0] = tables.width
     put_scanline(
-        line.line, line.line.size // _planes(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
+        line.line, line.line.size // plane_count(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
         tables.runs, tables.scalars, tables.lights, tables.light_unit, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
         light.matt, light.gloss + light.thinning,
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     """See ``band_walker.scanline_walker``."""
+    line.reach[1] = 0
+    if not _is_filled(medium, sheets, number, scanline):
+        return
     _put(
         medium.tables, medium.box, medium.light, sheets, number, scanline, slot, shift_u, scale_u, line, live_count,
         marks,
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _fetch(lights, tables, ahead, scanline, count):
     first = tables.data_starts[ahead, scanline]
-    fetch_ahead(tables.scalars, first, count)
+    fetch_scalars(tables.scalars, first, count)
     if lights is not None:
         fetch_ahead(lights, first * lights.shape[1], count * lights.shape[1])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
     _fetch(medium.tables.lights, medium.tables, ahead, scanline, count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     voxels, _, _, cells, fractions, _ = line
-    planes = _planes(medium.light)
+    planes = plane_count(medium.light)
     stride = voxels.size // planes
     if is_new:
         place_inside(cells, fractions, BLOCK * b, b * BLOCK - shift_u, scale_u, medium.tables.width - 1.0)
@@ -218,13 +178,13 @@ def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, sa
         resample_plane(voxels, plane * stride, cells, fractions, BLOCK * b, samples, to)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _clear_line(medium, line):
     """See ``band_walker.scanline_walker``: light of voxels that are not kept does not count."""
     line.line[line.reach[0] : line.reach[1]] = NOT_KEPT
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_depths(grouped, sheets, first, together, waiting):
     """The thickness of each sheet of a group."""
     if grouped is not None:
@@ -232,37 +192,37 @@ def _group_depths(grouped, sheets, first, together, waiting):
             waiting.depths[number] = sheets.thickness[first + number]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _slab_of(medium, sheets, first, together, waiting):
     """See ``band_walker.row_walker``."""
     _group_depths(medium.grouped, sheets, first, together, waiting)
     return Slab(first, together, sheets.kind[first], sheets.begin[first], sheets.end[first + together - 1])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_downs(grouped, slab, r, here, waiting):
     """The fraction of a row towards the second of its scanlines, in each sheet of a group."""
     if grouped is not None:
         for number in range(slab.together):
             at = BAND * number + r
-            waiting.downs[number] = here.row_place[at] - here.row_line[at] if here.row_slot[at] != NO_ROW else 0.0
+            waiting.downs[number] = here.row_position[at] - here.row_line[at] if here.row_slot[at] != NO_ROW else 0.0
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _row_of(medium, slab, v, r, here, there, waiting):
     """See ``band_walker.row_walker``."""
     enter, leave = medium.box.rows[0, v], medium.box.rows[1, v]
     slot = here.row_slot[r]
     slot_before = there.row_slot[r] if slab.kind == BETWEEN else NO_ROW
-    down = np.float32(here.row_place[r] - here.row_line[r]) if slot != NO_ROW else NO_SHARE
-    down_before = np.float32(there.row_place[r] - there.row_line[r]) if slot_before != NO_ROW else NO_SHARE
+    down = np.float32(here.row_position[r] - here.row_line[r]) if slot != NO_ROW else NO_SHARE
+    down_before = np.float32(there.row_position[r] - there.row_line[r]) if slot_before != NO_ROW else NO_SHARE
     is_crossed = slab.behind > enter and slab.front < leave
     if is_crossed:
         _group_downs(medium.grouped, slab, r, here, waiting)
     return is_crossed, Row(enter, leave, slot, down, slot_before, down_before)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _marked_in_group(grouped, together, r, word, here):
     """The blocks that a row has in the other sheets of a group than the first."""
     bits = NO_BITS
@@ -272,14 +232,14 @@ def _marked_in_group(grouped, together, r, word, here):
     return bits
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _marked(medium, slab, row, r, word, here, there):
     """See ``band_walker.row_walker``."""
     bits = marked_by_both(here.marks, row.slot, word) | marked_by_both(there.marks, row.slot_before, word)
     return bits | _marked_in_group(medium.grouped, slab.together, r, word, here)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _samples_of(sheet, slot, down, b, planes, blocks):
     """Where block ``b`` of a row's two scanlines is; where there is nothing, at the block without samples."""
     absent = sheet.samples.size - planes * BLOCK
@@ -290,160 +250,21 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
     return Samples(sheet.samples, upper, lower, down)
 
 
-@inner_loop(forceinline=True)
-def _look_up(limits, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
-    """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
-    _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    samples, entries, spans, shares = block.samples, block.entries, block.spans, block.shares
-    if kind == OWN:
-        return look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
-    if limits is not None:
-        if is_shortened and cut_ends(
-            limits, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before, upper_before,
-            lower_before, down_before, least, samples,
-        ):
-            return look_between(
-                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
-                rate, last, entries, spans, shares,
-            )
-    return look_between(
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest, furthest,
-        origin, rate, last, entries, spans, shares,
-    )
-
-
-@inner_loop(forceinline=True)
-def _classify(lookup, seen, block):
-    """Extinction times color, and extinction, of a block's entries, to ``block.samples``."""
-    if seen & 255 > seen >> 8:
-        classify_values(lookup.table, block.entries, block.samples)
-    else:
-        block.samples[:] = np.float32(0.0)
-    if seen >> 8 > 0:
-        classify_spans(lookup.sums, block.spans, block.shares, block.samples)
-
-
-@inner_loop(forceinline=True)
-def _note_half_depth(cut, box, limits, begin, end, state, to, pixels, block, half):
-    """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by limits."""
-    if not cut:
-        note_half_depth(
-            block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
-            block.samples,
-        )
-        return
-    parts = block.samples
-    halved = half_way(block.before, state, to + TRANSMITTANCE, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
-    while halved != NO_BITS:
-        i = lowest_bit(halved)
-        halved &= halved - ONE_BIT
-        from_, behind = end_in_box(box.columns, box.rows, limits, pixels.v, pixels.first, i)
-        from_, behind = max(begin, from_), min(end, behind)
-        half[pixels.v, pixels.first + i] = from_ + parts[i] * (behind - from_)
-
-
-@inner_loop(forceinline=True)
-def _composite_classified(
-    limits, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
-):  # fmt: skip
-    """Composite a classified block; how many of its pixels are not opaque."""
-    r, b, v, first_pixel, count = pixels
-    state, to = rows.state, 4 * BLOCK * (r * rows.bright.shape[1] + b)
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    if mist is not None:
-        copy_colors(state, to, block.colors)
-    found = composite_classified(
-        block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
-        medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,
-    )
-    if mist is not None:
-        fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
-    bright = found >> 8
-    if bright != rows.bright[r, b]:
-        rows.bright[r, b] = bright
-        _note_half_depth(cut, medium.box, limits, begin, end, state, to, pixels, block, half)
-    return count_live(limits, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
-
-
-@inner_loop(forceinline=True)
-def _composite_slab(
-    limits, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
-    block, half,
-):  # fmt: skip
-    """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
-    are not opaque.
-
-    ``limits``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
-    ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet and the one before.
-    """
-    _, box, lookup, light, _, _, _, _, _ = medium
-    r, b, v, first_pixel, count = pixels
-    shortened = False
-    if limits is not None:
-        if is_outside(rows.bounds, r, b, begin, end):
-            return LIVE
-        shortened = is_shortened(rows.bounds, r, b, begin, end)
-    seen = 0
-    if sign is None:
-        seen = _look_up(limits, lookup, kind, shortened, begin, end, here, there, pixels, block)
-        if seen == 0:
-            return LIVE
-    at = BLOCK * (r * rows.bright.shape[1] + b)
-    length, deep = rows.length, at
-    whole = begin >= max(box.blocks[1, b], row.enter) and end <= min(box.blocks[2, b], row.leave)
-    cut = shortened or not whole
-    if cut:
-        inside_box(
-            box.columns, box.rows, limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside
-        )
-        length, deep = block.length_inside, 0
-    sheet, upper, lower, down = here
-    if sign is not None:
-        position = sheets.first_slice[number] + sheets.slice_weights[number, 1]
-        gather_values(
-            sheet, upper, lower, down, sign, lookup.origin, lookup.least, length, deep, thickness, rows.state, 4 * at,
-            sheet_depth(position, begin, end), cut, box.columns, box.rows, limits, v, first_pixel, count,
-            block.samples, half,
-        )
-        return LIVE
-    if len(light.thinning) > 0:
-        before, upper_before, lower_before, down_before = there
-        thin_slab(
-            sheet, upper, lower, down, before, upper_before, lower_before, down_before, (_planes(light) - 1) * BLOCK,
-            block.shares, length, deep, block.length_inside,
-        )
-        length, deep = block.length_inside, 0
-    if absorbs is not None:
-        add_depths(
-            lookup.table, lookup.sums, block.entries, block.spans, block.shares, seen, length, deep, thickness,
-            rows.state, 4 * at, begin, end, cut, box.columns, box.rows, limits, v, first_pixel, count, block.before,
-            half,
-        )
-        return LIVE
-    _classify(lookup, seen, block)
-    return _composite_classified(
-        limits, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
-    )
-
-
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_member(medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
     """Composite a block of one sheet of a group, number ``member``; how many of its pixels are not opaque."""
     number = slab.first + member
-    planes, blocks = _planes(medium.light), own.rows.bright.shape[1]
-    return _composite_slab(
-        rays.limits, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind, sheets.begin[number],
-        sheets.end[number], np.float32(sheets.thickness[number]), row,
+    planes, blocks = plane_count(medium.light), own.rows.bright.shape[1]
+    return composite_slab(
+        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind,
+        sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number]), row,
         _samples_of(here, slot, down, pixels.b, planes, blocks),
         _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks),
         pixels, own.rows, own.block, half,
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half):
     """Composite a block of all sheets of a group, one after the other; how many of its pixels are not opaque."""
     b, word = pixels.b, pixels.b // WORD
@@ -464,7 +285,7 @@ def _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own
     return live
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, half):
     box_blocks = medium.box.blocks
     if slab.behind <= box_blocks[0, b] or slab.front >= box_blocks[3, b]:
@@ -479,12 +300,12 @@ def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, h
     enters, leaves = max(box_blocks[1, b], row.enter), min(box_blocks[2, b], row.leave)
     if slab.together == GROUP and slab.front >= enters and slab.behind <= leaves:
         return LIVE, look_up_waiting(
-            queued, r, b, here, _planes(medium.light), own.rows.bright.shape[1], own.waiting, medium.lookup
+            queued, r, b, here, plane_count(medium.light), own.rows.bright.shape[1], own.waiting, medium.lookup
         )
     return _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half), queued
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
@@ -493,7 +314,7 @@ def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_queued(grouped, medium, sheets, slab, window, r, word, queued, here, own, half):
     if grouped is None:
         return False
@@ -503,17 +324,17 @@ def _composite_queued(grouped, medium, sheets, slab, window, r, word, queued, he
     )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
     return _composite_queued(medium.grouped, medium, sheets, slab, window, r, word, queued, here, own, half)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
-    planes = _planes(medium.light)
+    planes = plane_count(medium.light)
     line = own.line.line
     stride = line.size // planes
     line[:stride] = NOT_KEPT
@@ -524,7 +345,7 @@ def _clear_scratch(medium, own):
         samples[absent : absent + BLOCK] = NOT_KEPT
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _count_together(grouped, sheets, sheet):
     if grouped is None:
         return 1
@@ -532,7 +353,7 @@ def _count_together(grouped, sheets, sheet):
     return GROUP if last < sheets.kind.size and sheets.kind[last] == OWN else 1
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_at(medium, sheets, sheet):
     """See ``band_walker.band_walker``."""
     return _count_together(medium.grouped, sheets, sheet)

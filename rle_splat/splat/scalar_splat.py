@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..classify.value_table import ValueTable
+from ..classify.lookup_table import LookupTable
 from ..encode.scalars import ScalarVolume
-from ..runtime.jit import compiled, thread_count
+from ..runtime.jit import compiled, read_only, thread_count
 from ..scene import Mist, Quality
 from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
-from .arguments import Light, Lookup, ScalarTables, SheetList, box_of, rays_of
+from .arguments import Light, Lookup, ScalarTables, SheetList, StoredScalars, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -22,8 +22,8 @@ from .splat import OPAQUE, row_steps, sheet_list
 
 
 def scalar_splat_steps(
-    encoded: ScalarVolume, table: ValueTable, plane: BasePlane, quality: Quality, limits=None, absorbs: bool = False,
-    mist: Mist | None = None,
+    encoded: ScalarVolume, table: LookupTable, plane: BasePlane, quality: Quality, intervals=None,
+    absorbs: bool = False, mist: Mist | None = None,
 ):
     """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
 
@@ -34,7 +34,7 @@ def scalar_splat_steps(
         extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
         lookup = lookup._replace(table=extinctions, sums=sums)
     around = None if mist is None else mist_rays(plane, mist)
-    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, limits, around)
+    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, around)
     if absorbs:
         depths = image.pixels[..., 0].copy()
         image.pixels[..., :3] = -np.expm1(-depths)[..., None]
@@ -42,7 +42,7 @@ def scalar_splat_steps(
     return image
 
 
-def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: Quality, limits=None):
+def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: Quality, intervals=None):
     """As ``splat.splat_steps``, for the largest, smallest or mean values of rays: ``values``, a ``ValueLook``.
 
     The image's first channel is the count of the value, times how much of the pixel lies inside the box of the volume,
@@ -52,28 +52,28 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     origin, least = values.origin - sign * encoded.center, values.least - encoded.center
     zero, nothing = np.float32(0.0), np.zeros(4, np.float32)
     lookup = Lookup(nothing, nothing, np.float32(origin), zero, np.float32(least), zero, zero, zero, zero, np.int32(0))
-    image = yield from _steps(encoded, lookup, np.float32(values.sign), None, plane, quality, limits)
+    image = yield from _steps(encoded, lookup, np.float32(values.sign), None, plane, quality, intervals)
     pixels, box = image.pixels, box_of(plane, encoded.tables.shape_xyz, BLOCK)
     if values.sign == 0.0:
         pixels[..., 0] /= np.maximum(pixels[..., 1], np.float32(1e-30))
     if values.hollow:
         enter, leave = (reduce(column, row[:, None]) for reduce, column, row in
                         zip((np.maximum, np.minimum), box.columns, box.rows))
-        if limits is not None:
-            enter, leave = np.maximum(enter, limits[0]), np.minimum(leave, limits[1])
+        if intervals is not None:
+            enter, leave = np.maximum(enter, intervals[0]), np.minimum(leave, intervals[1])
         pixels[..., 3] = ~(enter < leave)
     pixels[..., 1:3] = 0.0
     image.note_filled()
     return image
 
 
-def _from_centre(center: float, *stored) -> list:
+def _from_center(center: float, *stored) -> list:
     return [np.float32(min(max(value - center, -1e38), 1e38)) for value in stored]
 
 
-def kernel_lookup(table: ValueTable, center: float) -> Lookup:
+def kernel_lookup(table: LookupTable, center: float) -> Lookup:
     """The lookup table as kernels take it, for stored values less ``center``."""
-    least, low, high, nearest, furthest, origin = _from_centre(
+    least, low, high, nearest, furthest, origin = _from_center(
         center, table.least, table.low, table.high, table.nearest, table.furthest, table.origin
     )
     return Lookup(
@@ -83,10 +83,11 @@ def kernel_lookup(table: ValueTable, center: float) -> Lookup:
 
 
 def _tables(encoded: ScalarVolume) -> ScalarTables:
+    tables = encoded.tables
     return ScalarTables(
-        encoded.tables.scanline_pointers, encoded.tables.scanline_data_pointers, encoded.tables.runs, encoded.scalars,
-        encoded.lights, np.float32(encoded.light_unit), encoded.width,
-    )
+        read_only(tables.scanline_pointers), read_only(tables.scanline_data_pointers), read_only(tables.runs),
+        StoredScalars.of(encoded.scalars), encoded.lights, np.float32(encoded.light_unit), encoded.width,
+    )  # fmt: skip
 
 
 def kernel_light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
@@ -95,11 +96,11 @@ def kernel_light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
     return light_planes(shining) if shining else ((), ())
 
 
-def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, limits, mist=None):
+def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, intervals, mist=None):
     """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
     tables = _tables(encoded)
     sheets = sheet_list(encoded, plane)
-    rays = rays_of(plane, 1.0, True, limits)
+    rays = rays_of(plane, 1.0, True, intervals)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
     light = Light(*kernel_light_planes(encoded.lights, encoded.thinned), (channels,) if encoded.thinned else ())
@@ -110,7 +111,7 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
         yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
         return image
     workers = thread_count(quality.threads)
-    grouped = _grouped(sheets, encoded.thinned, limits, sign, absorbs, mist)
+    grouped = _grouped(sheets, encoded.thinned, intervals, sign, absorbs, mist)
     arguments = (*arguments, grouped, least)
     group = GROUP if grouped else 1
     scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True, group=group)

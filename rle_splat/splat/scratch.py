@@ -78,7 +78,7 @@ class Scanlines(NamedTuple):
         Slot of the first scanline that a row of the band reads; ``NO_ROW`` where it reads none.
     row_line : (BAND,) int64
         Number of that scanline.
-    row_place : (BAND,) float64
+    row_position : (BAND,) float64
         Position of the row among the scanlines, in voxels.
 
     Where sheets are handled in groups of GROUP, each array has room for as many, one after the other.
@@ -88,7 +88,7 @@ class Scanlines(NamedTuple):
     marks: np.ndarray
     row_slot: np.ndarray
     row_line: np.ndarray
-    row_place: np.ndarray
+    row_position: np.ndarray
 
 
 class Rows(NamedTuple):
@@ -105,9 +105,9 @@ class Rows(NamedTuple):
     bright : (BAND, blocks) int32
         How many pixels of a block have at least half of their transmittance left.
     bounds : (BAND + 1, 6, blocks) float32
-        Where the rays of a block begin and end (``limited_blocks``); empty where rays have no limits.
+        Where the rays of a block begin and end (``interval_blocks``); empty where rays are whole.
     reached : (words,) uint64
-        The blocks that have a ray inside its limits in the sheet at hand; empty where rays have no limits.
+        The blocks that have a ray inside its interval in the sheet at hand; empty where rays are whole.
     """
 
     state: np.ndarray
@@ -130,7 +130,7 @@ class BlockScratch(NamedTuple):
     shares : (3 * BLOCK,) float32
         What ``scalar_block.look_between`` writes.
     length_inside : (BLOCK,) float32
-        World lengths of the rays inside their limits, per voxel of depth.
+        World lengths of the rays inside their intervals, per voxel of depth.
     before : (BLOCK * (group + 1),) float32 or float64
         Transmittance ahead of the slab; of a group, ahead of each slab and behind the last.
     colors : (3 * BLOCK,) float32 or float64
@@ -208,7 +208,7 @@ def scratch_for(
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     sizes = _sizes(
         tables.width, rays.along.size, sheets.scale.min(axis=0), len(sheets.begin), wide, channels, before,
-        rays.limits is not None, group,
+        rays.intervals is not None, group,
     )
     rows = workers * SPREAD
     layout, size = _layout(rows, sizes)
@@ -218,25 +218,25 @@ def scratch_for(
     return scratch._replace(line=scratch.line._replace(reach=np.zeros((rows, *REACH), np.int64)))
 
 
-def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, limited: bool) -> int:
+def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, shortened: bool) -> int:
     """About the bytes of ``scratch_for`` that are touched, before there are tables; the reference has no scratch.
 
-    Light is taken to be white, which it mostly is.  ``scalars``: whether sheets hold the scalar.  ``limited``: whether
-    rays have intervals.
+    Light is taken to be white, which it mostly is.  ``scalars``: whether sheets hold the scalar.  ``shortened``:
+    whether rays have intervals.
     """
     if not compiled(quality.backend):
         return 0
-    group = GROUP if scalars and not limited and worth_grouping(plane.sheets) else 1
+    group = GROUP if scalars and not shortened and worth_grouping(plane.sheets) else 1
     sizes = _sizes(
         shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),
-        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, limited, group,
+        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, shortened, group,
     )
     each = sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in _shapes(*sizes).values())
     return thread_count(quality.threads) * each
 
 
 def _sizes(
-    width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, limited: bool, group: int
+    width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, shortened: bool, group: int
 ) -> tuple:
     """What ``_shapes`` is made of.
 
@@ -247,7 +247,7 @@ def _sizes(
     stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
-    return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, limited, group
+    return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, shortened, group
 
 
 @lru_cache
@@ -265,7 +265,7 @@ def _layout(rows: int, sizes: tuple) -> tuple[list, int]:
 
 @lru_cache
 def _shapes(
-    line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, limited: bool, group: int
+    line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, shortened: bool, group: int
 ) -> dict:
     """Name -> shape and type of each array of a Scratch for one worker, in the order of its groups; see ``_sizes``."""
     words = -(-blocks // WORD)
@@ -276,7 +276,7 @@ def _shapes(
             f"{name}.marks": (slots * group * present, words, np.uint64),
             f"{name}.row_slot": (BAND * group * present, np.int64),
             f"{name}.row_line": (BAND * group * present, np.int64),
-            f"{name}.row_place": (BAND * group * present, np.float64),
+            f"{name}.row_position": (BAND * group * present, np.float64),
         }
 
     return {
@@ -287,7 +287,7 @@ def _shapes(
         **scanlines("sheet", True), **scanlines("sheet_before", before),
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
-        "bounds": (BAND + 1, 6, blocks * limited, np.float32), "reached": (words * limited, np.uint64),
+        "bounds": (BAND + 1, 6, blocks * shortened, np.float32), "reached": (words * shortened, np.uint64),
         "samples": (4 * BLOCK, np.float32),
         "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
         "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),

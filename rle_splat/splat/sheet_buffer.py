@@ -17,7 +17,7 @@ from ..runtime.prefetch import fetch_ahead
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .arguments import Tables, Wide
 from .band_walker import band_walker, row_walker, scanline_walker
-from .limited_blocks import count_live, is_outside, is_shortened
+from .interval_blocks import count_live, is_outside, is_shortened
 from .mist_block import MistRays, copy_colors, fade_added
 from .pixel_block import (
     BLOCK,
@@ -89,12 +89,12 @@ class Slab(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``place`` among
-    scanlines, in voxels."""
+    """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``position``
+    among scanlines, in voxels."""
 
     slot: int
     line: int
-    place: float
+    position: float
 
 
 @inner_loop
@@ -103,7 +103,7 @@ def _stretch(widen, scale):
     return max(1.0, 1.0 / scale) if widen else 1.0
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _footprint(wide, scale_u, scale_v):
     """The Footprint of a sheet of ``scale`` sheet pixels per voxel."""
     if wide is None:
@@ -114,27 +114,27 @@ def _footprint(wide, scale_u, scale_v):
     return Footprint(kind, stretch_u, radius_u, tap_count(radius_u), stretch_v, radius_v, tap_count(radius_v))
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _footprint_of(medium, scale_u, scale_v):
     """See ``band_walker.scanline_walker``."""
     footprint = _footprint(medium.wide, scale_u, scale_v)
     return footprint.radius_u, footprint.radius_v, footprint.taps_v, footprint
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _margin(wide, line):
     """Voxels of zeros before a scanline's first: as many as a footprint reaches."""
     return line.weights.size // line.cells.size if wide is not None else 1
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _place_row(medium, footprint, sheets, number, v, shift_v, scale_v):
     """See ``band_walker.scanline_walker``."""
     y = voxel_at(v, shift_v, scale_v)
     return True, y, first_tap(footprint.kind, y, footprint.radius_v)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _run_of(tables, sheets, number, deeper, scanline):
     """The first run of a scanline in the slice ``deeper`` behind the sheet's first, -1 where there is none or where
     the slice has no weight."""
@@ -144,7 +144,7 @@ def _run_of(tables, sheets, number, deeper, scanline):
     return int(tables.pointers[k, scanline])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _is_filled(medium, sheets, number, scanline):
     """See ``band_walker.scanline_walker``."""
     for deeper in range(sheets.slice_weights.shape[1]):
@@ -153,7 +153,7 @@ def _is_filled(medium, sheets, number, scanline):
     return False
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     """See ``band_walker.scanline_walker``."""
     tables, margin = medium.tables, _margin(medium.wide, line)
@@ -169,19 +169,19 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
         )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _fetch(decoding, tables, ahead, scanline, count):
     words = 4 if decoding is None else 3 if tables.voxels.itemsize == 2 else 1  # of a record, see Tables
     fetch_ahead(tables.voxels, words * tables.data_starts[ahead, scanline], words * count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
     _fetch(medium.tables.decoding, medium.tables, ahead, scanline, count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _resample_tents(width, is_new, b, at, shift_u, scale_u, line, samples):
     """A block by the plain tent; ``at``: its place in ``samples``."""
     voxels, _, _, cells, weights, _ = line
@@ -193,7 +193,7 @@ def _resample_tents(width, is_new, b, at, shift_u, scale_u, line, samples):
         resample_tent(voxels, cells, weights, BLOCK * b, samples, at)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _resample_any(footprint, margin, width, is_new, b, at, shift_u, scale_u, line, samples, mixed):
     """A block by a footprint of any width; ``mixed``: (4 * BLOCK,) scratch."""
     voxels, _, _, cells, weights, _ = line
@@ -205,7 +205,7 @@ def _resample_any(footprint, margin, width, is_new, b, at, shift_u, scale_u, lin
     resample_wide(voxels, cells, weights, taps, mixed, samples, at)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _resample(wide, footprint, width, is_new, b, at, shift_u, scale_u, line, samples, mixed):
     if wide is None:
         _resample_tents(width, is_new, b, at, shift_u, scale_u, line, samples)
@@ -215,7 +215,7 @@ def _resample(wide, footprint, width, is_new, b, at, shift_u, scale_u, line, sam
         )  # fmt: skip
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     _resample(
@@ -224,27 +224,27 @@ def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, sa
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _clear_line(medium, line):
     """See ``band_walker.scanline_walker``."""
     for i in range(line.reach[0], line.reach[1], GROUP):  # clearing a slice would be a call that saves all registers
         clear_group(line.line, 4 * i)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _slab_of(medium, sheets, first, together, waiting):
     """See ``band_walker.row_walker``."""
     footprint = _footprint(medium.wide, sheets.scale[first, 0], sheets.scale[first, 1])
     return Slab(sheets.begin[first], sheets.end[first], np.float32(sheets.thickness[first]), footprint)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _row_of(medium, slab, v, r, here, there, waiting):
     """See ``band_walker.row_walker``."""
-    return True, Row(here.row_slot[r], here.row_line[r], here.row_place[r])
+    return True, Row(here.row_slot[r], here.row_line[r], here.row_position[r])
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _marked(medium, slab, row, r, word, here, there):
     """See ``band_walker.row_walker``."""
     bits = NO_BITS
@@ -253,7 +253,7 @@ def _marked(medium, slab, row, r, word, here, there):
     return bits
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _is_marked(marks, slot, b):
     return (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT != NO_BITS
 
@@ -277,19 +277,19 @@ def _add_scanlines(kind, y, first, taps, stretch, slot, b, blocks, sheet, marks,
             mixed[i] += weight * block[i]
 
 
-@inner_loop(forceinline=True)
-def _inside_limits(limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
-    """Shorten the rays of one block to the part of a slab within their limits (see ``arguments.Rays``)."""
+@inner_loop
+def _inside_intervals(intervals, v, first_pixel, count, begin, end, lengths, deep, length_inside):
+    """Shorten the rays of one block to the part of a slab within their intervals (see ``arguments.Rays``)."""
     for i in range(count):
         u = first_pixel + i
-        outside = max(limits[0, v, u] - begin, 0.0) + max(end - limits[1, v, u], 0.0)
-        for hole in range(2, limits.shape[0], 2):
-            outside += max(min(end, limits[hole + 1, v, u]) - max(begin, limits[hole, v, u]), 0.0)
+        outside = max(intervals[0, v, u] - begin, 0.0) + max(end - intervals[1, v, u], 0.0)
+        for hole in range(2, intervals.shape[0], 2):
+            outside += max(min(end, intervals[hole + 1, v, u]) - max(begin, intervals[hole, v, u]), 0.0)
         length_inside[i] = lengths[deep + i] * np.float32(min(max(1.0 - outside / (end - begin), 0.0), 1.0))
 
 
-@inner_loop(forceinline=True)
-def _scanline_places(wide, slab, row, b, blocks, here):
+@inner_loop
+def _scanline_positions(wide, slab, row, b, blocks, here):
     """Where block ``b`` of the two scanlines of a row begins; of a wide footprint, whose scanlines are added up here,
     twice where their sum is."""
     samples, marks = here.samples, here.marks
@@ -300,11 +300,11 @@ def _scanline_places(wide, slab, row, b, blocks, here):
         lower = 4 * BLOCK * ((row.slot + 1) * blocks + b) if _is_marked(marks, row.slot + 1, b) else empty
         return upper, lower
     kind, _, _, _, stretch, _, taps = slab.footprint
-    _add_scanlines(kind, row.place, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
+    _add_scanlines(kind, row.position, row.line, taps, stretch, row.slot, b, blocks, samples, marks, mixed)
     return mixed, mixed
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _lay_over(
     wide, additive_opacity, samples, upper, lower, down, length, deep, thickness, least, state, row, before
 ):  # fmt: skip
@@ -319,9 +319,9 @@ def _lay_over(
     return composite_opacity(samples, mixed, length, deep, thickness, least, state, row, before)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_slab(
-    limits, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
+    intervals, wide, additive_opacity, mist, least, slab, row, window, r, b, here, rows, block, half
 ):  # fmt: skip
     """Composite block ``b`` of row ``r`` of the band; how many of its pixels are not opaque."""
     begin, end, thickness, _ = slab
@@ -331,56 +331,57 @@ def _composite_slab(
     at = BLOCK * (r * blocks + b)
     state, to = rows.state, 4 * at
     shortened = False
-    if limits is not None:
+    if intervals is not None:
         if is_outside(rows.bounds, r, b, begin, end):
             return LIVE
         shortened = is_shortened(rows.bounds, r, b, begin, end)
-    upper, lower = _scanline_places(wide, slab, row, b, blocks, here)
+    upper, lower = _scanline_positions(wide, slab, row, b, blocks, here)
     length, deep = rows.length, at
-    if limits is not None:
+    if intervals is not None:
         if shortened:
-            _inside_limits(limits, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
+            _inside_intervals(intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
             length, deep = block.length_inside, 0
     if mist is not None:
         copy_colors(state, to, block.colors)
     pixels = _lay_over(
-        wide, additive_opacity, here.samples, upper, lower, np.float32(row.place - row.line), length, deep, thickness,
-        least, state, to, block.before,
+        wide, additive_opacity, here.samples, upper, lower, np.float32(row.position - row.line), length, deep,
+        thickness, least, state, to, block.before,
     )
     if mist is not None:
         fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
     bright = pixels >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        if limits is None:
+        if intervals is None:
             note_half_depth(
                 block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
             )  # fmt: skip
         else:
             note_half_depth_inside(
-                limits, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
+                intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
+                block.samples,
             )
-    return count_live(limits, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
+    return count_live(intervals, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
     live = _composite_slab(
-        rays.limits, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
+        rays.intervals, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
         own.rows, own.block, half,
     )
     return live, queued
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, image):
     """See ``band_walker.row_walker``: sheets of classified voxels are handled one by one."""
     return False
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
     own.line.line[:] = np.float32(0.0)
@@ -388,7 +389,7 @@ def _clear_scratch(medium, own):
     own.block.length_inside[:] = np.float32(0.0)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _group_at(medium, sheets, sheet):
     """See ``band_walker.band_walker``."""
     return 1
@@ -410,7 +411,7 @@ def splat_rows(
     """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
     What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination
-    of footprint, model, mist and limits.
+    of footprint, model, mist and intervals.
 
     Parameters
     ----------

@@ -22,9 +22,9 @@ _ALMOST_ONE = np.float32(1.0 - 2.0**-24)  # log1p(-1) has no value; this is the 
 def place_wide_taps(cells, weights, taps, kind, stretch, radius, first_pixel, shift, scale, margin, low, top):
     """Where the samples of one block lie for a footprint of any width: first voxel, and its ``taps`` weights.
 
-    ``cells``: number of the first voxel, ``margin`` more.  ``weights[tap * BLOCK + i]`` float32, normalised by their
+    ``cells``: number of the first voxel, ``margin`` more.  ``weights[tap * BLOCK + i]`` float32, normalized by their
     sum over all voxels.  ``stretch``: how much wider than a voxel the footprint is made; ``radius``: stretched.
-    ``first_pixel``, ``shift``, ``scale``: see ``voxel_at``.  ``low`` and ``top``: first and last place.
+    ``first_pixel``, ``shift``, ``scale``: see ``voxel_at``.  ``low`` and ``top``: first and last position.
     """
     for i in range(BLOCK):
         x = min(max(voxel_at(first_pixel + i, shift, scale), low), top)
@@ -105,12 +105,12 @@ def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixe
 
 
 @inner_loop
-def note_half_depth_inside(limits, before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
-    """As ``note_half_depth``, where the slab is only what lies between ``limits`` (2 or more, H, W) of its ray."""
+def note_half_depth_inside(intervals, before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
+    """As ``note_half_depth``, where the slab is only what lies between ``intervals`` (2 or more, H, W) of its ray."""
     bits = half_way(before, after, at, parts) & (ALL_BITS >> np.uint64(WORD - count))
     while bits != NO_BITS:
         i = lowest_bit(bits)
         bits &= bits - ONE_BIT
-        begin = max(slab_begin, limits[0, v, first_pixel + i])
-        end = min(slab_end, limits[1, v, first_pixel + i])
+        begin = max(slab_begin, intervals[0, v, first_pixel + i])
+        end = min(slab_end, intervals[1, v, first_pixel + i])
         half[v, first_pixel + i] = begin + parts[i] * (end - begin)

@@ -24,7 +24,7 @@ LOADING = None
 
 
 def splat_steps(
-    encoded: RunLengthVolume, plane: BasePlane, quality: Quality, length_unit: float = 1.0, limits=None,
+    encoded: RunLengthVolume, plane: BasePlane, quality: Quality, length_unit: float = 1.0, intervals=None,
     mist: Mist | None = None,
 ):
     """Generator: yields fractions done in [0, 1], returns an IntermediateImage.
@@ -33,8 +33,8 @@ def splat_steps(
     from the splat's own.
 
     ``length_unit``: world length in which path lengths are counted, 1 for extinction per world length, the
-    opacity unit distance for the opacity model.  ``limits``: (2, H, W) float32, where each sheet pixel's ray
-    begins and ends along the viewing direction of the axis in voxels, or None for no limits.  ``mist``: None for none.
+    opacity unit distance for the opacity model.  ``intervals``: (2, H, W) float32, where each sheet pixel's ray
+    begins and ends along the viewing direction of the axis in voxels, or None for whole rays.  ``mist``: None for none.
     Deterministic: the same bits for any number of threads.
     """
     voxels, decoding = encoded.voxel_data, encoded.decoding
@@ -45,13 +45,13 @@ def splat_steps(
         encoded.width,
     )
     sheets = sheet_list(encoded, plane)
-    rays = rays_of(plane, length_unit, quality.length_correction, limits)
+    rays = rays_of(plane, length_unit, quality.length_correction, intervals)
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     wide = wide_of(plane, quality)
     around = None if mist is None else mist_rays(plane, mist)
     # Opacities are taken as they are added only where every sheet stands for one voxel of depth.
-    as_added = not quality.length_correction and limits is None and bool((plane.sheets.thickness == 1.0).all())
+    as_added = not quality.length_correction and intervals is None and bool((plane.sheets.thickness == 1.0).all())
     model = (least, None if quality.model == "extinction" else as_added)
     if not compiled(quality.backend):
         yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, around, *image.arrays)
@@ -103,7 +103,7 @@ def _reached(encoded, sheets: Sheets) -> np.ndarray:
     filled = encoded.filled_slices
     reached = np.zeros(len(sheets.first_slice), bool)
     for tap in range(sheets.slice_weights.shape[1]):
-        place = np.minimum(np.maximum(sheets.first_slice + (1 + tap), 0), len(filled) - 1)
-        reached |= filled[place] & (sheets.slice_weights[:, tap] > 0.0)
+        number = np.minimum(np.maximum(sheets.first_slice + (1 + tap), 0), len(filled) - 1)
+        reached |= filled[number] & (sheets.slice_weights[:, tap] > 0.0)
     reached[0] |= not reached.any()
     return reached

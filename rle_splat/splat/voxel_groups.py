@@ -1,6 +1,6 @@
 """Groups of voxels of a scanline in vector registers: what two slices hold of them, mixed, as float32 planes.
 
-Runs are short, a dozen voxels often, too short for what a loop's vectoriser makes of them.  So they are taken in groups
+Runs are short, a dozen voxels often, too short for what a loop's vectorizer makes of them.  So they are taken in groups
 of a fixed size, of which the last may lie over the one before: a voxel has the same bits in whichever group it is.
 """
 

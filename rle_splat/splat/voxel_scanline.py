@@ -19,7 +19,7 @@ BEFORE = 1 << 20  # blocks added before a position is cut to a whole number, so 
 SLACK = 1e-6  # pixels by which a footprint is taken to reach further, so that no rounding decides who is reached
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def mark_blocks(marks, row, first, last):
     """Set the marks, a bit each, of blocks ``first`` to ``last`` (inclusive) in ``marks[row]`` (words,) uint64."""
     first, last = max(first, 0), min(last, marks.shape[1] * WORD - 1)
@@ -41,7 +41,7 @@ def _mark_reached(marks, slot, first, last, scale, shift, radius):
     )
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def add_runs(
     line, reach, margin, marks, slot, scale, shift, radius, weight, runs, run, voxels, decoding, voxel, width, live,
     live_count,

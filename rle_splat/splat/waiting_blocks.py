@@ -10,20 +10,20 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK
-from .ray_ends import NO_ROW
+from .rays_in_box import NO_ROW
 from .scalar_group import GROUP, composite_group, look_up_group
 from .scratch import BAND
 from .sheet_row import note_half_depth
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def marked_by_both(marks, slot, word):
     """The blocks that the scanlines of a slot and of the next one both have, as bits."""
     return marks[slot, word] & marks[slot + 1, word] if slot != NO_ROW else NO_BITS
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def look_up_waiting(queued, r, b, scanlines, planes, blocks, waiting, lookup):
     """Look up block ``b`` of row ``r`` of a band in all sheets of a group; how many blocks of the row wait then.
 
@@ -49,7 +49,7 @@ def look_up_waiting(queued, r, b, scanlines, planes, blocks, waiting, lookup):
     return queued + 1
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def composite_waiting(queued, r, word, window, first, sheets, table, light, least, samples, waiting, rows, block, half):
     """Composite the blocks of a row that wait through the sheets from number ``first`` on; whether any became opaque.
 

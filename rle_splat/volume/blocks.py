@@ -12,9 +12,7 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from .sizes import BLOCK_X, BLOCK_Y, BLOCK_Z
-
-VOXELS_AT_ONCE = 1 << 25  # voxels between two progress reports, at which a user can cancel: some hundredths of a second
+from .sizes import BLOCK_X, BLOCK_Y, BLOCK_Z, VOXELS_AT_ONCE
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import effects, effects_page
 from benchmarks.scenes import shells
-from rle_splat.effects.analyse import EFFECTS, analyse
+from rle_splat.effects.analyze import EFFECTS, analyze
 from rle_splat.scene import Quality
 
 QUALITY = Quality.preset("draft", threads=1)
@@ -25,10 +25,10 @@ def test_every_effect_of_the_table_has_a_price():
 @pytest.mark.parametrize("label", KNOWN)
 def test_a_price_turns_its_effect_on(label, setting):
     base, price = setting.at(effects.AZIMUTH, 512), effects.PRICES[label]
-    with_it = analyse(effects.given(base, label), QUALITY)
+    with_it = analyze(effects.given(base, label), QUALITY)
     assert with_it[price.effect].on
     over = base if price.over is None else effects.given(base, price.over)
-    gone = set(analyse(over, QUALITY).on) ^ set(with_it.on)
+    gone = set(analyze(over, QUALITY).on) ^ set(with_it.on)
     assert gone <= {price.effect, "headlight", "shading", "specular", "lights"}, label
 
 

@@ -58,7 +58,7 @@ def test_rows(one_shell, perspective):
 
 
 @pytest.mark.skipif(not compiled(), reason="slow without kernels")
-def test_shaded_pictures_are_judged_by_the_truth_that_they_claim(small):
+def test_shaded_pictures_are_compared_with_the_truth_that_they_claim(small):
     names = ("strict", engine.PAPER_LIKE)
     rows = engine.measure(*small, perspective=False, shaded=True, qualities=names, **SMALL)
     post, pre = ({truth: row[truth]["rmse"] for truth in ("t1", "t2")} for row in rows)
@@ -125,7 +125,7 @@ def test_paper_like_is_the_papers_pipeline_on_the_convergent_model():
 
 
 def test_scalar_truth_of_a_constant_volume(small):
-    """T2 of a constant medium: 1 - exp(-sigma l) with l the path through the box of voxel centres."""
+    """T2 of a constant medium: 1 - exp(-sigma l) with l the path through the box of voxel centers."""
     volume, tf = small
     constant = type(volume)(np.full((9, 9, 9), 110, np.uint8), np.eye(4))
     scene = view_scene(constant, tf, (0, 0), 9)

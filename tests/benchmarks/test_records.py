@@ -29,7 +29,7 @@ def test_shorter_records_err_more_and_little(rows):
     assert rows[0]["frame"] == 1.0
 
 
-def test_the_truth_is_another_judge_than_16_bytes(rows):
+def test_the_truth_is_not_the_picture_of_16_bytes(rows):
     best = rows[0]["t1"]["largest"]
     assert best > 0.0
     for row in rows:

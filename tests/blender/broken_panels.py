@@ -1,4 +1,4 @@
-"""Panels that a window refuses or complains of, each with one flaw: whoever judges panels must notice every one."""
+"""Panels that a window refuses or complains of, each with one flaw: a check of panels must notice every one."""
 
 from contextlib import contextmanager
 

@@ -21,7 +21,7 @@ def import_raw(folder, voxels, spacing=(1.0, 1.0, 1.0), name="cube"):
 
 
 def give_transfer(write_transfer, transfer_function_class, volume_object, opacity, color):
-    """Unshaded constant-colour transfer function, opacities per world unit."""
+    """Unshaded constant-color transfer function, opacities per world unit."""
     function = transfer_function_class(
         name="test", unit=None, opacity=tuple(opacity), color=((0.0, *color), (255.0, *color)),
         opacity_unit_distance=1.0, shade=None)
@@ -41,7 +41,7 @@ def add_camera(location=(0.0, 0.0, 10.0), rotation=(0.0, 0.0, 0.0), **settings):
 
 
 def add_mesh(vertices, faces, color=None, name="mesh"):
-    """A mesh object; with a colour it emits that radiance."""
+    """A mesh object; with a color it emits that radiance."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata([tuple(v) for v in vertices], [], faces)
     mesh_object = bpy.data.objects.new(name, mesh)
@@ -81,7 +81,7 @@ def use_cycles(size=(64, 64), samples=1, transparent=True):
     return scene
 
 
-def grey_world(value):
+def gray_world(value):
     """A world of even radiance (``film_transparent`` off shows it)."""
     world = bpy.data.worlds.new("world")
     if world.node_tree is None:
@@ -158,7 +158,7 @@ RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)
 
 
 def add_cube(folder, name="cube", color=RED, value=100, **transfer):
-    """Import a uniform cube of SIDE voxels a side about (3, 3, 3), of one colour, unshaded; returns its object.
+    """Import a uniform cube of SIDE voxels a side about (3, 3, 3), of one color, unshaded; returns its object.
 
     ``transfer``: of its file, in place of those values.
     """
@@ -168,9 +168,9 @@ def add_cube(folder, name="cube", color=RED, value=100, **transfer):
 
 
 def load_color(folder, color, alpha=0.3, **transfer):
-    """Give the active volume one colour and opacity, by the operator that reads a file."""
+    """Give the active volume one color and opacity, by the operator that reads a file."""
     function = {
-        "name": "one colour", "unit": None, "opacity": [[0.0, 0.0], [50.0, alpha], [255.0, alpha]],
+        "name": "one color", "unit": None, "opacity": [[0.0, 0.0], [50.0, alpha], [255.0, alpha]],
         "color": [[0.0, *color], [255.0, *color]], "opacity_unit_distance": 1.0, "shade": False, **transfer}
     path = folder / "one_color.json"
     path.write_text(json.dumps(function))

@@ -79,7 +79,7 @@ SITUATIONS = {
     "B55": ("motion blur", "Render Image and renders show the same"),
     "B56": ("the Mist pass is switched on", "the picture stays the same"),
     "B57": ("motion blur beside handlers of other add-ons", "its poses do not run them"),
-    # Import, and what an edit leaves behind: test_situations_edits.py, test_switches.py, test_linked.py, test_vdb.py
+    # Import, and what an edit leaves behind: test_situations_edits.py, test_switches.py, test_transfer.py, test_vdb.py
     "B58": ("a name of a file speaks of big and little, but not of bytes", "the bytes decide"),
     "B59": ("a clip object is added while its collection is excluded", "it is refused in a sentence, or added; nothing "
             "is left behind by halves"),

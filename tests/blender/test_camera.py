@@ -162,7 +162,7 @@ def test_lights_are_read_as_evaluated(bridge):
 
 
 @pytest.mark.parametrize("kind", ["POINT", "SPOT", "SUN", "AREA"])
-def test_a_light_that_is_not_normalised_is_as_bright_as_cycles_makes_it(bridge, tmp_path, kind):
+def test_a_light_that_is_not_normalized_is_as_bright_as_cycles_makes_it(bridge, tmp_path, kind):
     """"Normalize" off scales a light by its area: the plain energy read has the same ratio as two renders."""
     scene = scenes.use_cycles((8, 8), samples=256)
     scenes.add_camera((0.0, 0.0, 20.0), type="ORTHO", ortho_scale=0.2)
@@ -176,8 +176,8 @@ def test_a_light_that_is_not_normalised_is_as_bright_as_cycles_makes_it(bridge, 
     light.location = (0.0, 0.0, 6.0)
     scene.collection.objects.link(light)
     brightness, energy = [], []
-    for normalised in (True, False):
-        data.normalize = normalised
+    for normalized in (True, False):
+        data.normalize = normalized
         brightness.append(float(scenes.rendered(tmp_path / "lit.exr")[..., 1].mean()))
         energy.append(bridge("lights").read_lights(bpy.context.evaluated_depsgraph_get())[0].energy)
     assert math.isclose(energy[1] / energy[0], brightness[1] / brightness[0], rel_tol=0.03)

@@ -48,7 +48,7 @@ def reported(name):
     return next(row for row in report["effects"] if row["name"] == name)
 
 
-def test_extinctions_add_and_colours_by_their_share(pair):
+def test_extinctions_add_and_colors_by_their_share(pair):
     first, second = pair
     alone = middle()
     assert not reported("channels")["on"]
@@ -78,7 +78,7 @@ def test_the_channels_own_transfer_function_counts(pair, bridge, core):
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, second,
         ((0.0, 0.0), (255.0, 0.0)), BLUE)
     np.testing.assert_allclose(middle()[:3] / middle()[3], RED, atol=5e-3)
-    assert "nothing is shown of" in reported("channels")["reason"]
+    assert "fully transparent" in reported("channels")["reason"]
 
 
 def test_channels_survive_the_file_and_a_deleted_volume(pair, tmp_path):

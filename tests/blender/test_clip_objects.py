@@ -27,7 +27,7 @@ def settings(bridge, core, tmp_path):
 
 
 def depth_at(x, y):
-    """Length of matter on the ray through world (x, y), from the picture's alpha."""
+    """Length of the medium on the ray through world (x, y), from the picture's alpha."""
     assert bpy.ops.rle_splat.render_image(use_meshes=True) == {"FINISHED"}
     alpha = scenes.image_pixels(bpy.context.scene.rle_splat.image)[..., 3]
     column, row = (int((a - (N - 1) / 2) / VIEW * 48 + 24) for a in (x, -y + N - 1))

@@ -203,7 +203,7 @@ def test_without_a_compositor_one_is_made_and_taken_away(volume, bridge):
     assert not bpy.ops.rle_splat.remove_composite.poll()
 
 
-def test_an_unlinked_output_keeps_its_colour(volume, bridge, tmp_path):
+def test_an_unlinked_output_keeps_its_color(volume, bridge, tmp_path):
     versions, scene = bridge("versions"), bpy.context.scene
     tree = versions.switch_on_compositor(scene)
     versions.add_output_socket(tree)
@@ -307,7 +307,7 @@ def test_without_a_composite_renders_are_left_alone(volume, tmp_path):
 
 def test_over_a_world(volume, tmp_path):
     scenes.use_cycles(transparent=False)
-    scenes.grey_world(0.5)
+    scenes.gray_world(0.5)
     bpy.ops.rle_splat.composite()
     picture = scenes.rendered(tmp_path / "out.exr")
     np.testing.assert_allclose(picture[32, 32], over(N, (0.5, 0.5, 0.5), 1.0), atol=TOLERANCE)

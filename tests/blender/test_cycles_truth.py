@@ -39,7 +39,7 @@ def grid(kind, values, name, matrix):
 def volume_of(path, extinction, color, matrix):
     """A volume object that absorbs by ``extinction`` (nz, ny, nx) and emits extinction * color per world unit.
 
-    Two transparent voxels all round: Cycles fills [0, n] about the centres, our medium ramps down to [-1, n].
+    Two transparent voxels all round: Cycles fills [0, n] about the centers, our medium ramps down to [-1, n].
     """
     fields = np.concatenate((color * extinction[..., None], extinction[..., None]), axis=-1)
     fields = np.pad(fields, ((2, 2),) * 3 + ((0, 0),)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The list of effects in Blender: analysed without a picture, priced with one, forced by hand, undone and reloaded."""
+"""The list of effects in Blender: analyzed without a picture, priced with one, forced by hand, undone and reloaded."""
 
 import json
 import math
@@ -48,7 +48,7 @@ def add_sun():
 def test_the_list_is_made_out_without_a_picture(scene, core):
     assert not scene.rle_splat.effect_rows
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
-    assert list(rows(scene)) == list(core("effects.analyse").EFFECTS)
+    assert list(rows(scene)) == list(core("effects.analyze").EFFECTS)
     assert rows(scene)["headlight"].on and not rows(scene)["lights"].on and not rows(scene)["mesh occlusion"].on
     assert not any(row.is_timed for row in scene.rle_splat.effect_rows)
     assert scene.rle_splat.image is None and scene.rle_splat.last_report == ""
@@ -107,7 +107,7 @@ def test_what_is_forced_is_kept_in_the_file_and_copied_with_the_scene(scene, tmp
 def test_the_panel_shows_a_row_with_an_override_for_each_effect(scene, core, monkeypatch):
     from tests.blender.test_panels import draw_all, texts
 
-    effects = core("effects.analyse").EFFECTS
+    effects = core("effects.analyze").EFFECTS
     log = draw_all(monkeypatch)
     for name in effects:
         assert ("prop", name.replace(" ", "_")) in log and name in texts(log).lower()

@@ -1,4 +1,4 @@
-"""Pictures as image datablocks: exact float values, the right colour space, the right way up, through save and load."""
+"""Pictures as image datablocks: exact float values, the right color space, the right way up, through save and load."""
 
 import json
 

@@ -55,7 +55,7 @@ def test_raw_with_everything_given(tmp_path, bridge, order, header):
     assert "7 × 6 × 5, int16" in owner.rle_splat.facts
 
 
-def test_box_is_the_voxel_centres_in_metres_and_follows_the_object(volume_object):
+def test_box_is_the_voxel_centers_in_metres_and_follows_the_object(volume_object):
     low, high = extremes(box_corners(volume_object))
     np.testing.assert_allclose(low, (0.0, 0.0, 0.0), atol=1e-9)
     np.testing.assert_allclose(high, (0.006, 0.010, 0.012), rtol=1e-6)
@@ -126,7 +126,7 @@ def test_vdb_stands_where_blender_puts_it(tmp_path, bridge):
     write_vdb(path, ("density", "FloatGrid", array), ("speed", "Vec3SGrid", np.ones((4, 5, 6, 3), np.float32)))
     import_volume(filepath=str(path), grid="density")
     volume = bridge("volumes").load_volume(active())
-    # the active box is [1, 2] x [1, 3] x [1, 4], dilated by one voxel; world units are metres
+    # the active box is [1, 2] x [1, 3] x [1, 4], dilated by one voxel; world units are meters
     np.testing.assert_allclose(volume.affine[:3, 3], (10.0, 20.0, 30.0))
     low, high = extremes(box_corners(active()))
     np.testing.assert_allclose(low, (10.0, 20.0, 30.0), rtol=1e-6)

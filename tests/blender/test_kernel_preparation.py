@@ -67,11 +67,28 @@ def test_the_process_compiles_what_this_blender_will_look_for(ahead, core, tmp_p
     until(lambda: not is_alive(process) or len(list(theirs.rglob("*.nbi"))) > 1)
     assert {path.relative_to(theirs) for path in theirs.rglob("*.nbi")} <= ours
     assert os.getpriority(os.PRIO_PROCESS, process.pid) >= 10
-    until(lambda: ahead.advance() and "about" in ahead.text())
-    assert is_alive(process) and ahead._Now.process is process
+    assert ahead.advance() == ahead.POLL and ahead._Now.process is process
     ahead.unregister()
     assert not is_alive(process) and ahead.text() == ""
     ahead.register()
+
+
+def test_the_process_says_how_long_it_will_take(bridge, core, monkeypatch, tmp_path, capfd):
+    """As soon as a tenth of the work is done; before, its first seconds say little about the rest."""
+    module, progress = bridge("prepare_process"), core("runtime.steps").Progress
+    clock = iter(range(100))
+    monkeypatch.setattr(module.time, "monotonic", lambda: float(next(clock)))
+    state = tmp_path / module.STATE
+    told = []
+
+    def work():
+        for fraction in (0.02, 0.1, 0.2, 0.5):
+            yield progress(fraction, "")
+            told.append(state.read_text() if state.exists() else "")
+
+    assert module.follow(work(), state) == 0
+    assert told == ["", "", "12", "4"]  # begun at 0; the third comes at 3 with four times as much left, the fourth at 4
+    assert capfd.readouterr().out == "...."
 
 
 def test_there_is_one_process_for_all_blenders_that_share_the_folder(ahead, bridge, lock, tmp_path):

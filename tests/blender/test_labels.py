@@ -1,4 +1,4 @@
-"""Proves that a volume object's labels are listed from their file, and shown, hidden and coloured as the rows say."""
+"""Proves that a volume object's labels are listed from their file, and shown, hidden and colored as the rows say."""
 
 import json
 
@@ -14,7 +14,7 @@ COLOR = (0.9, 0.5, 0.2)
 
 @pytest.fixture
 def owner(bridge, core, tmp_path):
-    """A homogeneous cube whose left third is labelled 3, the rest 0; seen from above."""
+    """A homogeneous cube whose left third is labeled 3, the rest 0; seen from above."""
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
@@ -43,7 +43,7 @@ def reported():
     return json.loads(bpy.context.scene.rle_splat.last_report_json)
 
 
-def test_labels_are_listed_hidden_and_coloured(owner):
+def test_labels_are_listed_hidden_and_colored(owner):
     rows = owner.rle_splat.labels
     before = picture()
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}

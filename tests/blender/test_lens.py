@@ -9,9 +9,9 @@ from tests.blender import scenes
 
 @pytest.fixture
 def blot(tmp_path, core, bridge):
-    """A soft blot of matter about the world's origin, drawn 48 pixels wide by a camera 4 units before it."""
-    place = np.arange(-6.0, 7.0)
-    square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
+    """A soft blot of a medium about the world's origin, drawn 48 pixels wide by a camera 4 units before it."""
+    position = np.arange(-6.0, 7.0)
+    square = position**2 + (position**2)[:, None] + (position**2)[:, None, None]
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
     function = core("classify.transfer_function").TransferFunction
     scenes.give_transfer(
@@ -37,9 +37,9 @@ def picture(volume_object):
 
 
 def widths(alpha):
-    place = np.arange(alpha.shape[0])
+    position = np.arange(alpha.shape[0])
     shares = alpha.sum(axis=0) / alpha.sum(), alpha.sum(axis=1) / alpha.sum()
-    return [float(share @ place**2 - (share @ place) ** 2) for share in shares]
+    return [float(share @ position**2 - (share @ position) ** 2) for share in shares]
 
 
 def test_the_aperture_is_that_of_the_f_number(blot, bridge):

@@ -125,7 +125,7 @@ def shape_of(owner, bridge):
         "transfer function": bridge("transfer").read_transfer(owner),
         "files": [volumes.resolved_path(owner, name) for name in ("filepath", "label_file")],
         "labels": bridge("labels").load_labels(owner, bridge("volumes").load_volume(owner)).voxels.tobytes(),
-        "looks": [row.plain() for row in properties.labels],
+        "styles": [row.plain() for row in properties.labels],
         "channels": [(row.source.name, row.show, row.source.library is None) for row in properties.channels],
         "facts": (properties.facts, properties.data_key, properties.histogram, properties.value_low),
         "keep": properties.clip_keep,
@@ -476,29 +476,3 @@ def test_the_quality_of_a_linked_scene_is_not_chosen_in_vain(library, bridge, co
     with pytest.raises(core("scene").RleSplatError, match=r"'Scene' is linked from library\.blend"):
         bridge("accuracy").choose(linked, row)
     assert linked.rle_splat.quality == before
-
-
-@pytest.mark.parametrize("node", ["Opacity", "Color"])
-@pytest.mark.parametrize("way", ["deleted", "renamed", "exchanged"])
-def test_B60_a_transfer_function_without_a_node_is_refused_in_a_sentence(
-    volume_object, refused, bridge, core, tmp_path, node, way
-):
-    tree = volume_object.rle_splat.transfer
-    volume_object.copy()  # shares the node group
-    if way == "renamed":
-        tree.nodes[node].name = "mine"
-    else:
-        tree.nodes.remove(tree.nodes[node])
-    if way == "exchanged":
-        tree.nodes.new("ShaderNodeMath").name = node
-    scenes.add_camera((0.0, 0.0, 10.0))
-    words = f"lacks its node '{node}'; undo, or apply a preset"
-    refused(bpy.ops.rle_splat.window_level, words, preset="DATA", keep_values=True)
-    refused(bpy.ops.rle_splat.keyframe_transfer, words)
-    refused(bpy.ops.rle_splat.own_transfer, words)
-    refused(bpy.ops.rle_splat.save_transfer, words, filepath=str(tmp_path / "function.json"))
-    refused(bpy.ops.rle_splat.render_image, words)
-    assert not bridge("previews").histogram_icons(volume_object)
-    assert bpy.ops.rle_splat.apply_preset(preset="mr-head") == {"FINISHED"}
-    assert bpy.ops.rle_splat.window_level(preset="DATA", keep_values=True) == {"FINISHED"}
-    assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}

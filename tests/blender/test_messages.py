@@ -60,7 +60,7 @@ def animated(folder):
 
 
 def is_placeholder(picture):
-    """Whether it is all stripes, of both colours."""
+    """Whether it is all stripes, of both colors."""
     colors = np.unique(picture.reshape(-1, 4).round(4), axis=0)
     return np.array_equal(colors, np.array(sorted(STRIPES), np.float32))
 

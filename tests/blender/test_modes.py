@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from tests.blender.scenes import add_camera, grey_world, image_pixels, import_raw
+from tests.blender.scenes import add_camera, gray_world, image_pixels, import_raw
 
 SIZE = 24
 BALL = np.clip(
@@ -75,7 +75,7 @@ def test_impossible_ends_of_a_gradient_are_one_sentence(volume, refused):
 
 
 def test_B56_the_mist_is_the_worlds_where_its_own_switch_is_on_and_a_mist_pass_changes_nothing(volume, bridge, core):
-    grey_world(1.0)
+    gray_world(1.0)
     scene = bpy.context.scene
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
     background.inputs["Color"].default_value = (0.25, 0.5, 0.75, 1.0)

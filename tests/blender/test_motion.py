@@ -14,9 +14,9 @@ FRAME = 4
 
 @pytest.fixture
 def blot(tmp_path, bridge, core):
-    """A soft blot of matter about the world's origin, through a camera 4 units before it; Motion Blur is on."""
-    place = np.arange(-6.0, 7.0)
-    square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
+    """A soft blot of a medium about the world's origin, through a camera 4 units before it; Motion Blur is on."""
+    position = np.arange(-6.0, 7.0)
+    square = position**2 + (position**2)[:, None] + (position**2)[:, None, None]
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
     function = core("classify.transfer_function").TransferFunction
     scenes.give_transfer(
@@ -215,8 +215,8 @@ def alpha(image):
 
 def width(weights):
     """The variance of where the weights are along the rows, in pixels."""
-    place, share = np.arange(weights.shape[1]), weights.sum(axis=0) / weights.sum()
-    return float(share @ place**2 - (share @ place) ** 2)
+    position, share = np.arange(weights.shape[1]), weights.sum(axis=0) / weights.sum()
+    return float(share @ position**2 - (share @ position) ** 2)
 
 
 def picture(volume_object):

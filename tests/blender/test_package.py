@@ -1,4 +1,4 @@
-"""The zip that these tests install, judged by the packaging tool of this very Blender."""
+"""The zip that these tests install, checked by the packaging tool of this very Blender."""
 
 import re
 import subprocess

@@ -25,7 +25,7 @@ SENTENCES = (
     SENTENCE,
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
     "import it again, or press Relocate to choose the original file.",
-    "Against T2, the exact integral of the classified interpolated scalar, which is what a ray caster shows: largest "
+    "Against T2, the exact integral of values that are interpolated, then classified: largest "
     "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
 )
 
@@ -203,7 +203,7 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
 
 
 def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, monkeypatch, bridge):
-    """Post is the default; knobs that it has one value of are greyed out, and choosing another value chooses pre."""
+    """Post is the default; knobs that it has one value of are grayed out, and choosing another value chooses pre."""
     scene, of_pre = bpy.context.scene, bridge("settings").OF_PRE
     settings, quality_of = scene.rle_splat, bridge("settings").quality_of
     assert quality_of(scene) == quality_of(scene).preset("standard") and quality_of(scene).classification == "post"
@@ -211,8 +211,8 @@ def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_ob
     assert set(others) == set(of_pre)
     settings.quality = "custom"
     log = draw_all(monkeypatch)
-    greyed = {what[1] for before, what in pairwise(log) if before == ("active", False)}
-    assert greyed & {*of_pre, "depth_rule", "sheet_density", "warp_filter", "termination"} == set(of_pre)
+    grayed = {what[1] for before, what in pairwise(log) if before == ("active", False)}
+    assert grayed & {*of_pre, "depth_rule", "sheet_density", "warp_filter", "termination"} == set(of_pre)
     for name, value in others.items():
         setattr(settings, name, value)
         assert settings.classification == "pre" and str(getattr(quality_of(scene), name)) == value
@@ -272,7 +272,7 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
     np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.05)
 
 
-def test_greyed_buttons_say_why(volume_object):
+def test_grayed_buttons_say_why(volume_object):
     """Without a camera the pictures are refused with a sentence that names what is missing."""
     for name in ("render_image", "set_backdrop", "composite"):
         with pytest.raises(RuntimeError, match="camera"):

@@ -117,10 +117,12 @@ def test_operators_and_properties_are_described(addon):
                 assert not entry.description.endswith("."), entry.identifier
 
 
-def test_nothing_is_written_into_the_extension(addon, core):
-    own = Path(addon.__file__).parent
-    cache = Path(os.environ["RLE_SPLAT_CACHE"])
-    assert own not in cache.parents and ".user" in cache.parts
+def test_kernels_are_kept_in_the_extensions_user_folder_or_where_the_user_says(addon, bridge, core, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.delenv("RLE_SPLAT_CACHE", raising=False)
+        bridge("paths").choose_kernel_cache()
+        chosen = Path(os.environ.pop("RLE_SPLAT_CACHE"))
+    assert Path(addon.__file__).parent not in chosen.parents and ".user" in chosen.parts
     jit = core("runtime.jit")
     if jit.numba is not None and not os.environ.get("NUMBA_CACHE_DIR"):
-        assert cache in jit.KERNELS.parents
+        assert Path(os.environ["RLE_SPLAT_CACHE"]) in jit.KERNELS.parents

@@ -94,7 +94,7 @@ def test_a_headlight_casts_none_and_a_maximum_error_leaves_them_out(ball, bridge
     assert {row["name"]: row["on"] for row in report["effects"]}["shadows"] is False
 
 
-def test_the_world_is_read_where_it_is_one_colour(ball, bridge):
+def test_the_world_is_read_where_it_is_one_color(ball, bridge):
     add_light("SUN", (30.0, 0.0, 10.0))
     bpy.context.scene.world = None
     assert read(bridge, ball).world is None

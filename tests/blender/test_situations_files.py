@@ -230,7 +230,7 @@ def test_B72_a_file_of_another_size_between_frames(addon, tmp_path, kind):
         for side in (3, 7):
             write_vdb(path, side)
             contents[side] = path.read_bytes()
-        scene.rle_splat.scene_scale = 0.001  # of a millimetre: a VDB is in world units
+        scene.rle_splat.scene_scale = 0.001  # of a millimeter: a VDB is in world units
         assert bpy.ops.rle_splat.import_volume(filepath=str(path)) == {"FINISHED"}
         scenes.load_color(tmp_path, scenes.RED)
     sides = {1: 7, 2: 3, 3: 7}

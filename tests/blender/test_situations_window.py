@@ -72,9 +72,9 @@ def test_B77_undo_after_preset_and_backdrop(owner, said):
     bpy.ops.rle_splat.apply_preset("EXEC_DEFAULT", True, preset="x-ray")
     bpy.ops.rle_splat.set_backdrop("EXEC_DEFAULT", True)
     bpy.ops.ed.undo()
-    if bpy.data.objects[name].rle_splat.transfer_name != "one colour":
+    if bpy.data.objects[name].rle_splat.transfer_name != "one color":
         bpy.ops.ed.undo()  # while pictures are steps of their own
-    assert bpy.data.objects[name].rle_splat.transfer_name == "one colour"
+    assert bpy.data.objects[name].rle_splat.transfer_name == "one color"
     scenes.update()
     marked = is_marked(said())
     camera = bpy.context.scene.camera

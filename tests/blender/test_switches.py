@@ -106,14 +106,14 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
         return said[0] if said else "", {what[1] for before, what in pairwise(log) if before == ("active", False)}
 
     settings.quality, settings.classification = "custom", "post"
-    said, grey = drawn()
+    said, gray = drawn()
     planned = {"depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade"}
-    assert not said and not grey & {*planned, "use_shadows", "ambient_occlusion", "quality"}
+    assert not said and not gray & {*planned, "use_shadows", "ambient_occlusion", "quality"}
     settings.max_error = 4.0
-    said, grey = drawn()
+    said, gray = drawn()
     assert said == "Pictures with a Maximum Error have no shadows."
-    assert grey >= {*planned, "use_shadows", "ambient_occlusion"}
-    assert not grey & {"threads", "backend", "classification"}
+    assert gray >= {*planned, "use_shadows", "ambient_occlusion"}
+    assert not gray & {"threads", "backend", "classification"}
     settings.quality = "fine"
     assert "quality" in drawn()[1]
     settings.use_shadows = False
@@ -127,7 +127,7 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
     for name in ("shadows", "ambient occlusion", "motion blur"):
         row = settings.effect_rows[name]
-        assert (row.on, row.reason) == (False, "pictures to a maximum error have none")
+        assert (row.on, row.reason) == (False, "it is not available with a maximum error")
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings.max_error = 0.0
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}

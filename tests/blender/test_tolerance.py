@@ -11,7 +11,7 @@ from tests.blender import scenes
 
 @pytest.fixture
 def settings(bridge, core, tmp_path):
-    """Of a scene with a soft ball of one colour before a camera."""
+    """Of a scene with a soft ball of one color before a camera."""
     z, y, x = np.ogrid[:14, :14, :14]
     radius = np.sqrt((x - 6.5) ** 2 + (y - 6.5) ** 2 + (z - 6.5) ** 2)
     owner = scenes.import_raw(tmp_path, np.clip(255.0 - 40.0 * radius, 0, 255).astype(np.uint8), name="ball")

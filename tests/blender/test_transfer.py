@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.blender import scenes
+
 BONE = {
     "name": "Bone", "unit": "HU", "opacity_unit_distance": 1.5,
     "opacity": [[-16.4458, 0.0], [150.0, 0.0], [150.0, 0.3], [641.385, 0.716]],
@@ -56,7 +58,7 @@ def test_steps_stay_steps(volume_object, transfer, function, position):
     np.testing.assert_allclose(back.color_at(values), written.color_at(values), atol=1e-4)
 
 
-def test_more_colours_than_a_ramp_holds_keeps_the_shape(volume_object, transfer, function):
+def test_more_colors_than_a_ramp_holds_keeps_the_shape(volume_object, transfer, function):
     values = np.linspace(0.0, 100.0, 200)
     color = [(v, 0.5 + 0.5 * np.sin(v / 20.0), v / 100.0, 0.25) for v in values]
     written = function(opacity=((0.0, 0.0), (100.0, 1.0)), color=color)
@@ -105,7 +107,7 @@ def test_window_and_level_move_the_points(volume_object, transfer, function):
     np.testing.assert_allclose(moved.alpha_at(values)[far], expected.alpha_at(values)[far], atol=1e-5)
 
 
-def test_keep_look_changes_the_range_and_not_the_picture(volume_object, transfer, function):
+def test_keep_colors_changes_the_range_and_not_the_picture(volume_object, transfer, function):
     written = function.from_json(BONE)
     transfer.write_transfer(volume_object, written)
     bpy.ops.rle_splat.window_level(center=500.0, width=4000.0, keep_values=True)
@@ -115,7 +117,7 @@ def test_keep_look_changes_the_range_and_not_the_picture(volume_object, transfer
     np.testing.assert_allclose(back.table(values), written.table(values), atol=1e-4)
 
 
-def test_keyframes_on_curve_colours_and_window(volume_object, transfer, function):
+def test_keyframes_on_curve_colors_and_window(volume_object, transfer, function):
     scene = bpy.context.scene
     tree = volume_object.rle_splat.transfer
     start = function(opacity=((0.0, 0.0), (1.0, 0.2)), color=((0.0, 1.0, 0.0, 0.0), (1.0, 1.0, 1.0, 1.0)))
@@ -190,3 +192,29 @@ def test_without_a_volume_the_buttons_say_why(addon):
         assert not getattr(bpy.ops.rle_splat, name).poll()
     with pytest.raises(RuntimeError, match="Import a volume first"):
         bpy.ops.rle_splat.apply_preset()
+
+
+@pytest.mark.parametrize("node", ["Opacity", "Color"])
+@pytest.mark.parametrize("way", ["deleted", "renamed", "exchanged"])
+def test_B60_a_transfer_function_without_a_node_is_refused_in_a_sentence(
+    volume_object, refused, bridge, core, tmp_path, node, way
+):
+    tree = volume_object.rle_splat.transfer
+    volume_object.copy()  # shares the node group
+    if way == "renamed":
+        tree.nodes[node].name = "mine"
+    else:
+        tree.nodes.remove(tree.nodes[node])
+    if way == "exchanged":
+        tree.nodes.new("ShaderNodeMath").name = node
+    scenes.add_camera((0.0, 0.0, 10.0))
+    words = f"lacks its node '{node}'; undo, or apply a preset"
+    refused(bpy.ops.rle_splat.window_level, words, preset="DATA", keep_values=True)
+    refused(bpy.ops.rle_splat.keyframe_transfer, words)
+    refused(bpy.ops.rle_splat.own_transfer, words)
+    refused(bpy.ops.rle_splat.save_transfer, words, filepath=str(tmp_path / "function.json"))
+    refused(bpy.ops.rle_splat.render_image, words)
+    assert not bridge("previews").histogram_icons(volume_object)
+    assert bpy.ops.rle_splat.apply_preset(preset="mr-head") == {"FINISHED"}
+    assert bpy.ops.rle_splat.window_level(preset="DATA", keep_values=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}

@@ -89,7 +89,7 @@ def write_json(tmp_path):
 
 @pytest.fixture
 def function_file(write_json):
-    """A transfer function whose colour changes with the value, shaded."""
+    """A transfer function whose color changes with the value, shaded."""
     content = {
         "name": "test", "unit": None, "opacity": [[20, 0.0], [200, 0.6]],
         "color": [[0, 1.0, 0.2, 0.1], [255, 0.1, 0.4, 1.0]],

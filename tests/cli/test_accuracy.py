@@ -20,8 +20,8 @@ VIEW = ("--azimuth", "35", "--elevation", "-20")
 
 @pytest.fixture
 def words(raw, raw_options, function_file):
-    look = ("--transfer-function", function_file, *SIZE, *VIEW)
-    return ("accuracy", raw, *raw_options, *look, "--repeats", "1", "--backend", "numpy")  # no kernels to compile
+    function = ("--transfer-function", function_file, *SIZE, *VIEW)
+    return ("accuracy", raw, *raw_options, *function, "--repeats", "1", "--backend", "numpy")  # no kernels to compile
 
 
 @pytest.fixture
@@ -116,6 +116,6 @@ def test_bad_input(refused, words, extra, said):
 
 def test_tables_have_no_truth(call, refused, words, raw, raw_options, function_file, tmp_path):
     encoded = tmp_path / "ball.rle"
-    look = ("--transfer-function", function_file, "--backend", "numpy")
-    assert call("encode", raw, *raw_options, *look, "-o", encoded).code == 0
+    function = ("--transfer-function", function_file, "--backend", "numpy")
+    assert call("encode", raw, *raw_options, *function, "-o", encoded).code == 0
     assert "voxels" in refused("accuracy", encoded, *SIZE).lower()

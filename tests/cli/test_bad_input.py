@@ -110,7 +110,7 @@ def test_vdb_without_a_reader_or_damaged(render_refused, tmp_path):
     assert "VDB" in render_refused(volume=path, options=())
 
 
-# --- the look -----------------------------------------------------------------------------------------------------
+# --- transfer functions ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

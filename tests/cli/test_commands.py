@@ -19,8 +19,8 @@ def picture(call, tmp_path, raw, raw_options, function_file):
     """Render the ball with these options to .npy; returns the pixels and the report."""
     def run(*extra, volume=raw, options=tuple(raw_options), function=True):
         output, report = tmp_path / "p.npy", tmp_path / "p.json"
-        look = ("--transfer-function", function_file) if function else ()
-        result = call("render", volume, *options, *look, *SIZE, "-o", output, "--json", report, *extra)
+        chosen = ("--transfer-function", function_file) if function else ()
+        result = call("render", volume, *options, *chosen, *SIZE, "-o", output, "--json", report, *extra)
         assert result.code == 0 and result.err == "", result
         return np.load(output), json.loads(report.read_text())
 
@@ -185,7 +185,7 @@ def test_post_is_the_default_and_the_papers_classification_is_chosen_by_name(pic
     assert picture("--paper")[1]["plan"]["classification"] == "pre"
 
 
-def test_the_default_look_is_explained_and_not_blank(picture, call, raw, raw_options, tmp_path):
+def test_the_default_transfer_function_is_explained_and_not_blank(picture, call, raw, raw_options, tmp_path):
     rgba, report = picture(function=False)
     assert rgba[..., 3].max() > 0.1 and len(report["transfer_function"]["reason"]) > 10
     result = call("render", raw, *raw_options, *SIZE, "-o", tmp_path / "q.npy")
@@ -275,7 +275,7 @@ def test_tables_of_the_opacity_model(encoded, picture):
     assert picture(volume=path, options=(), function=False)[1]["plan"]["model"] == "opacity"
 
 
-def test_tables_refuse_another_look(encoded, refused, write_json, tmp_path, function_file, picture):
+def test_tables_refuse_another_transfer_function(encoded, refused, write_json, tmp_path, function_file, picture):
     path, _, _ = encoded("--azimuth", "30")
     words = ("render", path, "-o", tmp_path / "x.npy")
     lights = write_json([{"type": "SUN"}], "lights.json")

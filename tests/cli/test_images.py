@@ -23,7 +23,7 @@ def picture():
 
 @pytest.mark.parametrize(
     "linear, encoded",
-    # Published anchors of the curve: ends, middle grey, and both sides of the joint.
+    # Published anchors of the curve: ends, middle gray, and both sides of the joint.
     [(0.0, 0.0), (1.0, 1.0), (0.18, 0.4613561), (0.5, 0.7353570), (0.0031308, 0.0404499), (0.001, 0.01292)],
 )
 def test_srgb_anchors(linear, encoded):

@@ -30,7 +30,7 @@ def labels(tmp_path, voxels):
     return path
 
 
-def test_labels_hide_and_colour_what_they_name(picture, labels, write_json):
+def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     functions = write_json([{"label": 1, "name": "left", "hidden": True}, {"label": 2, "color": [0.0, 1.0, 0.0]}])
     rgba, report = picture("--labels", labels, "--label-functions", functions)
     whole, _ = picture("--classification", "pre")
@@ -133,4 +133,4 @@ def test_a_flipped_label_map_gives_the_same_picture(call, function_file, tmp_pat
 
 def test_labels_without_names_need_looks(call, raw, raw_options, labels, tmp_path):
     result = call("render", raw, *raw_options, "--labels", labels, "-o", tmp_path / "x.npy")
-    assert result.code == 2 and "does not name its labels; give their looks with --label-functions" in result.err
+    assert result.code == 2 and "does not name its labels; give their colors with --label-functions" in result.err

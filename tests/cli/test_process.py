@@ -117,7 +117,7 @@ def test_ctrl_c_leaves_nothing_half_made(tmp_path):
 
 def projected_alpha(voxels, function, spacing, azimuth, size):
     """(size, size) alpha of voxels (nz, ny, nx) seen along a horizontal direction, by adding up the optical depths of
-    all voxels whose centre falls on a pixel: no ray, no run and no sheet has a part in it."""
+    all voxels whose center falls on a pixel: no ray, no run and no sheet has a part in it."""
     alpha = function.alpha_at(np.arange(int(voxels.max()) + 1.0))[voxels]
     at = np.nonzero(alpha)
     depth = -np.log1p(-np.minimum(alpha[at], 1.0 - 2.0**-24))

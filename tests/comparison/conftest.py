@@ -24,7 +24,7 @@ EXACT = Quality.preset("fine", classification="pre", termination=0.0)
 
 
 class Stand:
-    """Builds scenes and judges pictures of them."""
+    """Builds scenes and measures pictures of them."""
 
     quality = EXACT
 

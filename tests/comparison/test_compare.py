@@ -43,11 +43,11 @@ def test_probe_truth_is_the_truth_at_its_pixels(stand):
         np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_probe_truth_of_shaded_colours(stand, shaded):
+def test_probe_truth_of_shaded_colors(stand, shaded):
     medium = scene_medium(shaded, stand.quality)
     columns, rows, found = probe_truth(medium, 40)
     colors = np.zeros((20, 22, 24, 3))
-    colors[medium.places] = medium.colors
+    colors[medium.indices] = medium.colors
     expected = truth(shaded, pixels=(columns + 0.5, rows + 0.5), colors=colors)[0]
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert np.abs(found - truth(shaded, pixels=(columns + 0.5, rows + 0.5))[0]).max() > 0.05

@@ -48,8 +48,8 @@ def test_a_cut_shows_every_voxel_once_and_obeys_the_threshold(voxels, threshold)
     covered = np.zeros((16, 8, 16), int)
     for number, found in enumerate(pyramid.cut(levels, threshold)):
         for node in found:
-            place = tuple(slice(2**number * i, 2**number * (i + 1)) for i in node)
-            covered[place] += 1
+            voxels = tuple(slice(2**number * i, 2**number * (i + 1)) for i in node)
+            covered[voxels] += 1
             assert levels[number].deviation[tuple(node)] <= threshold
             if number + 1 < len(levels):  # no coarser node would do
                 assert levels[number + 1].deviation[tuple(node // 2)] > threshold
@@ -68,8 +68,8 @@ def test_nodes_come_front_to_back(stand):
         direction = -medium.view.eye[:3]
         corners = []
         for pixel, level in zip(pixels, level_of):
-            centres = nodes[level][:, ::-1] * 2.0**level + 0.5 * (2**level - 1)
-            at = centres @ medium.view.projection[:2, :3].T + medium.view.projection[:2, 3]
+            centers = nodes[level][:, ::-1] * 2.0**level + 0.5 * (2**level - 1)
+            at = centers @ medium.view.projection[:2, :3].T + medium.view.projection[:2, 3]
             match = np.flatnonzero(np.abs(at - pixel).max(axis=1) < 1e-9)
             assert len(match) == 1
             low = nodes[level][match[0], ::-1] * 2.0**level

@@ -1,4 +1,4 @@
-"""Previews: coarse to fine, in their place, as bright as the picture, and never further from it than they say."""
+"""Previews: coarse to fine, at the same position, as bright as the picture, and never further from it than they say."""
 
 from dataclasses import replace
 
@@ -44,8 +44,8 @@ def nodes_of(stand, field, level, backend):
         (medium.classified.extinction[:, None] * medium.colors, medium.classified.extinction[:, None]), axis=1)
     brightest = float(medium.colors.max())
 
-    def write(places, out):
-        first, last = places.span
+    def write(positions, out):
+        first, last = positions.span
         out[: last - first] = records[first:last]
 
     made = drain(nodes.node_steps(medium.classified.voxels, write, level, brightest, backend))
@@ -131,8 +131,8 @@ def test_previews_keep_the_optical_depth_in_its_place(stand):
     depths = [-np.log1p(-preview.rendering.rgba[..., 3].astype(np.float64)) for preview in shown]
     np.testing.assert_allclose([depth.sum() for depth in depths], depths[-1].sum(), rtol=0.01)
     for axis in np.indices(depths[0].shape):
-        places = np.array([(axis * depth).sum() / depth.sum() for depth in depths])
-        assert np.abs(places - places[-1]).max() < 0.1
+        positions = np.array([(axis * depth).sum() / depth.sum() for depth in depths])
+        assert np.abs(positions - positions[-1]).max() < 0.1
 
 
 def test_a_crop_is_previewed_alone(stand):
@@ -261,7 +261,7 @@ def test_a_camera_move_does_not_average_again(stand):
         list(progressive.previews(stand.scene(field, azimuth), stand.quality, cache))
     assert cache.made["pyramid"] == 1 and cache.made["visible"] == 1
     function = replace(stand.scene(field).transfer_function, shade=Shade(0.2, 0.8, 0.0, 1.0))
-    for azimuth in (10.0, 20.0):  # a headlight moves with the camera, and colours with it
+    for azimuth in (10.0, 20.0):  # a headlight moves with the camera, and colors with it
         list(progressive.previews(stand.scene(field, azimuth, function=function, headlight=True), stand.quality, cache))
     assert cache.made["pyramid"] == 3
     assert sum(stage == "pyramid" for stage, _ in cache.contents) == 2

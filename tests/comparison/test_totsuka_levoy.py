@@ -42,7 +42,7 @@ def test_alpha_is_that_of_the_truth(stand, name):
 
 
 def test_optical_depth_is_the_sum_along_an_axis(stand):
-    """Looking along y with one pixel a voxel, a ray through voxel centres sees the sum of their extinctions.
+    """Looking along y with one pixel a voxel, a ray through voxel centers sees the sum of their extinctions.
 
     The worst view there is: along an axis the tents' spectrum falls as slowly as 1 / f^2, so what is cut off falls
     as one over the number of bands.

@@ -35,7 +35,7 @@ def test_near_the_truth(stand, name):
 
 @pytest.mark.parametrize("scale", (1.0, 4.0))
 def test_a_footprint_holds_the_whole_kernel(stand, scale):
-    """Summed over all places of a voxel within a pixel, weight times pixel area is the kernel's volume."""
+    """Summed over all positions of a voxel within a pixel, weight times pixel area is the kernel's volume."""
     scene = stand.scene(np.zeros((20, 18, 16)), 31.0, -17.0, spacing=(1.0, 1.5, 0.7))
     table = footprint(stand.medium(scene).view, scale)
     pixel = scene.camera.ortho_scale / scene.height
@@ -47,15 +47,15 @@ def test_line_integral_of_tents_against_a_fine_sum():
     random = np.random.default_rng(5)
     points, along = random.uniform(-1.2, 1.2, (40, 3)), np.array((0.3, -0.8, 0.5))
     t = np.linspace(-8.0, 8.0, 160001)
-    places = points[:, None, :] + t[:, None] * along
-    expected = np.maximum(1.0 - np.abs(places), 0.0).prod(axis=-1).sum(axis=1) * (t[1] - t[0])
+    positions = points[:, None, :] + t[:, None] * along
+    expected = np.maximum(1.0 - np.abs(positions), 0.0).prod(axis=-1).sum(axis=1) * (t[1] - t[0])
     np.testing.assert_allclose(tent_line_integral(points, along), expected, atol=1e-6)
     straight = tent_line_integral(np.array(((0.25, 0.5, 0.0), (1.5, 0.0, 0.0))), np.array((0.0, 0.0, 2.0)))
     np.testing.assert_allclose(straight, (0.75 * 0.5 * 0.5, 0.0))
 
 
 def test_only_composited_samples_hide_each_other(stand):
-    """One sheet of two colours seen face-on, and its mirror image: the sum within a sheet has no order."""
+    """One sheet of two colors seen face-on, and its mirror image: the sum within a sheet has no order."""
     field = np.zeros((12, 3, 12))
     field[3:9, 1, 3:9] = np.where(np.indices((6, 6)).sum(axis=0) % 2, 0.2, 0.7)
     views = [stand.scene(f, 0.0, 0.0, size=(60, 60)) for f in (field, field[:, :, ::-1])]

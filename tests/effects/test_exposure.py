@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.effects.analyse import analyse
+from rle_splat.effects.analyze import analyze
 from rle_splat.effects.exposure import exposures
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
@@ -23,9 +23,9 @@ SIZE = 128
 
 
 def speck(depth, **lens):
-    """A soft blot of matter at ``depth`` before the camera, seen through a lens that is focused at 4."""
-    place = np.arange(-6.0, 7.0)
-    square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
+    """A soft blot of a medium at ``depth`` before the camera, seen through a lens that is focused at 4."""
+    position = np.arange(-6.0, 7.0)
+    square = position**2 + (position**2)[:, None] + (position**2)[:, None, None]
     volume = Volume(np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), np.diag((0.02, 0.02, 0.02, 1.0)))
     placed = np.eye(4)
     placed[:3, 3] = (-0.12, -0.12, -depth - 0.12)
@@ -43,7 +43,7 @@ def spread(alpha):
     alpha = alpha.astype(np.float64)
     row, column = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
     total = alpha.sum()
-    return [((place - (alpha * place).sum() / total) ** 2 * alpha).sum() / total for place in (column, row)], total
+    return [((at - (alpha * at).sum() / total) ** 2 * alpha).sum() / total for at in (column, row)], total
 
 
 def check_disk(scene, depth, expected):
@@ -79,7 +79,7 @@ def test_slanted_rays_move_what_is_out_of_focus_and_keep_its_depth():
         pictures = [render(one) for one in (scene, slanted)]
         row, column = np.mgrid[:SIZE, :SIZE]
         middles = [
-            np.array([(picture.rgba[..., 3] * place).sum() for place in (column, row)]) / picture.rgba[..., 3].sum()
+            np.array([(picture.rgba[..., 3] * at).sum() for at in (column, row)]) / picture.rgba[..., 3].sum()
             for picture in pictures
         ]
         # What rays that go to the right as they go ahead meet behind the focus, they show further to the left.
@@ -117,8 +117,8 @@ def test_every_point_of_the_lens_sees_the_plane_of_focus_at_the_same_pixels(fit,
     points = np.c_[random.uniform(-2.0, 2.0, (20, 2)), np.full(20, -7.0), np.ones(20)] @ turned.T
     other = np.c_[random.uniform(-2.0, 2.0, (20, 2)), np.full(20, -4.0), np.ones(20)] @ turned.T
 
-    def pixels(of, places):
-        seen = places @ world_to_pixel(of, 160, 90).T
+    def pixels(of, positions):
+        seen = positions @ world_to_pixel(of, 160, 90).T
         return seen[:, :2] / seen[:, 2:]
 
     moved = through_lens(camera, point)
@@ -158,13 +158,13 @@ def test_a_camera_without_a_lens_makes_one_picture_and_the_same_bits():
 
 
 @pytest.mark.parametrize(("more", "on", "words"), [
-    ({}, True, "blurs up to 3.5 pixels"), ({"aperture_radius": 0.0}, False, "the camera has none"),
+    ({}, True, "blurs up to 3.5 pixels"), ({"aperture_radius": 0.0}, False, "the camera has no depth of field"),
     ({"type": "ORTHO", "ortho_scale": 2.0}, True, "blurs up to 3."),
     ({"aperture_radius": 0.001}, False, "nothing is blurred"),
 ])  # fmt: skip
 def test_depth_of_field_says_why(more, on, words):
     scene = speck(3.0)
-    effect = analyse(replace(scene, camera=replace(scene.camera, **more)), Quality())["depth of field"]
+    effect = analyze(replace(scene, camera=replace(scene.camera, **more)), Quality())["depth of field"]
     assert effect.on == on and words in effect.reason
 
 
@@ -246,9 +246,9 @@ def test_the_picture_is_the_mean_of_still_ones():
 
 
 def test_times_are_spread_evenly_over_the_shutter():
-    places = sorted(one.volume_matrix[0, 3] for one in exposures(moving(0.5)))
-    steps = np.diff(places)
-    assert steps == pytest.approx(np.full(len(steps), 0.5 / len(places)), rel=1e-9)
+    positions = sorted(one.volume_matrix[0, 3] for one in exposures(moving(0.5)))
+    steps = np.diff(positions)
+    assert steps == pytest.approx(np.full(len(steps), 0.5 / len(positions)), rel=1e-9)
 
 
 def test_poses_are_followed_in_turn():

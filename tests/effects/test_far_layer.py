@@ -13,7 +13,7 @@ from rle_splat.scene import Clip, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-LOOK = TransferFunction(opacity=((0.2, 0.0), (0.6, 0.3)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
+FUNCTION = TransferFunction(opacity=((0.2, 0.0), (0.6, 0.3)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
 # Two sheets of triangles across the volume, one before the other, with corners inside the picture.
 MESH = np.array([
     ((-8, -9, -3), (9, -6, -4), (-5, 3, 8)), ((-5, 2, -8), (11, 5, -6), (6, 1, 9)),
@@ -24,7 +24,7 @@ MESH = np.array([
 def scene_of(perspective, **more):
     volume = Volume(np.random.default_rng(5).random((22, 20, 18), np.float32), np.eye(4))
     camera, matrix = turntable(volume, 30.0, 20.0, perspective=perspective, width=90, height=80)
-    return Scene(volume, LOOK, camera, 90, 80, matrix, triangles=MESH, **more)
+    return Scene(volume, FUNCTION, camera, 90, 80, matrix, triangles=MESH, **more)
 
 
 CASES = {

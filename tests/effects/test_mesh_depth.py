@@ -10,7 +10,7 @@ from rle_splat.scene import Camera
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids
-from rle_splat.view.ray_limits import ray_limits
+from rle_splat.view.ray_intervals import ray_intervals
 
 
 def intersect(origins, directions, triangles, ahead):
@@ -62,14 +62,14 @@ def test_depth_is_the_ray_intersection(kind, backend):
     np.testing.assert_allclose(depth[..., s][both], expected[both], rtol=2e-6)
 
 
-def test_twins_agree():
+def test_kernels_agree_with_their_references():
     for kind in ("ORTHO", "PERSP"):
         one, two = (mesh_depth(TRIANGLES, camera(kind), 20, 31, backend=b) for b in ("numba", "numpy"))
         np.testing.assert_array_equal(np.isfinite(one), np.isfinite(two))
         np.testing.assert_allclose(one[np.isfinite(one)], two[np.isfinite(two)], rtol=1e-6)
 
 
-def test_neighbouring_triangles_leave_no_crack():
+def test_neighboring_triangles_leave_no_crack():
     rng = np.random.default_rng(4)
     corners = np.array([(-2, -2, 0), (2, -2, 0.1), (2, 2, 0), (-2, 2, -0.1)], float)
     middle = np.array((*rng.uniform(-0.5, 0.5, 2), 0.05))
@@ -130,7 +130,7 @@ def test_a_silhouette_along_the_side_of_the_picture_ends_the_rays_beside_it():
     plane = base_plane(view, (6, 6, 4), 2, -1, "slice", 1.0)
     layer = np.full((40, 40), np.inf)
     layer[:, 0] = 2.5
-    end = ray_limits(plane, 0.1, 50.0, layer)[1]
+    end = ray_intervals(plane, 0.1, 50.0, layer)[1]
     x, y = plane.points()
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     depth = at_zero + end * plane.sign * per_voxel
@@ -152,7 +152,7 @@ def torn_surfaces(rng, rows, columns):
     return samples
 
 
-def test_twins_find_the_same_layers():
+def test_references_find_the_same_layers():
     rng = np.random.default_rng(11)
     silhouettes = 0
     for _ in range(40):
@@ -166,7 +166,7 @@ def test_twins_find_the_same_layers():
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 @pytest.mark.parametrize("with_layer", [False, True])
-def test_twins_end_rays_at_the_same_places_for_any_number_of_threads(kind, with_layer):
+def test_references_end_rays_at_the_same_places_for_any_number_of_threads(kind, with_layer):
     view = index_view(camera(kind), np.eye(4), 44, 40)
     layer = None
     if with_layer:
@@ -176,7 +176,7 @@ def test_twins_end_rays_at_the_same_places_for_any_number_of_threads(kind, with_
         if plane is None:
             continue
         one, again, two = (
-            ray_limits(plane, 0.1, 50.0, layer, backend=backend, threads=threads)
+            ray_intervals(plane, 0.1, 50.0, layer, backend=backend, threads=threads)
             for backend, threads in (("numba", 1), ("numba", 2), ("numpy", 1))
         )
         np.testing.assert_array_equal(one, again)

@@ -21,14 +21,14 @@ BACKENDS = ("numba", "numpy") if compiled() else ("numpy",)
 needs_kernels = pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 SIZE = 24
 VOLUME = Volume(np.random.default_rng(3).integers(0, 255, (15, 14, 16)).astype(np.uint8), np.eye(4))
-LOOK = TransferFunction(opacity=((80.0, 0.0), (250.0, 0.5)), color=((0.0, 0.2, 0.5, 0.8),), shade=None)
-MATT = replace(LOOK, shade=Shade(specular=0.0))
-SHINY = replace(LOOK, shade=Shade(specular=0.5))
+FUNCTION = TransferFunction(opacity=((80.0, 0.0), (250.0, 0.5)), color=((0.0, 0.2, 0.5, 0.8),), shade=None)
+MATT = replace(FUNCTION, shade=Shade(specular=0.0))
+SHINY = replace(FUNCTION, shade=Shade(specular=0.5))
 MESH = np.array((((-20.0, 6.0, -20.0), (8.0, 6.0, -20.0), (8.0, 6.0, 40.0)),))
 
 # What the plain, unlit picture takes: by classification the stages whose results are kept, and the compiled kernels.
 STAGES = {
-    "pre": {"blocks", "visible", "looks", "runs", "records"},
+    "pre": {"blocks", "visible", "properties", "runs", "records"},
     "post": {"blocks", "relevant", "runs", "scalars", "table"},
 }
 SHARED = {
@@ -53,7 +53,7 @@ LIT_KERNELS = {"pre": {"volume.gradient._sobel"}, "post": {"volume.gradient._sob
 def scene_of(azimuth=25.0, **more) -> Scene:
     camera, matrix = turntable(VOLUME, azimuth, 15.0, 1.2, False, 40.0, SIZE, SIZE)
     return Scene(**{
-        "volume": VOLUME, "transfer_function": LOOK, "camera": camera, "width": SIZE, "height": SIZE,
+        "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, "headlight": False, **more,
     })  # fmt: skip
 
@@ -114,7 +114,7 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
     stages, kernels = worked(scene_of(triangles=MESH), classification)
     assert stages == STAGES[classification]
     assert kernels - KERNELS[classification] == {
-        "effects.mesh_depth.rasterise", "effects.depth_layers.find_layers", "view.ray_limits.limit_rays"
+        "effects.mesh_depth.rasterize", "effects.depth_layers.find_layers", "view.ray_intervals.find_intervals"
     }  # fmt: skip
 
 
@@ -137,10 +137,10 @@ def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, 
     """What light leaves on a voxel is kept while the camera moves, unless a highlight follows it."""
     quality = Quality(classification=classification, backend=backend)
     shaded = {"pre": "records", "post": "light"}[classification]
-    for look, again in ((MATT, 1), (SHINY, 2)):
+    for tf, again in ((MATT, 1), (SHINY, 2)):
         cache = StageCache()
         for azimuth in (25.0, 27.0):
-            render(scene_of(azimuth, transfer_function=look, lights=(Light("SUN"),)), quality, cache=cache)
+            render(scene_of(azimuth, transfer_function=tf, lights=(Light("SUN"),)), quality, cache=cache)
         assert cache.made[shaded] == again and cache.made["normals"] == 1
 
 

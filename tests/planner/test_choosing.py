@@ -94,7 +94,7 @@ def test_the_budget_adds_up_and_its_bounds_hold_by_themselves():
         np.hypot(budget.depth, budget.warp) + budget.termination + budget.records + budget.rounding
     )
     assert budget.termination == pytest.approx(255 * 1e-3 * 1.5)
-    assert 1.0 < budget.records < 4.0  # 7 bits of colour: half a step is 1/254
+    assert 1.0 < budget.records < 4.0  # 7 bits of color: half a step is 1/254
     assert model.errors(features(), replace(quality, record=16)).records == 0.0
     assert 0.0 < budget.rounding < 0.1
     assert budget.report()["total"] == budget.total

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.planner.need import need_of
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.volume.volume import Volume
@@ -18,7 +18,7 @@ def band(half_width: float) -> TransferFunction:
 
 @pytest.fixture(scope="module")
 def volume():
-    return Volume(radius_from_centre(28).astype(np.float32), np.eye(4))
+    return Volume(radius_from_center(28).astype(np.float32), np.eye(4))
 
 
 def test_the_narrower_the_worse(volume):

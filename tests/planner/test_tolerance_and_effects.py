@@ -17,7 +17,7 @@ from rle_splat.volume.volume import Volume
 SIZE = 24
 Z, Y, X = np.mgrid[:16, :16, :16] / 15.0
 VOLUME = Volume(np.exp(-8.0 * ((X - 0.5) ** 2 + (Y - 0.4) ** 2 + (Z - 0.5) ** 2)).astype(np.float32), np.eye(4))
-LOOK = TransferFunction("ball", None, ((0.1, 0.0), (1.0, 0.3)), ((0.0, 0.9, 0.2, 0.1), (1.0, 0.9, 0.9, 0.4)), 1.0,
+FUNCTION = TransferFunction("ball", None, ((0.1, 0.0), (1.0, 0.3)), ((0.0, 0.9, 0.2, 0.1), (1.0, 0.9, 0.9, 0.4)), 1.0,
                         Shade(0.3, 0.6, 0.0, 1.0))  # fmt: skip
 SUN = Light(type="SUN", energy=3.0)
 
@@ -25,7 +25,7 @@ SUN = Light(type="SUN", energy=3.0)
 def scene_of(**more) -> Scene:
     camera, matrix = turntable(VOLUME, 28.0, 17.0, 1.1, True, 45.0, SIZE, SIZE)
     return Scene(**{
-        "volume": VOLUME, "transfer_function": LOOK, "camera": camera, "width": SIZE, "height": SIZE,
+        "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, "headlight": True, **more,
     })  # fmt: skip
 
@@ -45,11 +45,11 @@ def moving(scene: Scene) -> Scene:
 WITHOUT_TRUTH = {
     "mist": (scene_of(mist=Mist(10.0, 30.0)), "mist"),
     "gradient opacity": (
-        scene_of(transfer_function=replace(LOOK, gradient_opacity=GradientOpacity(0.0, 0.2))), "gradient_opacity"
+        scene_of(transfer_function=replace(FUNCTION, gradient_opacity=GradientOpacity(0.0, 0.2))), "gradient_opacity"
     ),
     "mode": (scene_of(mode="mip"), "mode mip"),
     "labels": (scene_of(labels=Labels(Volume((X > 0.5).astype(np.uint8), np.eye(4)), {1: None})), "labels"),
-    "channels": (scene_of(channels=(Channel(VOLUME, LOOK),)), "channels"),
+    "channels": (scene_of(channels=(Channel(VOLUME, FUNCTION),)), "channels"),
     "depth of field": (lens(scene_of()), "depth of field"),
     "motion blur": (moving(scene_of()), "motion blur"),
     "shadows": (scene_of(lights=(SUN,), headlight=False, volume_shadows=True), "without shadows"),
@@ -110,11 +110,11 @@ def test_shadows_that_are_left_out_are_said_to_be(more, left_out):
     for row in found.report["effects"]:
         if row["name"] in ("shadows", "ambient occlusion"):
             assert not row["on"] and row["ms"] == 0.0
-            assert (row["reason"] == "pictures to a maximum error have none") == (row["name"] in left_out)
+            assert (row["reason"] == "it is not available with a maximum error") == (row["name"] in left_out)
 
 
 def test_single_rays_are_in_the_times_of_a_picture_to_a_tolerance():
-    narrow = replace(LOOK, opacity=((0.35, 0.0), (0.5, 0.7), (0.65, 0.0)), shade=None)
+    narrow = replace(FUNCTION, opacity=((0.35, 0.0), (0.5, 0.7), (0.65, 0.0)), shade=None)
     report = render_within(scene_of(transfer_function=narrow), 0.5, Quality(classification="post"), probes=200).report
     stages = report["stages_ms"]
     assert report["rays"]["pixels"] > 0 and report["error"]["rays"]["ms"] > 0.0

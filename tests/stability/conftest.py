@@ -45,7 +45,7 @@ def pytest_sessionfinish():
 
 @pytest.fixture(params=WIDTHS)
 def width(request, monkeypatch):
-    """The arithmetic in which a picture's colour and transmittance are summed: its name, for ``record``."""
+    """The arithmetic in which a picture's color and transmittance are summed: its name, for ``record``."""
     if request.param == "float64":
         monkeypatch.setattr("rle_splat.splat.pixel_block.MOST_SHEETS_IN_SINGLE", 0)
     return request.param

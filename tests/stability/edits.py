@@ -1,19 +1,18 @@
 """Edits of a scene and of the plan of its picture, for hypothesis to choose from: one kind each, most of them of one
 number alone, as a user turns one knob.
 
-An edit takes ``draw``, hypothesis' own, and a Shot; it returns the Shot after it.  Scenes are such that most edits can
-be seen: a few voxels that fill the picture, none of them too thin, under lights about as bright as the sun.
+An edit takes ``draw``, hypothesis' own, and a Shot (``shots``); it returns the Shot after it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from hypothesis import strategies as st
 
-from rle_splat.classify.transfer_function import HIGHLIGHTS, GradientOpacity, Shade, TransferFunction
+from rle_splat.classify.transfer_function import HIGHLIGHTS, GradientOpacity, Shade
 from rle_splat.effects.lens import widest_blur
 from rle_splat.effects.motion import distance_moved
 from rle_splat.scene import (
@@ -34,7 +33,6 @@ from rle_splat.scene import (
     Channel,
     Clip,
     Labels,
-    Light,
     Mist,
     Pose,
     Quality,
@@ -43,128 +41,26 @@ from rle_splat.scene import (
 from rle_splat.scene.clip import CLIP_SIDES
 from rle_splat.volume.volume import Volume
 from tests.stability.effect_strategies import GIVEN, pose_near, reach_of, with_meshes
-from tests.stability.strategies import (
-    MATTER,
-    SEEDS,
-    affines,
-    cameras,
-    field_of,
-    rotation,
-    stored,
-    value_range,
+from tests.stability.shots import (
+    COLORS,
+    DTYPES,
+    HEIGHT,
+    UNIT,
+    WIDTH,
+    Shot,
+    drawn_camera,
+    drawn_distance,
+    drawn_function,
+    drawn_gradients,
+    drawn_light,
+    drawn_volume,
+    further_off,
 )
+from tests.stability.strategies import SEEDS, rotation, value_range
 
-WIDTH, HEIGHT, MOST_VOXELS = 24, 20, 12
 BLUR = 2.5  # pixels, at most: a wider one takes more pictures than a search has time for
-# Integers have a table of values, floats have none, and doubles are kept as singles. Each stored type of scalar needs
-# its own variants of the sheet loop compiled. So int16, which has the stages of uint8, is left to the other searches.
-DTYPES = ("uint8", "float32", "float64")
-# Evenly spread, where hypothesis' own floats are mostly ends: of black nothing is to be seen.
-UNIT = st.sampled_from([number / 10 for number in range(11)])
-COLORS = st.tuples(*[st.sampled_from((0.2, 0.4, 0.6, 0.8, 1.0))] * 3)
 DEPTH_RULES = (*NAMED_DEPTH_RULES, "midpoint-1", "midpoint-3")
 SCALAR_DEPTH_RULES = (*DEPTH_RULES, "preintegrated", "preintegrated-2")
-
-
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """A scene and the quality of its picture."""
-
-    scene: Scene
-    quality: Quality
-
-    def with_scene(self, **changes) -> Shot:
-        return replace(self, scene=replace(self.scene, **changes))
-
-    def with_quality(self, **changes) -> Shot:
-        return replace(self, quality=replace(self.quality, **changes))
-
-    def with_function(self, **changes) -> Shot:
-        return self.with_scene(transfer_function=replace(self.scene.transfer_function, **changes))
-
-    def with_camera(self, **changes) -> Shot:
-        return self.with_scene(camera=replace(self.scene.camera, **changes))
-
-
-# --- what a search begins with --------------------------------------------------------------------------------
-
-
-def drawn_volume(draw, shape, affine) -> Volume:
-    """Any matter in one of DTYPES; NaN and infinities among floats at times."""
-    random = np.random.default_rng(draw(SEEDS))
-    voxels = stored(field_of(draw(st.sampled_from(MATTER)), shape, random), draw(st.sampled_from(DTYPES)))
-    if voxels.dtype.kind == "f" and draw(st.integers(0, 3)) == 0:
-        voxels[random.random(shape) < 0.05] = draw(st.sampled_from((np.nan, np.inf, -np.inf)))
-    slope, intercept = draw(st.sampled_from(((1.0, 0.0), (-2.5, 0.125), (0.37, -11.0))))
-    return Volume(voxels, affine, slope=slope, intercept=intercept)
-
-
-def drawn_function(draw, volume: Volume) -> TransferFunction:
-    """Opacities and colours over the values that there are, thick enough to be seen; shaded more often than not."""
-    low, high = value_range(volume)
-
-    def at(share):
-        return low + share * (high - low)
-
-    most, first = draw(st.sampled_from((0.2, 0.6, 1.0))), 0.6 * draw(UNIT)
-    opacity = draw(st.sampled_from((
-        ((at(first), 0.0), (at(1.0), most)),
-        ((at(first), 0.0), (at(first), most)),
-        ((at(first - 0.1), 0.0), (at(first), most), (at(first + 0.2), 0.0), (at(1.0), 0.5 * most)),
-    )))  # fmt: skip
-    shade = draw(st.sampled_from((Shade(), Shade(0.2, 0.8, 0.0), Shade(0.1, 0.6, 0.5, 5.0), None)))
-    colors = (at(0.0), *draw(COLORS)), (at(1.0), *draw(COLORS))
-    gradients = drawn_gradients(draw, volume) if draw(st.booleans()) else None
-    return TransferFunction("drawn", None, opacity, colors, drawn_distance(draw, volume), shade, gradients)
-
-
-def drawn_distance(draw, volume: Volume) -> float | None:
-    """A length that opacities may refer to: of a few voxels; None for what the volume's spacing makes of it."""
-    return None if draw(st.integers(0, 3)) == 0 else (1.0 + 2.0 * draw(UNIT)) * float(volume.spacing.min())
-
-
-def drawn_gradients(draw, volume: Volume) -> GradientOpacity:
-    low, high = value_range(volume)
-    steepest = 0.5 * (high - low) / float(volume.spacing.min())
-    return GradientOpacity(*sorted((0.3 * steepest * draw(UNIT), steepest * draw(UNIT))))
-
-
-def drawn_light(draw, scene: Scene) -> Light:
-    """About as bright on the volume as it is white, from beside it."""
-    random = np.random.default_rng(draw(SEEDS))
-    middle, reach = reach_of(scene)
-    kind, away = draw(st.sampled_from(LIGHT_TYPES)), 1.5 * reach
-    pose = np.eye(4)
-    pose[:3, :3] = rotation(random)
-    pose[:3, 3] = middle + away * pose[:3, 2]  # it shines along its -Z
-    energy = math.pi if kind == "SUN" else 4.0 * math.pi**2 * away**2
-    return Light(
-        kind, draw(COLORS), energy, pose, radius=0.1 * reach, angle=0.1, size=0.5 * reach, size_y=0.3 * reach,
-        casts_shadow=draw(st.integers(0, 3)) > 0,
-    )  # fmt: skip
-
-
-@st.composite
-def shots(draw, kind: str) -> Shot:
-    """A scene with lights at times, seen by any camera.  ``kind``: a classification, or the minification pool."""
-    pooled = kind == "pool"
-    shape = draw(st.tuples(*[st.integers(MOST_VOXELS - 2 if pooled else 4, MOST_VOXELS)] * 3))
-    volume = drawn_volume(draw, shape, draw(affines(2.0, 0.3)))
-    look = drawn_function(draw, volume)
-    camera = drawn_camera(draw, volume.affine, volume.shape_xyz)
-    scene = Scene(volume, look, camera, WIDTH, HEIGHT, headlight=draw(st.booleans()))
-    lights = tuple(drawn_light(draw, scene) for _ in range(draw(st.sampled_from((0, 1, 1, 2)))))
-    hidden = draw(st.sampled_from((0.0, 0.0, 0.7)))
-    scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()), ambient_occlusion=hidden)
-    name = draw(st.sampled_from(("draft", "standard", "fine")))
-    shot = Shot(scene, Quality.preset(name, "pre" if pooled else kind, threads=1))
-    # Several voxels to a sheet pixel: far off, and few sheet pixels.
-    return further_off(shot.with_quality(minification=kind, sheet_density=0.5), 4.0) if pooled else shot
-
-
-def drawn_camera(draw, index_to_world, shape_xyz):
-    clipped = st.sampled_from((None, None, None, "start", "end"))
-    return draw(cameras(index_to_world, shape_xyz, widest=100.0, shift=0.2, framed=True, clipped=clipped))
 
 
 # --- the transfer function ------------------------------------------------------------------------------------
@@ -296,12 +192,6 @@ CAMERAS = {
 }  # fmt: skip
 
 
-def further_off(shot: Shot, times: float) -> Shot:
-    """The volume so many times smaller in the picture: of voxels smaller than pixels, some are pooled."""
-    camera = shot.scene.camera
-    return shot.with_camera(lens=camera.lens / times, ortho_scale=camera.ortho_scale * times)
-
-
 def orbit(draw, shot: Shot) -> Shot:
     """The camera turned about the volume, so that other light is mirrored and other principal axes are nearest."""
     middle, _ = reach_of(shot.scene)
@@ -349,7 +239,7 @@ def blur(draw, shot: Shot) -> Shot:
 
 
 def limited_blur(shot: Shot) -> Shot:
-    """The shot blurred by no more than BLUR, and by kernels: their numpy twins take too long for several pictures."""
+    """The shot blurred by no more than BLUR, and by kernels: the numpy versions take too long for several pictures."""
     blur = widest_blur(shot.scene)
     if blur > BLUR:
         shot = shot.with_camera(aperture_radius=shot.scene.camera.aperture_radius * BLUR / blur)
@@ -558,7 +448,7 @@ def records_of_voxels(draw, shot: Shot) -> Shot:
 
 
 def machine(draw, shot: Shot) -> Shot:
-    """One thread or two; kernels or their numpy twins."""
+    """One thread or two; kernels or their reference implementations."""
     if draw(st.booleans()):
         return shot.with_quality(threads=3 - shot.quality.threads)
     return shot.with_quality(backend="auto" if shot.quality.backend == "numpy" else "numpy")

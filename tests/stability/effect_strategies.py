@@ -1,4 +1,4 @@
-"""What a scene may be given beside matter, camera and look, for hypothesis to choose from: any effects at once."""
+"""Hypothesis strategies for the effects of a scene: any number of them at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rle_splat.scene.checks import LARGEST_SHARE
 from rle_splat.scene.clip import CLIP_SIDES
 from rle_splat.volume.volume import Volume
 from tests.stability.strategies import (
-    MATTER,
+    FIELDS,
     SEEDS,
     UNIT,
     field_of,
@@ -120,15 +120,15 @@ def with_mist(draw, scene, random):
 def with_labels(draw, scene, random):
     shape = scene.volume.voxels.shape
     labels = Volume(random.integers(0, 3, shape).astype(np.uint8), scene.volume.affine)
-    look = draw(transfer_functions(*value_range(scene.volume), float(scene.volume.spacing.min())))
-    return replace(scene, labels=Labels(labels, {1: look, 2: None}))
+    tf = draw(transfer_functions(*value_range(scene.volume), float(scene.volume.spacing.min())))
+    return replace(scene, labels=Labels(labels, {1: tf, 2: None}))
 
 
 def with_channels(draw, scene, random):
-    matter = field_of(draw(st.sampled_from(MATTER)), scene.volume.voxels.shape, random)
-    volume = Volume(stored(matter, "uint8"), scene.volume.affine)
-    look = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
-    return replace(scene, channels=(Channel(volume, look),))
+    field = field_of(draw(st.sampled_from(FIELDS)), scene.volume.voxels.shape, random)
+    volume = Volume(stored(field, "uint8"), scene.volume.affine)
+    tf = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
+    return replace(scene, channels=(Channel(volume, tf),))
 
 
 def with_lens(draw, scene, random):

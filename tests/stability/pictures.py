@@ -17,7 +17,7 @@ from rle_splat.scene import CLASSIFICATIONS, Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-LOOK = TransferFunction(
+FUNCTION = TransferFunction(
     name="pictures", opacity=((20.0, 0.0), (30.0, 0.0), (250.0, 0.7)), opacity_unit_distance=1.0, shade=None,
     color=((0.0, 0.9, 0.3, 0.1), (255.0, 0.1, 0.4, 1.0)),
 )  # fmt: skip
@@ -39,14 +39,14 @@ def scene(name: str) -> tuple[Scene, Quality]:
         quality = Quality.paper()
     if name == "post":
         quality = Quality(classification="post")
-    return Scene(volume, LOOK, camera, *SIZE, volume_matrix=matrix, headlight=False), quality
+    return Scene(volume, FUNCTION, camera, *SIZE, volume_matrix=matrix, headlight=False), quality
 
 
 SCENES = ("parallel", "inside", "opacities", *(("post",) if "post" in CLASSIFICATIONS else ()))
 
 
 def pictures(names=SCENES, threads=(0,), backend: str = "auto") -> dict[str, np.ndarray]:
-    """(H, W, 5) float32 of each scene and number of threads: colour, alpha and depth."""
+    """(H, W, 5) float32 of each scene and number of threads: color, alpha and depth."""
     made = {}
     for name in names:
         shown, quality = scene(name)

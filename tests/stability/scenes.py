@@ -42,12 +42,12 @@ def from_above(voxels, transfer_function, scale: float = 1.0, **more) -> Scene:
 
 
 def columns(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knobs) -> np.ndarray:
-    """(ny, nx, 4) float32: the pixel of each column of a scene ``from_above``, premultiplied colour and alpha."""
+    """(ny, nx, 4) float32: the pixel of each column of a scene ``from_above``, premultiplied color and alpha."""
     return render(scene, replace(quality, backend=backend, **knobs)).rgba[::-1]
 
 
 def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knobs) -> np.ndarray:
-    """As ``columns``, before the warp has rounded alpha: premultiplied colour and transmittance."""
+    """As ``columns``, before the warp has rounded alpha: premultiplied color and transmittance."""
     caught = []
 
     def catching(images, *rest):
@@ -67,7 +67,7 @@ def drawn(scene: Scene, classification: str, backend: str = "auto", **knobs) -> 
     return render(scene, Quality.preset("standard", classification=classification, backend=backend, **knobs)).rgba
 
 
-def matter(opacity, color=WHITE, distance=1.0, shade=None, **more) -> TransferFunction:
+def transfer(opacity, color=WHITE, distance=1.0, shade=None, **more) -> TransferFunction:
     return TransferFunction(opacity=opacity, color=color, opacity_unit_distance=distance, shade=shade, **more)
 
 

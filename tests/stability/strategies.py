@@ -30,17 +30,17 @@ from rle_splat.scene import (
 from rle_splat.volume.volume import Volume
 
 DTYPES = ("uint8", "int16", "float32", "float64")  # every kind of stored type; the others: test_values
-MATTER = ("noise", "constant", "blobs", "sheet", "sparse", "checkerboard", "ramp")
+FIELDS = ("noise", "constant", "blobs", "sheet", "sparse", "checkerboard", "ramp")
 CURVES = ("ramp", "narrow", "steps", "solid", "any")
 SEEDS = st.integers(0, 2**32 - 1)
 UNIT = st.floats(0.0, 1.0)
 
 
-# --- matter ---------------------------------------------------------------------------------------------------
+# --- fields ---------------------------------------------------------------------------------------------------
 
 
 def field_of(kind: str, shape, random) -> np.ndarray:
-    """(nz, ny, nx) float64 in [0, 1] of one of MATTER."""
+    """(nz, ny, nx) float64 in [0, 1] of one of FIELDS."""
     z, y, x = np.indices(shape)
     if kind == "noise":
         return random.random(shape)
@@ -62,12 +62,12 @@ def field_of(kind: str, shape, random) -> np.ndarray:
 
 def smooth_field(shape, random, width=(1.6, 2.6)) -> np.ndarray:
     """(nz, ny, nx) float64 in [0, 1]: a few Gaussian blobs of ``width`` voxels, zero and flat at the faces."""
-    place = np.moveaxis(np.indices(shape), 0, -1).astype(np.float64)
+    position = np.moveaxis(np.indices(shape), 0, -1).astype(np.float64)
     total = np.zeros(shape)
     for _ in range(int(random.integers(1, 6))):
         middle = random.uniform(0.3, 0.7, 3) * (np.array(shape) - 1.0)
         total += random.uniform(0.3, 1.0) * np.exp(
-            -0.5 * ((place - middle) ** 2).sum(axis=-1) / random.uniform(*width) ** 2
+            -0.5 * ((position - middle) ** 2).sum(axis=-1) / random.uniform(*width) ** 2
         )
     total = np.clip(total, 0.0, None) / max(float(total.max()), 1e-9)
     edge = np.minimum.reduce([np.minimum(i, n - 1 - i) for i, n in zip(np.indices(shape), shape, strict=True)])
@@ -83,11 +83,11 @@ def stored(field, dtype: str) -> np.ndarray:
 
 @st.composite
 def volumes(draw, most: int = 9):
-    """Any matter in any stored type, one voxel thick or up to ``most``; NaN and infinities among floats."""
+    """Any field in any stored type, one voxel thick or up to ``most``; NaN and infinities among floats."""
     shape = draw(st.tuples(*[st.integers(1, most)] * 3))
     random = np.random.default_rng(draw(SEEDS))
     dtype = draw(st.sampled_from(DTYPES))
-    voxels = stored(field_of(draw(st.sampled_from(MATTER)), shape, random), dtype)
+    voxels = stored(field_of(draw(st.sampled_from(FIELDS)), shape, random), dtype)
     if voxels.dtype.kind == "f" and draw(st.booleans()):
         for odd in draw(st.lists(st.sampled_from((np.nan, np.inf, -np.inf)), min_size=1, max_size=3)):
             voxels[random.random(shape) < 0.1] = odd
@@ -172,7 +172,7 @@ def cameras(draw, index_to_world, shape_xyz, widest=165.0, shift=1.0, framed=Fal
     )  # fmt: skip
 
 
-# --- looks ----------------------------------------------------------------------------------------------------
+# --- transfer functions ------------------------------------------------------------------------------------
 
 
 def value_range(volume) -> tuple[float, float]:
@@ -214,13 +214,13 @@ def transfer_functions(draw, low, high, distance, curves=CURVES):
 
 @st.composite
 def scenes(draw, most_pixels: int = 20):
-    """Any volume, seen by any camera, with any look."""
+    """Any volume, seen by any camera, with any transfer function."""
     volume = draw(volumes())
     place = draw(affines(3.0))
     scene_scale = draw(st.sampled_from((1.0, 1e-3, 1e3)))
     index_to_world = place @ np.diag((scene_scale, scene_scale, scene_scale, 1.0)) @ volume.affine
     camera = draw(cameras(index_to_world, volume.shape_xyz))
-    look = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
+    tf = draw(transfer_functions(*value_range(volume), float(volume.spacing.min())))
     lights = ()
     if draw(st.integers(0, 3)) == 0:
         pose = np.eye(4)
@@ -228,33 +228,33 @@ def scenes(draw, most_pixels: int = 20):
         lights = (Light(draw(st.sampled_from(("SUN", "POINT", "SPOT", "AREA"))), energy=10.0, matrix_world=pose),)
     width, height = draw(st.integers(1, most_pixels)), draw(st.integers(1, most_pixels))
     return Scene(
-        volume, look, camera, width, height, place, scene_scale, lights, headlight=draw(st.booleans())
+        volume, tf, camera, width, height, place, scene_scale, lights, headlight=draw(st.booleans())
     )  # fmt: skip
 
 
 @st.composite
 def plain_scenes(
-    draw, matter=MATTER, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, holes=False, **camera
+    draw, fields=FIELDS, curves=CURVES, sizes=(3, 9), most_pixels=24, anisotropy=10.0, holes=False, **camera
 ):
-    """Unlit matter with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on.
+    """An unlit medium with an optical depth of up to 3 across a cell's diagonal: what plans converge to the oracle on.
 
     ``holes``: some voxels may be no numbers."""
     shape = draw(st.tuples(*[st.integers(*sizes)] * 3))
     random = np.random.default_rng(draw(SEEDS))
     dtype = draw(st.sampled_from(DTYPES))
-    voxels = stored(field_of(draw(st.sampled_from(matter)), shape, random), dtype)
+    voxels = stored(field_of(draw(st.sampled_from(fields)), shape, random), dtype)
     if holes and voxels.dtype.kind == "f" and draw(st.booleans()):
         voxels[random.random(shape) < 0.1] = np.nan
     volume = Volume(voxels, draw(affines(anisotropy, 0.5)))
     diagonal = float(np.linalg.norm(volume.affine[:3, :3], axis=0).sum())
     low, high = value_range(volume)
-    look = draw(transfer_functions(low, high, diagonal, curves))
-    if curves == ("ramp",):  # nor may colours change faster than that
-        look = replace(look, color=((low, *look.color[0][1:]), (high, *look.color[-1][1:])))
-    mild = tuple((value, min(alpha, 0.95)) for value, alpha in look.opacity)
-    look = replace(look, opacity=mild, opacity_unit_distance=diagonal, shade=None)
+    tf = draw(transfer_functions(low, high, diagonal, curves))
+    if curves == ("ramp",):  # nor may colors change faster than that
+        tf = replace(tf, color=((low, *tf.color[0][1:]), (high, *tf.color[-1][1:])))
+    mild = tuple((value, min(alpha, 0.95)) for value, alpha in tf.opacity)
+    tf = replace(tf, opacity=mild, opacity_unit_distance=diagonal, shade=None)
     seen = draw(cameras(volume.affine, volume.shape_xyz, framed=True, **camera))
-    return Scene(volume, look, seen, most_pixels, most_pixels, headlight=False)
+    return Scene(volume, tf, seen, most_pixels, most_pixels, headlight=False)
 
 
 @st.composite

@@ -27,13 +27,13 @@ from rle_splat.view.footprints import FOOTPRINTS, GAUSSIAN, footprint_values
 from rle_splat.view.principal_axis import candidate_pyramids
 from rle_splat.warp.warp import warp
 from tests.stability.catalogue import WIDTHS
-from tests.stability.scenes import BACKENDS, columns, from_above, matter, sheets
+from tests.stability.scenes import BACKENDS, columns, from_above, sheets, transfer
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 
 AVAILABLE = BACKENDS if compiled() else ("numpy",)
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 STAGE = Stage()
-ROAD = import_module("rle_splat.pipeline.render")
+PIPELINE = import_module("rle_splat.pipeline.render")
 STAGE_SHADE = Shade()
 CLASSIFICATIONS = ("pre", "post")
 BY_CLASSIFICATION = pytest.mark.parametrize("classification", CLASSIFICATIONS)
@@ -75,7 +75,7 @@ def _opacities(sheet, length, state, before, count):
 
 
 def behind_sheets(loop, value, count, width):
-    """(colour, transmittance) of one pixel behind ``count`` sheets of white matter of extinction, or opacity, value."""
+    """(color, transmittance) of one pixel behind ``count`` sheets of a white medium of that extinction or opacity."""
     kind = np.dtype(width).type
     sheet, length = np.full(4 * BLOCK, value, np.float32), np.ones(BLOCK, np.float32)
     state, before = np.zeros(4 * BLOCK, kind), np.zeros(BLOCK, kind)
@@ -93,19 +93,20 @@ def test_A1_thin_sheets_whose_optical_depths_add_up_to_one(record, model, count)
     loop = _extinctions if model == "extinction" else _opacities
     exact = math.exp(count * (-float(value) if model == "extinction" else math.log1p(-float(value))))
     for width in WIDTHS:
-        color, clear = behind_sheets(loop, value, count, width)
-        record("A1", "error of T behind n sheets, in units of n 2^-24", abs(clear - exact) / (count * ULP), 1.0, width)
+        color, transmittance = behind_sheets(loop, value, count, width)
+        off, gained = abs(transmittance - exact), abs(color + transmittance - 1.0)
+        record("A1", "error of T behind n sheets, in units of n 2^-24", off / (count * ULP), 1.0, width)
         if width == DOUBLE:
             none = "chosen for no more than 16,384 sheets"
-            record("A1", "error of T behind up to 1e7 sheets", abs(clear - exact), 1e-12, width, why=none)
-            record("A1", "colour + T - 1 behind up to 1e7 sheets", abs(color + clear - 1.0), 1e-12, width, why=none)
+            record("A1", "error of T behind up to 1e7 sheets", off, 1e-12, width, why=none)
+            record("A1", "color + T - 1 behind up to 1e7 sheets", gained, 1e-12, width, why=none)
 
 
 @pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("model, classification", (("extinction", "pre"), ("opacity", "pre"), ("extinction", "post")))
 def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, monkeypatch):
-    """A column of more slices than float32 is good for, and one slice fewer; the numpy twin has a lower limit here,
-    for it takes its time."""
+    """A column of more slices than float32 is good for, and one slice fewer; the reference implementation has a lower
+    limit here, for it takes its time."""
     if backend == "numpy":
         monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 500)
     most = pixel_block.MOST_SHEETS_IN_SINGLE
@@ -117,7 +118,7 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, m
     for count, width, bound in ((most, SINGLE, most * ULP), (most + 1, DOUBLE, 4.0 * ULP)):
         long = count - (classification == "post")  # half of the first slice and of the last are outside its box
         alpha = np.float32(-math.expm1(-1.0 / long))
-        scene = from_above(np.ones((count, 4, 4), np.uint8), matter(((0.0, 0.0), (1.0, float(alpha)))))
+        scene = from_above(np.ones((count, 4, 4), np.uint8), transfer(((0.0, 0.0), (1.0, float(alpha)))))
         found = columns(scene, backend, model=model, classification=classification)[1, 1]
         assert set(asked) == {count}
         asked.clear()
@@ -135,16 +136,16 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, m
 def test_A2_transmittance_underflows_to_the_end_of_the_ray(record, width, backend, tau, classification):
     """No least transmittance is asked for: behind 1e-30 the ray ends, and no denormal number is left to work with."""
     count = int(70.0 / tau) + 40
-    seen = matter(((0.5, 0.0), (0.5, -math.expm1(-tau))))
+    seen = transfer(((0.5, 0.0), (0.5, -math.expm1(-tau))))
     solid = np.ones((2 * count, 4, 4), np.uint8)
     whole, front = (
         sheets(from_above(voxels, seen), backend, classification=classification)[1:3, 1:3]
         for voxels in (solid, solid * (np.arange(2 * count) >= count)[:, None, None])
     )
-    clear = whole[..., 3]
-    assert clear.max() <= OPAQUE and np.isfinite(whole).all()
-    denormal = (clear > 0.0) & (clear < np.finfo(np.float32).tiny)
-    record("A2", "denormal transmittances left behind opaque matter", denormal.sum(), 0, width)
+    transmittance = whole[..., 3]
+    assert transmittance.max() <= OPAQUE and np.isfinite(whole).all()
+    denormal = (transmittance > 0.0) & (transmittance < np.finfo(np.float32).tiny)
+    record("A2", "denormal transmittances left behind an opaque medium", denormal.sum(), 0, width)
     record("A2", "numbers that matter behind T = 1e-30 changes", (front != whole).sum(), 0, width)
 
 
@@ -152,7 +153,7 @@ def test_A2_transmittance_underflows_to_the_end_of_the_ray(record, width, backen
 @BY_CLASSIFICATION
 def test_A3_early_termination_costs_its_bound_and_no_more(record, width, termination, classification):
     """Sheets of an optical depth of a fiftieth: whatever lies behind is cut off at the bound, in every channel."""
-    scene = from_above(np.ones((600, 4, 4), np.uint8), matter(((0.0, 0.0), (1.0, -math.expm1(-0.02)))))
+    scene = from_above(np.ones((600, 4, 4), np.uint8), transfer(((0.0, 0.0), (1.0, -math.expm1(-0.02)))))
     full, short = (columns(scene, termination=t, classification=classification)[1, 1] for t in (0.0, termination))
     lost = (full - short) / termination
     record("A3", "what termination cuts off, in units of T_min * c_max", lost.max(), 1.001, width)
@@ -169,7 +170,7 @@ def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, backend, 
     voxels = np.random.default_rng(4).integers(1, 256, (3, 24, 24)).astype(np.uint8)
     voxels[:, :4] = voxels[:, -4:] = voxels[..., :4] = 0
     voxels[..., -4:] = 0
-    faint = matter(((0.0, 0.0), (255.0, 0.2)), color=((0.0, 1.0, 0.2, 0.1), (255.0, 0.2, 0.4, 0.9)))
+    faint = transfer(((0.0, 0.0), (255.0, 0.2)), color=((0.0, 1.0, 0.2, 0.1), (255.0, 0.2, 0.4, 0.9)))
     plain, turned = (
         columns(from_above(v, faint), backend, kernel=footprint).astype(np.float64)
         for v in (voxels, voxels[:, ::-1, ::-1])
@@ -210,7 +211,7 @@ def test_A5_bands_and_threads_change_no_bit(record, width, monkeypatch, rows, th
 
 
 def over(front, back):
-    """(..., 4) colour and transmittance, float64: one partial image over another."""
+    """(..., 4) color and transmittance, float64: one partial image over another."""
     return np.concatenate((front[..., :3] + front[..., 3:] * back[..., :3], front[..., 3:] * back[..., 3:]), axis=-1)
 
 
@@ -244,8 +245,8 @@ def test_A6_over_is_associative(record, width, depth_rule, pieces):
 @pytest.mark.parametrize("tau", (1e-7, 1e-3, 0.1, 1.0, 5.0, 16.6))
 @BY_CLASSIFICATION
 def test_A7_a_white_furnace_is_as_bright_as_it_is_opaque(record, width, backend, slices, tau, classification):
-    """Emission of colour one: what is emitted is what is hidden, sheet for sheet, before any clamp."""
-    scene = from_above(np.ones((slices, 8, 8), np.uint8), matter(((0.0, 0.0), (1.0, -math.expm1(-tau)))))
+    """Emission of color one: what is emitted is what is hidden, sheet for sheet, before any clamp."""
+    scene = from_above(np.ones((slices, 8, 8), np.uint8), transfer(((0.0, 0.0), (1.0, -math.expm1(-tau)))))
     pixels = sheets(scene, backend, classification=classification)[1:-1, 1:-1].astype(np.float64)
     assert pixels[..., 3].min() < math.exp(-min((slices - 1) * tau, 30.0)) * 1.001
     error = np.abs(pixels[..., :3] + pixels[..., 3:] - 1.0).max()
@@ -254,12 +255,12 @@ def test_A7_a_white_furnace_is_as_bright_as_it_is_opaque(record, width, backend,
     record("A7", "emitted + transmitted light - 1, in units of n 2^-24", error / (slices * ULP), 1.0, width)
     rgba = columns(scene, backend, classification=classification).astype(np.float64)
     unequal = np.abs(rgba[..., :3] - rgba[..., 3:]).max() / (slices * ULP)
-    record("A7", "colour - alpha of a white picture, in units of n 2^-24", unequal, 1.0, width)
+    record("A7", "color - alpha of a white picture, in units of n 2^-24", unequal, 1.0, width)
 
 
 @pytest.mark.parametrize("backend", AVAILABLE)
 @BY_CLASSIFICATION
-def test_A8_more_matter_hides_more_and_more_light_shows_more(record, width, backend, classification, monkeypatch):
+def test_A8_a_denser_medium_hides_more_and_more_light_shows_more(record, width, backend, classification, monkeypatch):
     random = np.random.default_rng(8)
     field = np.where(random.random((14, 14, 14)) < 0.5, 0.0, random.random((14, 14, 14)) * 0.4)
     field[0, 0, 0] = 0.9  # out of the way: the range of values, and so the table, stays the same
@@ -268,7 +269,7 @@ def test_A8_more_matter_hides_more_and_more_light_shows_more(record, width, back
     def seen(field, **more):
         images = []
         with monkeypatch.context() as patch:
-            patch.setattr(ROAD, "warp", lambda made, *rest: images.extend(made) or warp(made, *rest))
+            patch.setattr(PIPELINE, "warp", lambda made, *rest: images.extend(made) or warp(made, *rest))
             render(STAGE.on_turntable(field, 35.0, 25.0, size=(24, 24), **more), quality)
         return images[0].pixels
 
@@ -278,7 +279,7 @@ def test_A8_more_matter_hides_more_and_more_light_shows_more(record, width, back
         more[tuple(random.integers(1, 14, 3))] += 0.3
         added = seen(more)
         assert (added[..., 3] < base[..., 3]).any()
-        record("A8", "rise of T where matter is added", (added - base)[..., 3].max(), 0.0, width)
+        record("A8", "rise of T where the medium is made denser", (added - base)[..., 3].max(), 0.0, width)
     brighter = replace(OPACITY_IS_VALUE, color=tuple((x, 1.2 * r, g, b + 0.1) for x, r, g, b in OPACITY_IS_VALUE.color))
     lit = seen(field, transfer_function=brighter)
     assert (lit[..., 3] == base[..., 3]).all()
@@ -288,11 +289,11 @@ def test_A8_more_matter_hides_more_and_more_light_shows_more(record, width, back
 @pytest.mark.parametrize("warp_filter", WARP_FILTERS)
 @pytest.mark.parametrize("backend", AVAILABLE)
 @BY_CLASSIFICATION
-def test_A9_colour_never_exceeds_what_its_opacity_allows(record, width, warp_filter, backend, classification):
-    """Binary matter of HDR colours, so that the filters' negative lobes have something to overshoot."""
+def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filter, backend, classification):
+    """A binary medium of HDR colors, so that the filters' negative lobes have something to overshoot."""
     random = np.random.default_rng(9)
     colors = ((0.0, 7.5, 0.0, 0.2), (1.0, 0.1, 2.0, 0.0))
-    harsh = matter(((0.5, 0.0), (0.5, 0.98)), color=colors)
+    harsh = transfer(((0.5, 0.0), (0.5, 0.98)), color=colors)
     field = (random.random((16, 16, 16)) < 0.1) * 1.0
     for perspective in (False, True):
         scene = STAGE.on_turntable(field, 35.0, 25.0, perspective, size=(48, 48), transfer_function=harsh)
@@ -306,8 +307,8 @@ def test_A9_colour_never_exceeds_what_its_opacity_allows(record, width, warp_fil
         ).rgba.astype(np.float64)
         assert rgba[..., 3].max() > 0.9
         over_bright = (rgba[..., :3] - 7.5 * rgba[..., 3:]).max()
-        record("A9", "colour beyond c_max * A after the warp", over_bright, 4 * 7.5 * ULP, width)
-        record("A9", "colour or alpha below 0, alpha above 1", max(-rgba.min(), rgba[..., 3].max() - 1.0), 0.0, width)
+        record("A9", "color beyond c_max * A after the warp", over_bright, 4 * 7.5 * ULP, width)
+        record("A9", "color or alpha below 0, alpha above 1", max(-rgba.min(), rgba[..., 3].max() - 1.0), 0.0, width)
 
 
 # --- A10, A11: kernels ----------------------------------------------------------------------------------------
@@ -320,7 +321,7 @@ def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, wid
     """Optical depth of every sheet pixel over the middle of a block, at 0.39 and 2.93 pixels a voxel."""
     block = np.zeros((20, 26, 26), np.uint8)
     block[4:-4, 1:-1, 1:-1] = 1
-    scene = from_above(block, matter(((0.0, 0.0), (1.0, -math.expm1(-0.05)))))
+    scene = from_above(block, transfer(((0.0, 0.0), (1.0, -math.expm1(-0.05)))))
     for pixels in (76, 10):
         for moved in (0.0, 1 / 3, 0.5):
             camera = replace(scene.camera, shift_x=moved / pixels, shift_y=-0.3 * moved / pixels)
@@ -350,13 +351,13 @@ def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, wid
                 )
 
 
-def test_A10_the_gaussian_is_normalised_because_it_must(record):
+def test_A10_the_gaussian_is_normalized_because_it_must(record):
     """The lattice sums of the footprints as they are: all but the Gaussian are one without division."""
     at = np.linspace(0.0, 1.0, 401)[:, None] + np.arange(-4, 5)
     for kind in range(5):
         ripple = np.ptp(footprint_values(kind, at).sum(axis=1))
         if kind == GAUSSIAN:
-            assert ripple > 2e-4  # the premise of the normalisation
+            assert ripple > 2e-4  # the premise of the normalization
         else:
             record(
                 "A10",
@@ -401,7 +402,7 @@ def light_at(place, kind="POINT", **more):
 def test_A14_lights_none_two_at_a_voxel_and_inside(record, width, kind, classification):
     """Finite, never dark of a sudden, and the sum of what each gives; a light at a voxel is like one beside it."""
     field = FIELDS["smooth"](16)
-    shaded = matter(((0.0, 0.0), (1.0, 0.5)), shade=STAGE_SHADE)
+    shaded = transfer(((0.0, 0.0), (1.0, 0.5)), shade=STAGE_SHADE)
 
     def lit(*lights):
         scene = STAGE.on_turntable(field, size=(32, 32), transfer_function=shaded, lights=lights)
@@ -419,7 +420,7 @@ def test_A14_lights_none_two_at_a_voxel_and_inside(record, width, kind, classifi
     record("A14", "light at a voxel, in units of what half a voxel's distance allows", brightest, 1.0, width)
     darker = max((pictures[name] - pictures["two"]).max() for name in ("at", "inside"))
     if classification == "pre":
-        record("A14", "fall of a colour when a light is added", darker, 1e-6, width)
+        record("A14", "fall of a color when a light is added", darker, 1e-6, width)
     else:
         record("A14", "the same, post-classified", darker, 1 / 255, width, looser=NEAREST)
 

@@ -1,7 +1,8 @@
 """Any effects at once, P4: what every picture keeps to, however many of them a scene is given.
 
 No truth is asked for here: pictures are finite and in range, the same bits whoever makes them and whatever part of them
-is made, the kernels' stages are those of their twins, and effects that are turned off were never heard of.
+is made, the kernels' stages are those of their reference implementations, and effects that are turned off leave no
+trace.
 """
 
 from __future__ import annotations
@@ -17,24 +18,24 @@ from rle_splat.runtime.jit import compiled
 from rle_splat.scene import RleSplatError
 from tests.stability.effect_strategies import BLURS, scenes_with_effects
 from tests.stability.fuzz import examples
+from tests.stability.references import by_stages
 from tests.stability.strategies import qualities
 from tests.stability.test_scene_fuzz import (
     WORST,
     bits_apart,
     brightest,
+    check_references,
     check_sentence,
-    check_twins,
     picture,
-    record_twins,
+    record_references,
 )
-from tests.stability.twins import by_stages
 
-# Of many sharp pictures that a blurred one is the mean of, so many are held against the twin's.
+# Of many sharp pictures that a blurred one is the mean of, so many are held against the reference's.
 FEW = 2
 
 
 def check_range(made, most):
-    """Finite, premultiplied and in range; ``most``: the largest channel of a colour, as far as the warp knows it."""
+    """Finite, premultiplied and in range; ``most``: the largest channel of a color, as far as the warp knows it."""
     rgba, depth = made.rgba.astype(np.float64), made.depth
     assert np.isfinite(rgba).all() and np.isfinite(depth).all()
     assert rgba.min(initial=0.0) >= 0.0 and rgba[..., 3].max(initial=0.0) <= 1.0
@@ -74,9 +75,9 @@ def search_effects(given_scene, quality, shares):
     assert (never is None and off is None) or bits_apart(never, off) == 0
     if not compiled() or (set(names) & set(BLURS)):
         return
-    twin, by_twin, _ = by_stages(scene, replace(quality, backend="numpy"))
-    check_range(twin, most)
-    check_twins(splats[:FEW], warps[:FEW], by_twin[:FEW])
+    reference, by_reference, _ = by_stages(scene, replace(quality, backend="numpy"))
+    check_range(reference, most)
+    check_references(splats[:FEW], warps[:FEW], by_reference[:FEW])
 
 
 def test_P4_any_effects_at_once(record):
@@ -87,4 +88,4 @@ def test_P4_any_effects_at_once(record):
     claim = "bits that differ with two threads, a second time, in a part, and from a scene without"
     record("P4", claim, 0, 0, "either", why)
     if compiled():
-        record_twins(record, "P4")
+        record_references(record, "P4")

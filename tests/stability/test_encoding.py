@@ -18,7 +18,7 @@ from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from_counts
-from rle_splat.pipeline import memory_estimate
+from rle_splat.pipeline import quick_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
@@ -183,7 +183,7 @@ def test_S3_the_worst_runs_are_in_the_estimate(record, make):
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    wanted = memory_estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=3)
+    wanted = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=3)
     tables = sum(one.runs.nbytes for one in stored.axes.values())
     assert wanted.records == sum(one.voxel_data.nbytes for one in stored.axes.values())
     assert tables <= wanted.runs and wanted.needed <= 1.8 * peak
@@ -193,7 +193,7 @@ def test_S3_the_worst_runs_are_in_the_estimate(record, make):
 @pytest.mark.parametrize("make", (checkerboard, solid))
 def test_S3_the_worst_runs_are_refused_when_they_do_not_fit(record, make, monkeypatch):
     scene = close_up(make(64), 2, (32.0, 32.0, 32.0))
-    wanted = memory_estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
+    wanted = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: wanted // 2)
     with pytest.raises(RleSplatError, match="are free") as problem:
@@ -233,7 +233,7 @@ def test_S4_columns_grow_with_the_width(record, backend):
         classified = classify(Volume(voxels, np.eye(4)), shown, np.eye(4), backend=backend)
         assert classified.column.dtype == stored_type
         off = unlike(classified.column, sorted({0, 65535, length - 1}))
-        record("S4", "visible voxels of a long row at a wrong place", off, 0, "either", TABLES_ARE_WHOLE)
+        record("S4", "visible voxels of a long row at a wrong position", off, 0, "either", TABLES_ARE_WHOLE)
 
 
 @needs_kernels
@@ -257,7 +257,7 @@ def test_S4_the_far_end_of_a_long_volume_is_drawn_as_if_it_were_all(record, long
     assert alone.rgba[..., 3].max() > 0.3
     off = 255.0 * np.abs(whole.rgba - alone.rgba).max()
     record("S4", "the end of 70,000 voxels against the same alone, levels", off, 1.0, "float32",
-           "places are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
+           "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 
 def test_S5_offsets_go_beyond_32_bits(record):
@@ -312,7 +312,7 @@ def test_S5_a_volume_of_more_than_32_bits_of_voxels(record, tmp_path):
         assert alone[..., 3].max() > 0.3
         off = 255.0 * np.abs(whole - alone).max()
         record("S5", "the end of 2^31 voxels against the same alone, levels", off, 1.0, "float32",
-               "places are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
+               "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 
 @needs_kernels

@@ -28,7 +28,7 @@ STAGE = Stage()
 LEVEL = 1.0 / 255.0
 STANDARD = Quality(classification="pre", depth_rule="simpson")
 PLANS = {"pre": STANDARD, "post": replace(STANDARD, classification="post")}
-# Nothing at the faces: post-classified matter ends there at once, and what is cut off changes by jumps.
+# Nothing at the faces: a post-classified medium ends there at once, and what is cut off changes by jumps.
 INNER = 0.5 * blobs((16, 16, 16), 3, count=8, width=(1.6, 2.6))
 BLOBS = np.pad(INNER, 1)
 ROUND = Quality(classification="pre", depth_rule="midpoint-16", sheet_density=6.0, termination=0.0)
@@ -221,7 +221,7 @@ PERMUTED = [(order, flips) for order in ((0, 1, 2), (1, 2, 0), (2, 1, 0)) for fl
 
 @pytest.mark.parametrize("order, flips", PERMUTED[1:], ids=str)
 def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, width, plan, order, flips):
-    """The same matter in the same place, stored in another order: volume axes (x, y, z) become ``order``, some of
+    """The same medium in the same place, stored in another order: volume axes (x, y, z) become ``order``, some of
     them backwards."""
     field = np.pad(INNER[:15, :, :13], 1)
     stored = np.flip(field.transpose([2 - a for a in order[::-1]]), [2 - f for f in flips])
@@ -255,7 +255,7 @@ def mirrored(claim, density, change, width, record):
 
 
 @pytest.mark.parametrize("backend", AVAILABLE)
-def test_C6_symmetric_matter_makes_symmetric_pictures(record, width, plan, backend):
+def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, width, plan, backend):
     field = BLOBS + BLOBS[:, :, ::-1]
     field = 0.4 * (field + field[::-1])
     for perspective in (False, True):
@@ -421,6 +421,6 @@ def test_C18_far_from_the_world_origin(record, width, plan, direction):
         corners = np.array(list(np.ndindex(2, 2, 2))) * 17.0
         pixels = [(p[:, :3] @ corners.T + p[:, 3:])[:2] / (p[2:, :3] @ corners.T + p[2:, 3:]) for p in (here, there)]
         record("C18", "pixels that a voxel 1e7 away moves by", np.abs(pixels[1] - pixels[0]).max(), 1e-6, "float64",
-               why="places are reckoned in float64")  # fmt: skip
+               why="positions are computed in float64")  # fmt: skip
         change = np.abs(picture(other, plan) - picture(scene, plan)).max()
         record("C18", "change of a picture 1e7 away", change, 1e-6, width)

@@ -15,7 +15,7 @@ from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
-from tests.stability.scenes import from_above, matter
+from tests.stability.scenes import from_above, transfer
 from tests.stability.test_geometry import AVAILABLE, LEVEL, placed, turned
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 
@@ -39,8 +39,8 @@ def lens_of(fov):
 
 
 def volume_for(plan, field=FIELD, linear=IDENTITY):
-    """The field under a linear map.  Post-classified matter ends at the box of the voxels' centres: a voxel of nothing
-    goes round it, for where matter is cut off the truth jumps, and no picture follows that to a level."""
+    """The field under a linear map.  A post-classified medium ends at the box of the voxels' centers: a voxel of
+    nothing goes round it, for where a medium is cut off the truth jumps, and no picture follows that to a level."""
     if plan.classification == "post":
         return STAGE.volume(np.pad(field, 1), placed(linear, -linear @ np.ones(3)))
     return STAGE.volume(field, placed(linear))
@@ -120,7 +120,7 @@ def test_C9_sheared_and_mirrored_matrices(record, width, plan, name, kind):
 
 @pytest.mark.parametrize("name", MATRICES)
 def test_C9_normals_go_by_the_inverse_transpose(record, width, name):
-    """The same ball of matter in the world on an upright grid and on a sheared or mirrored one, lit by a sun: what
+    """The same ball of a medium in the world on an upright grid and on a sheared or mirrored one, lit by a sun: what
     differs is the sampling.  Normals that turned with the grid would differ by tenths."""
 
     def ball(linear):
@@ -241,7 +241,7 @@ def test_C11_moving_the_eye_across_a_slice_is_continuous(record, width, plan, wh
 
 
 def test_C12_no_mirrored_ghost_behind_the_eye(record, width, plan):
-    """Matter behind the eye never shows: a bright block at the back leaves the picture of the front unchanged."""
+    """A medium behind the eye never shows: a bright block at the back leaves the picture of the front unchanged."""
     empty = np.zeros((24, 24, 24))
     behind = empty.copy()
     behind[:, :8] = 0.5
@@ -287,7 +287,7 @@ def test_C13_clip_planes_inside_the_volume(record, width, plan, kind, clip):
 
 @pytest.mark.parametrize("side", ("start", "end"))
 def test_C13_moving_a_clip_plane_is_continuous(record, width, plan, side):
-    """A fiftieth of a slice more or less never makes more than the matter in it, extinction 0.51 a voxel at most."""
+    """A fiftieth of a slice more or less never makes more than the medium in it, extinction 0.51 a voxel at most."""
     scene = STAGE.on_turntable(FIELD, 0.0, 0.0, size=(32, 32))
     middle = float(np.linalg.norm(scene.camera.matrix_world[:3, 3] - (11.5, 11.5, 11.5)))
     pictures = []
@@ -303,13 +303,13 @@ def test_C13_moving_a_clip_plane_is_continuous(record, width, plan, side):
 @pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("classification", ("pre", "refined", "post"))
 @pytest.mark.parametrize("rule", ("slice", "simpson"))
-def test_C13_the_depth_of_matter_that_a_clip_plane_cuts(record, width, rule, classification, backend):
-    """In homogeneous matter half the light is gone ln 2 / extinction behind the plane, wherever it cuts a slab; seen
+def test_C13_the_depth_of_a_medium_that_a_clip_plane_cuts(record, width, rule, classification, backend):
+    """In a homogeneous medium half the light is gone ln 2 / extinction behind the plane, wherever it cuts a slab; seen
     askew no depth lies before the plane or beyond the other."""
-    dense = matter(((0.0, 1.0 - math.exp(-2.0)),))
+    dense = transfer(((0.0, 1.0 - math.exp(-2.0)),))
     block = from_above(np.ones((8, 6, 6), np.uint8), dense)
     quality = Quality(classification=classification, depth_rule=rule, termination=0.0, backend=backend)
-    for clip in (11.5, 11.8, 12.03, 13.25):  # the first slice's centre is 11 away
+    for clip in (11.5, 11.8, 12.03, 13.25):  # the first slice's center is 11 away
         scene = replace(block, camera=replace(block.camera, clip_start=clip))
         depth = render(scene, quality).depth[2:4, 2:4]
         off = abs(depth - (clip + 0.5 * math.log(2.0))).max()
@@ -336,7 +336,7 @@ def test_C15_fields_of_view_of_170_degrees(record, width, plan, eye):
 def test_C15_lens_shift_and_pixel_aspect(record, width, plan, shift, kind):
     """A camera shifted by several sensor widths, moved aside so that the volume stays in the picture.
 
-    It looks along an axis at matter cut by the faces, where the kinks of all slices fall on the same pixels: the
+    It looks along an axis at a medium cut by the faces, where the kinks of all slices fall on the same pixels: the
     worst case of the warp, hence the bound; every shift must give the same error, as it gives the same rays.
     """
     size, distance = 40.0, 50.0

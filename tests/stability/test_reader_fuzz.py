@@ -166,12 +166,13 @@ def test_R1_volumes_of_any_values(record):
 
 
 @pytest.mark.parametrize("slope", (1e-300, 1e-150, 1e150, 1e280, 2e288))
-def test_R1_an_automatic_look_of_values_of_any_size(record, slope):
+def test_R1_an_automatic_transfer_function_of_values_of_any_size(record, slope):
     """The squares of values next to the largest there are left float64's range, and no threshold was found."""
     values = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 5e16, 2e19, 2.1e19]).reshape(2, 2, 2)
     one, other = (default_transfer_function(Volume(values, np.eye(4), slope=s))[0].opacity for s in (1.0, slope))
     off = max(abs(a[0] - b[0] / slope) / 2.1e19 + abs(a[1] - b[1]) for a, b in zip(one, other, strict=True))
-    record("R1", "change of an automatic look where all values are scaled", off, 1e-6, "either", "points are float64")
+    claim = "change of an automatic transfer function where all values are scaled"
+    record("R1", claim, off, 1e-6, "either", "points are float64")
 
 
 # --- JSON -------------------------------------------------------------------------------------------------------

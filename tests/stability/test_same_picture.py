@@ -77,15 +77,15 @@ def test_A12_A13_a_cold_kernel_cache_and_another_processor(record, tmp_path):
 
 
 @WITH_KERNELS
-def test_A13_kernels_and_their_numpy_twins(record, width):
+def test_A13_kernels_and_their_reference_implementations(record, width):
     fast, slow = pictures(backend="numba"), pictures(backend="numpy")
     for name in fast:
         error = float(np.abs(fast[name][..., :4] - slow[name][..., :4]).max())
         if name.startswith("post"):
-            claim = "difference between kernels and their numpy twins, post-classified"
-            record("A13", claim, error, 2e-3, width, looser="a rounding may turn to the next entry of the value table")
+            claim = "difference between kernels and their reference implementations, post-classified"
+            record("A13", claim, error, 2e-3, width, looser="a rounding may turn to the next entry of the lookup table")
         else:
-            record("A13", "difference between kernels and their numpy twins", error, 1e-5, width)
+            record("A13", "difference between kernels and their reference implementations", error, 1e-5, width)
 
 
 @pytest.mark.parametrize("backend", ("numba", "numpy") if compiled() else ("numpy",))
@@ -107,7 +107,7 @@ def other_pythons():
 
 @pytest.mark.parametrize("python", other_pythons() or [None], ids=lambda p: p.parts[-3] if p else "none")
 def test_A13_other_versions_of_python_and_numpy(record, tmp_path, python):
-    """Each of Blender's: by the numpy twins, which need no compiler, and by kernels where that Python has numba."""
+    """Each of Blender's: by the reference implementations, which need no compiler, and by kernels if it has numba."""
     if python is None:
         pytest.skip("no environment of another Python is at hand")
     for backend in ("numpy", "auto"):

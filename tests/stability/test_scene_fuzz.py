@@ -1,7 +1,7 @@
 """Scenes and plans, P1 to P3: any volume, affine, camera, transfer function and plan at once.
 
-P1: what every picture keeps to, whatever the plan.  P2: the sheets of any matter against the oracle, ray by ray, for
-plans that converge to it.  P3: finished pictures of smooth matter against the oracle, by the bound of their preset.
+P1: what every picture keeps to, whatever the plan.  P2: the sheets of any medium against the oracle, ray by ray, for
+plans that converge to it.  P3: finished pictures of smooth media against the oracle, by the bound of their preset.
 Every failure that the searches found has a case of its own below them.
 """
 
@@ -25,8 +25,8 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
 from tests.stability.fuzz import examples
+from tests.stability.references import STEPS, by_stages, tables_apart, warps_apart
 from tests.stability.strategies import plain_scenes, qualities, scenes
-from tests.stability.twins import STEPS, by_stages, tables_apart, warps_apart
 
 ROUNDING = 2.0**-20
 TRUE = {"pre": "T1", "post": "T2"}
@@ -54,11 +54,11 @@ def picture(scene, quality):
 
 
 def brightest(scene) -> float:
-    """No channel of unlit matter, or of matter under a headlight, exceeds this times its alpha."""
-    look = scene.transfer_function
-    most = max(max(point[1:]) for point in look.color)
-    if look.shade is not None and scene.headlight:
-        most = most * max(look.shade.ambient + look.shade.diffuse, 1.0) + look.shade.specular
+    """No channel of an unlit medium, or of a medium under a headlight, exceeds this times its alpha."""
+    tf = scene.transfer_function
+    most = max(max(point[1:]) for point in tf.color)
+    if tf.shade is not None and scene.headlight:
+        most = most * max(tf.shade.ambient + tf.shade.diffuse, 1.0) + tf.shade.specular
     return most
 
 
@@ -100,33 +100,34 @@ def bits_apart(one, two) -> int:
     return sum(int((a.view(np.uint32) != b.view(np.uint32)).sum()) for a, b in pairs)
 
 
-# What ``check_twins`` finds -> what it is, and its bound.
-TWINS = {
-    "rays": ("rays that the numpy twin has otherwise, and that no rounding of K1 to K6 turns", 0),
+# What ``check_references`` finds -> what it is, and its bound.
+REFERENCES = {
+    "rays": ("rays that differ from the reference implementation's without a cause of K1 to K6", 0),
     "warps": ("difference of warps of the same sheets", 2e-6),
-    "tables": ("tables and runs that differ between kernels and twin", 0),
+    "tables": ("tables and runs that differ between kernels and reference implementation", 0),
     "records": ("records apart, in units of what the rounding of light and a code's step allow", 1),
 }
 LIGHT_APART = 2e-6  # of the brightest
 
 
-def check_twins(splats, warps, by_twin) -> None:
+def check_references(splats, warps, by_reference) -> None:
     """Kernels' stages against those of numpy: the same from the same, but for rays with a cause that is shown; and
-    ``by_twin``, the Splats of a picture by numpy alone, from the same tables, as far as no light is rounded."""
-    found = {"rays": [one.judged().odd for one in splats], "tables": [], "records": [], "warps": [warps_apart(warps)]}
-    assert len(splats) == len(by_twin)
-    for one, two in zip(splats, by_twin, strict=True):
+    ``by_reference``, the Splats of a picture by numpy alone, from the same tables, as far as no light is rounded."""
+    odd = [one.differences().odd for one in splats]
+    found = {"rays": odd, "tables": [], "records": [], "warps": [warps_apart(warps)]}
+    assert len(splats) == len(by_reference)
+    for one, two in zip(splats, by_reference, strict=True):
         unlike, records = tables_apart(one.given["encoded"], two.given["encoded"])
         found["tables"].append(unlike)
         found["records"].append(records / (LIGHT_APART + max(STEPS.get(one.given["quality"].record, (0.0,)))))
     for what, figures in found.items():
         note(what, max(figures, default=0))
-        assert WORST[what][0] <= TWINS[what][1], what
+        assert WORST[what][0] <= REFERENCES[what][1], what
 
 
-def record_twins(record, case) -> None:
-    """What ``check_twins`` has found so far."""
-    for what, (claim, bound) in TWINS.items():
+def record_references(record, case) -> None:
+    """What ``check_references`` has found so far."""
+    for what, (claim, bound) in REFERENCES.items():
         record(case, claim, WORST[what][0], bound, "either", "as the plan has it")
 
 
@@ -142,9 +143,9 @@ def search_anything(scene, quality):
     if not compiled():
         return
     assert bits_apart(made, picture(scene, replace(quality, threads=2))) == 0
-    twin, by_twin, _ = by_stages(scene, replace(quality, backend="numpy"))
-    check_picture(scene, quality, twin)
-    check_twins(splats, warps, by_twin)
+    reference, by_reference, _ = by_stages(scene, replace(quality, backend="numpy"))
+    check_picture(scene, quality, reference)
+    check_references(splats, warps, by_reference)
 
 
 def test_P1_any_scene_and_any_plan(record):
@@ -153,7 +154,7 @@ def test_P1_any_scene_and_any_plan(record):
     why = "whole numbers"
     record("P1", "pictures not finite, out of range, or of other bits with two threads", 0, 0, "either", why)
     if compiled():
-        record_twins(record, "P1")
+        record_references(record, "P1")
 
 
 # --- P2: sheets against the oracle ----------------------------------------------------------------------------
@@ -164,7 +165,7 @@ SHEET_BOUNDS = {"pre": (1.2, 9.0), "post": (1.0, 5.0)}
 
 
 def sheet_errors(scene, quality, seed=0):
-    """Levels off the oracle (N, 4), colour and transmittance, of up to 64 sheet pixels, each along its own ray."""
+    """Levels off the oracle (N, 4), color and transmittance, of up to 64 sheet pixels, each along its own ray."""
     caught = []
 
     def catching(images, *rest):
@@ -184,11 +185,11 @@ def sheet_errors(scene, quality, seed=0):
             mine = (c > 0.0) & (np.maximum(abs(dx), abs(dy)) <= 1.0)
             mine &= (abs(2.0 * column / scene.width - 1.0) < 1.0) & (abs(2.0 * row / scene.height - 1.0) < 1.0)
             if quality.classification == "post":
-                # Matter ends at the box: of a ray within its face any part may be seen, and either picture is right.
+                # The medium ends at the box: of a ray within its face any part may be seen; either picture is right.
                 i, j, _ = AXES[plane.axis]
-                for place, slope, axis in ((x, dx, i), (y, dy, j)):
+                for position, slope, axis in ((x, dx, i), (y, dy, j)):
                     last = scene.volume.shape_xyz[axis] - 1.0
-                    mine &= (abs(slope) > 1e-9) | (np.minimum(abs(place), abs(place - last)) > 1e-6)
+                    mine &= (abs(slope) > 1e-9) | (np.minimum(abs(position), abs(position - last)) > 1e-6)
         chosen = np.flatnonzero(mine)
         chosen = random.permutation(chosen)[: 64 // len(caught)]
         if chosen.size == 0:
@@ -226,7 +227,7 @@ def search_post_sheets(scene):
 
 
 @pytest.mark.parametrize("classification", SHEET_BOUNDS)
-def test_P2_sheets_of_any_matter_are_as_the_oracle_has_them(record, width, classification):
+def test_P2_sheets_of_any_medium_are_as_the_oracle_has_them(record, width, classification):
     """Noise, thin sheets, checkerboards; of post under ramps and without holes, for inside a
     slab a step is where a sample has it."""
     WORST.clear()
@@ -238,7 +239,7 @@ def test_P2_sheets_of_any_matter_are_as_the_oracle_has_them(record, width, class
 
 # --- P3: pictures against the oracle --------------------------------------------------------------------------
 
-# Levels off the oracle of smooth matter, rms and largest, by preset: twice what longer searches found.
+# Levels off the oracle of smooth media, rms and largest, by preset: twice what longer searches found.
 PICTURE_BOUNDS = {"draft": (5.0, 40.0), "standard": (2.5, 15.0), "fine": (1.2, 8.0), "strict": (0.4, 3.0)}
 
 
@@ -253,7 +254,7 @@ def picture_errors(scene, quality, seed=0):
 
 @given(
     plain_scenes(
-        matter=("blobs",), curves=("ramp",), sizes=(11, 14), most_pixels=32, anisotropy=2.0, widest=100.0, shift=0.3
+        fields=("blobs",), curves=("ramp",), sizes=(11, 14), most_pixels=32, anisotropy=2.0, widest=100.0, shift=0.3
     ),
     st.sampled_from(("pre", "post")),
 )
@@ -266,12 +267,12 @@ def search_pictures(scene, classification):
         assert all(figure <= bound for figure, bound in zip(figures, bounds, strict=True)), preset
 
 
-def test_P3_pictures_of_smooth_matter_keep_to_the_bound_of_their_preset(record, width):
+def test_P3_pictures_of_smooth_media_keep_to_the_bound_of_their_preset(record, width):
     WORST.clear()
     search_pictures()
     for preset, bounds in PICTURE_BOUNDS.items():
         for what, figure, bound in zip(("rms", "largest"), WORST[preset], bounds, strict=True):
-            record("P3", f"{what} error of a picture of smooth matter, {preset}, levels", figure, bound, width)
+            record("P3", f"{what} error of a picture of a smooth medium, {preset}, levels", figure, bound, width)
 
 
 @pytest.mark.skipif(not compiled(), reason="kernels are what is compared")
@@ -284,9 +285,10 @@ def test_P1_opacities_as_they_are_added_in_sheets_that_are_not_one_voxel_deep(re
     camera, matrix = turntable(volume, 20.0, 15.0, width=24, height=24)
     scene = Scene(volume, function, camera, 24, 24, matrix, headlight=False)
     quality = Quality(classification="pre", model="opacity", length_correction=False, depth_rule=rule)
-    kernels, twin = (picture(scene, replace(quality, backend=backend)) for backend in ("numba", "numpy"))
-    worst = float(np.abs(kernels.rgba - twin.rgba).max())
-    record("P1", f"kernels off their numpy twins, opacities as added, {rule}", worst, 1e-6, "float32", "one width")
+    kernels, reference = (picture(scene, replace(quality, backend=backend)) for backend in ("numba", "numpy"))
+    worst = float(np.abs(kernels.rgba - reference.rgba).max())
+    claim = f"kernels off their reference implementations, opacities as added, {rule}"
+    record("P1", claim, worst, 1e-6, "float32", "one width")
     one_voxel_deep = picture(scene, replace(quality, depth_rule="midpoint-1"))
     apart = abs(float(kernels.rgba[12, 12, 3]) - float(one_voxel_deep.rgba[12, 12, 3]))
     record("P1", f"opacity off that of sheets one voxel deep, {rule}", apart, 0.03, "float32", "one width")

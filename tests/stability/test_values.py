@@ -1,4 +1,4 @@
-"""Values, V1 to V5, V14 and V15 of the catalogue: opacities at both ends, colours and extinctions of any size, under
+"""Values, V1 to V5, V14 and V15 of the catalogue: opacities at both ends, colors and extinctions of any size, under
 every classification.  What is stored, and how it is read: test_values_stored.py."""
 
 import math
@@ -23,9 +23,9 @@ from tests.stability.scenes import (
     columns,
     drawn,
     from_above,
-    matter,
     noise,
     sheets,
+    transfer,
     turned,
 )
 
@@ -67,7 +67,7 @@ def test_V1_nothing_visible_however_classified(record, classification, backend):
 @pytest.mark.parametrize("termination", (0.0, 1 / 1024))
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
 def test_V2_all_opaque(record, width, model, termination, backend):
-    scene = from_above(np.ones((6, 8, 9), np.float32), matter(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
+    scene = from_above(np.ones((6, 8, 9), np.float32), transfer(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
     picture = render(scene, replace(EXACT, backend=backend, termination=termination, model=model))
     assert np.isfinite(picture.rgba).all() and np.isfinite(picture.depth).all()
     record(
@@ -78,7 +78,7 @@ def test_V2_all_opaque(record, width, model, termination, backend):
         width,
     )
     color = picture.rgba[..., :3] / picture.rgba[..., 3:]
-    record("V2", "error of its colour, levels", 255.0 * np.abs(color - (0.5, 1.0, 0.0)).max(), 0.01, width)
+    record("V2", "error of its color, levels", 255.0 * np.abs(color - (0.5, 1.0, 0.0)).max(), 0.01, width)
     # The camera is 10 before the first slice, whose sheet is a voxel thick: light is gone before the second.
     behind = picture.depth.max() - 10.0 - 1.0
     record("V2", "voxels behind the first slice at which half the light is left", max(behind, 0.0), 0.5, width)
@@ -87,7 +87,7 @@ def test_V2_all_opaque(record, width, model, termination, backend):
 @every_backend
 @every_finer
 def test_V2_all_opaque_however_classified(record, width, classification, backend):
-    scene = from_above(np.ones((6, 8, 9), np.float32), matter(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
+    scene = from_above(np.ones((6, 8, 9), np.float32), transfer(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
     picture = drawn(scene, classification, backend, termination=0.0)
     assert np.isfinite(picture).all()
     alpha = picture[2:-2, 2:-2, 3]
@@ -98,7 +98,7 @@ def test_V2_all_opaque_however_classified(record, width, classification, backend
 def test_V3_opacities_next_to_one_and_denormal(record, width, backend):
     alphas = [0.0, 2.0**-149, 2.0**-126, 1e-30, 2.0**-24, 2.0**-23, 1e-3, 0.5, 1 - 2.0**-23, 1 - 2.0**-24, 1.0]
     n, row = 5, np.arange(len(alphas), dtype=np.float64)
-    scene = from_above(np.broadcast_to(row, (n, 3, len(alphas))), matter(tuple(zip(row, alphas))))
+    scene = from_above(np.broadcast_to(row, (n, 3, len(alphas))), transfer(tuple(zip(row, alphas))))
     seen = sheets(scene, backend)[1]
     assert np.isfinite(seen).all()
     alpha = 1.0 - seen[:, 3].astype(np.float64)
@@ -114,14 +114,14 @@ def test_V3_opacities_next_to_one_and_denormal(record, width, backend):
     faint = seen[1, 0] / (n * alphas[1])
     record(
         "V3",
-        "relative error of the colour of 5 denormal sheets, or none of it",
+        "relative error of the color of 5 denormal sheets, or none of it",
         min(abs(faint - 1.0), faint),
         0.0,
         width,
     )
     record(
         "V3",
-        "relative error of the colour of 5 sheets of alpha = 1e-30",
+        "relative error of the color of 5 sheets of alpha = 1e-30",
         abs(seen[3, 0] / (n * 1e-30) - 1.0),
         3e-7,
         width,
@@ -144,9 +144,9 @@ def float32_opacities() -> np.ndarray:
 
 def corrected(alphas, exponent, width_of_row=10, **how) -> np.ndarray:
     """What one sheet makes of opacities ``alphas`` when a ray stays in it for ``exponent`` reference distances: the
-    colour of white matter, which alpha is too, but without its rounding next to 1."""
+    color of a white medium, which alpha is too, but without its rounding next to 1."""
     value = np.arange(len(alphas), dtype=np.float64)
-    scene = from_above(value.reshape(1, -1, width_of_row), matter(tuple(zip(value, alphas)), distance=1.0 / exponent))
+    scene = from_above(value.reshape(1, -1, width_of_row), transfer(tuple(zip(value, alphas)), distance=1.0 / exponent))
     return sheets(scene, **how)[..., 0].ravel().astype(np.float64)
 
 
@@ -189,7 +189,7 @@ def test_V5_phi(record, width, backend):
     tau = np.concatenate((10.0 ** np.linspace(-30, -1, 100), np.linspace(0.1, 100, 150)))
     alphas, value = -np.expm1(-0.1 * tau), np.arange(250.0)
     tau = 10.0 * -np.log1p(-alphas)
-    scene = from_above(value.reshape(1, 10, 25), matter(tuple(zip(value, alphas)), distance=0.1))
+    scene = from_above(value.reshape(1, 10, 25), transfer(tuple(zip(value, alphas)), distance=0.1))
     seen = sheets(scene, backend).reshape(-1, 4)
     phi = -np.expm1(-tau) / tau
     record(
@@ -198,12 +198,12 @@ def test_V5_phi(record, width, backend):
     record("V5", "error of the transmittance", np.abs(seen[:, 3] - np.exp(-tau)).max(), 2.0**-23, width)
 
 
-# --- colours and extinctions of any size ----------------------------------------------------------------------
+# --- colors and extinctions of any size ----------------------------------------------------------------------
 
 
 @every_backend
 @pytest.mark.parametrize("warp_filter", ("bilinear", "cubic"))
-def test_V14_colours_above_one(record, width, warp_filter, backend):
+def test_V14_colors_above_one(record, width, warp_filter, backend):
     bright = TransferFunction(
         opacity=((0, 0.0), (120, 1.0)), color=((0, 50.0, 0.5, 0.0), (120, 1.0, 7.0, 1000.0)), shade=None
     )
@@ -213,12 +213,12 @@ def test_V14_colours_above_one(record, width, warp_filter, backend):
     assert picture[..., 2].max() > 100.0 and np.isfinite(picture).all()
     record(
         "V14",
-        "colour above the brightest times alpha, relative",
+        "color above the brightest times alpha, relative",
         (picture[..., :3] / 1000.0 - picture[..., 3:]).max(),
         2.0**-22,
         width,
     )
-    record("V14", "colour below 0", max(-picture.min(), 0.0), 0, width)
+    record("V14", "color below 0", max(-picture.min(), 0.0), 0, width)
     with pytest.raises(RleSplatError, match="negative"):
         TransferFunction(opacity=((0, 0.5),), color=((0, 1.0, -1e-9, 1.0),))
 
@@ -226,7 +226,7 @@ def test_V14_colours_above_one(record, width, warp_filter, backend):
 @every_backend
 @pytest.mark.parametrize("record_bytes", (16, 8, 6, 4))
 def test_V14_the_brightest_there_may_be(record, width, record_bytes, backend):
-    """Colours and extinctions at their limits multiply to what float32 still holds; beyond, one sentence."""
+    """Colors and extinctions at their limits multiply to what float32 still holds; beyond, one sentence."""
     voxels = Volume(noise("float32"), np.eye(4))
     function = TransferFunction(
         opacity=((0, 0.0), (120, 1.0)), color=((0, BRIGHTEST, 0.0, 1.0),), opacity_unit_distance=1e-300, shade=None
@@ -238,7 +238,7 @@ def test_V14_the_brightest_there_may_be(record, width, record_bytes, backend):
     error = np.abs(picture[..., 0] / BRIGHTEST - picture[..., 3]).max()
     record(
         "V14",
-        f"relative error of the colour at the limits, {record_bytes} bytes a voxel",
+        f"relative error of the color at the limits, {record_bytes} bytes a voxel",
         error,
         1e-6 if record_bytes == 16 else 0.02,
         width,
@@ -260,7 +260,7 @@ def test_V14_V15_the_brightest_and_the_densest_however_classified(record, width,
     case = "V14" if distance < 1.0 else "V15"
     record(case, "pixels that are not finite at the limits", (~np.isfinite(picture)).sum(), 0, width)
     error = np.abs(picture[..., 0] / BRIGHTEST - picture[..., 3]).max()
-    record(case, "relative error of the colour at the limits, finer classifications", error, 1e-5, width)
+    record(case, "relative error of the color at the limits, finer classifications", error, 1e-5, width)
 
 
 @every_backend
@@ -289,7 +289,7 @@ def test_V14_lights_of_any_energy(record, classification, kind, backend):
 @every_classification
 @pytest.mark.parametrize("away", (0.003, 1.0, 50.0))
 def test_V14_a_lamp_lights_small_volumes_at_any_distance(record, away, classification):
-    """Voxels of a fifth of a millimetre in a world of metres: however strong the lamp would be half a voxel away, what
+    """Voxels of a fifth of a millimeter in a world of meters: however strong the lamp would be half a voxel away, what
     arrives is what counts."""
     z, y, x = np.indices((12, 12, 12)) - 5.5
     ball = (200.0 - 16.0 * np.sqrt(x * x + y * y + z * z)).clip(0, 255).astype(np.uint8)
@@ -325,7 +325,7 @@ def test_V15_extinction_of_any_size(record, width, model, backend):
     tau = optical_depth(np.array(alphas))
     colors = ((0.0, 0.0, 0.5, 1.0),)
     for distance in (1e-300, 1e-39, 1e-30, 1e-12, 1.0, 1e12, 1e30, 1e39, 1e300):
-        function = matter(tuple(zip(value, alphas)), colors, distance)
+        function = transfer(tuple(zip(value, alphas)), colors, distance)
         with np.errstate(over="ignore"):
             true = -np.expm1(-3.0 * tau / distance)
         scene = from_above(np.broadcast_to(value, (3, 2, 4)), function)
@@ -333,12 +333,12 @@ def test_V15_extinction_of_any_size(record, width, model, backend):
         assert np.isfinite(seen).all()
         record("V15", "error of alpha, extinction 1e-300 to 1e300", np.abs(seen[:, 3] - true).max(), 2e-6, width)
         off = np.abs(seen[:, :3] - seen[:, 3:] * np.array(colors[0][1:])).max()
-        record("V15", "error of the colour, extinction 1e-300 to 1e300", off, 1e-6, width)
+        record("V15", "error of the color, extinction 1e-300 to 1e300", off, 1e-6, width)
         if distance <= 1e-12:
             behind = sheets(scene, backend, model=model)[0, 2:, 3].max()
             record("V15", "transmittance of what is opaque by far", behind, 1e-30, width)
     dense = classify(
-        Volume(np.ones((2, 2, 2)), np.eye(4)), matter(((0, 1.0),), distance=1e-300), np.eye(4), backend=backend
+        Volume(np.ones((2, 2, 2)), np.eye(4)), transfer(((0, 1.0),), distance=1e-300), np.eye(4), backend=backend
     )
     assert dense.opacity_distance == LEAST_DISTANCE and 1e27 < dense.extinction.min() < dense.extinction.max() * 1.01
 
@@ -346,7 +346,7 @@ def test_V15_extinction_of_any_size(record, width, model, backend):
 @every_backend
 @every_classification
 def test_V15_the_world_may_be_of_any_size(record, width, classification, backend):
-    function = matter(((0, 0.0), (120, 0.6)), ((0, 0.2, 0.5, 1.0), (120, 1.0, 0.3, 0.0)), None)
+    function = transfer(((0, 0.0), (120, 0.6)), ((0, 0.2, 0.5, 1.0), (120, 1.0, 0.3, 0.0)), None)
     scenes = [from_above(noise(), function, scale) for scale in (1e-12, 1.0, 1e12)]
     if classification == "pre":
         finer, bound, pictures = "", 1e-3, [columns(scene, backend) for scene in scenes]
@@ -359,7 +359,7 @@ def test_V15_the_world_may_be_of_any_size(record, width, classification, backend
         record("V15", f"world scaled by 1e-12 and 1e12{finer}: difference, levels", worst, bound, width)
 
 
-def test_every_value_is_told_from_its_neighbours():
+def test_every_value_is_told_from_its_neighbors():
     """The bounds above hold for nothing: a picture of something else is far outside them."""
-    one, two = (columns(from_above(noise(seed=s), matter(((0, 0.0), (120, 0.6))))) for s in (3, 4))
+    one, two = (columns(from_above(noise(seed=s), transfer(((0, 0.0), (120, 0.6))))) for s in (3, 4))
     assert difference(one, two).largest > 10.0 and math.isfinite(difference(one, two).rmse)

@@ -1,5 +1,5 @@
 """Values from file to voxel, V6 to V13 of the catalogue: what is no number or beyond the ends, gradients, transfer
-functions with steps, and stored types, under every classification.  Opacities and colours at their ends:
+functions with steps, and stored types, under every classification.  Opacities and colors at their ends:
 test_values.py."""
 
 import gzip
@@ -12,8 +12,8 @@ import pytest
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.classification import classify, optical_depth
+from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.classify.value_table import value_table
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import Quality, RleSplatError
@@ -27,8 +27,8 @@ from tests.stability.scenes import (
     columns,
     drawn,
     from_above,
-    matter,
     noise,
+    transfer,
     turned,
     unlike,
 )
@@ -67,7 +67,7 @@ def test_V6_not_a_number_is_transparent_and_counted(record, dtype, backend):
     assert first.nan_voxels == holes.sum() and second.nan_voxels == 0
     record(
         "V6",
-        f"{BITS} of the looks, against those voxels transparent",
+        f"{BITS} of the optical properties, against those voxels transparent",
         lists_unlike(first, second),
         0,
         "either",
@@ -94,9 +94,8 @@ def test_V7_V9_infinities_and_data_beyond_the_ends(record, slope, backend):
     why = "the same numbers in any width"
     pictures = [render(turned(v, ends), Quality(backend=backend, classification="pre")).rgba for v in (one, two)]
     for case in ("V7", "V9"):
-        record(
-            case, f"{BITS} of the looks, against data clamped to the ends", lists_unlike(*classified), 0, "either", why
-        )
+        claim = f"{BITS} of the optical properties, against data clamped to the ends"
+        record(case, claim, lists_unlike(*classified), 0, "either", why)
         record(case, f"{BITS} of the picture, against data clamped to the ends", unlike(*pictures), 0, "either", why)
     lit = render(turned(one, replace(ends, shade=Shade())), Quality(backend=backend, classification="pre")).rgba
     record("V7", "pixels that are not finite, shaded", (~np.isfinite(lit)).sum(), 0, "either", "whole numbers")
@@ -186,7 +185,7 @@ def test_V8_a_constant_volume_has_no_normal_and_keeps_its_color(record, dtype, b
     colors = shade(classified, n, np.eye(4), Shade(), (), **how)
     record(
         "V8",
-        f"{BITS} of the shaded colours from the unshaded",
+        f"{BITS} of the shaded colors from the unshaded",
         unlike(colors, classified.color),
         0,
         "either",
@@ -197,7 +196,7 @@ def test_V8_a_constant_volume_has_no_normal_and_keeps_its_color(record, dtype, b
 @every_backend
 def test_V8_a_constant_volume_is_symmetric(record, width, backend):
     cube = np.full((6, 6, 6), 50.0, np.float32)
-    scene = from_above(cube, matter(((0, 0.3),), ((0, 0.2, 0.5, 1.0),), shade=Shade()))
+    scene = from_above(cube, transfer(((0, 0.3),), ((0, 0.2, 0.5, 1.0),), shade=Shade()))
     picture = columns(replace(scene, headlight=True), backend)
     worst = max(np.abs(picture - np.flip(picture, axis)).max() for axis in (0, 1))
     worst = max(worst, np.abs(picture - picture.transpose(1, 0, 2)).max())
@@ -208,7 +207,7 @@ def test_V8_a_constant_volume_is_symmetric(record, width, backend):
 @every_finer
 def test_V8_a_constant_volume_is_symmetric_and_unshaded_however_classified(record, width, classification, backend):
     cube = np.full((6, 6, 6), 50.0, np.float32)
-    plain = from_above(cube, matter(((0, 0.3),), ((0, 0.2, 0.5, 1.0),)))
+    plain = from_above(cube, transfer(((0, 0.3),), ((0, 0.2, 0.5, 1.0),)))
     shaded = replace(plain, transfer_function=replace(plain.transfer_function, shade=Shade()), headlight=True)
     pictures = [drawn(scene, classification, backend) for scene in (plain, shaded)]
     assert pictures[0][..., 3].max() > 0.5
@@ -268,18 +267,18 @@ def test_V10_steps_duplicates_unsorted_and_single_points(record, dtype, backend)
     volume = Volume(values, np.eye(4))
     with np.errstate(divide="raise", invalid="raise", over="raise"):
         for points, alphas in functions.values():
-            classified = classify(volume, matter(points), np.eye(4), backend=backend)
+            classified = classify(volume, transfer(points), np.eye(4), backend=backend)
             assert classified.visible_voxels == 8
             off = np.abs(classified.opacity - np.array(alphas)).max()
             record("V10", "error of alpha at steps and duplicates", off, 2.0**-24, "float32")
-            off = np.abs(matter(points).alpha_at(values.ravel()) - np.array(alphas)).max()
+            off = np.abs(transfer(points).alpha_at(values.ravel()) - np.array(alphas)).max()
             record("V10", "error of alpha at steps and duplicates", off, 2.0**-24, "float64")
     with pytest.raises(RleSplatError, match="no opacity points"):
-        matter(())
+        transfer(())
 
 
 def test_V10_a_step_is_right_continuous(record):
-    step = matter(((0, 0.1), (5, 0.1), (5, 0.9), (10, 0.9)))
+    step = transfer(((0, 0.1), (5, 0.1), (5, 0.9), (10, 0.9)))
     below, at = step.alpha_at(np.nextafter(5.0, 0.0)), step.alpha_at(5.0)
     record(
         "V10",
@@ -299,7 +298,7 @@ def test_V10_tables_of_stored_values_are_exact(record, dtype, backend):
     stored = np.linspace(bounds.min, bounds.max, 512).astype(dtype).reshape(8, 8, 8)
     volume = Volume(stored, np.eye(4), slope=0.37, intercept=-11.0)
     low, high = volume.value_range
-    rugged = matter(tuple((v, 0.1 + 0.8 * (i % 2)) for i, v in enumerate(np.linspace(low, high, 97))))
+    rugged = transfer(tuple((v, 0.1 + 0.8 * (i % 2)) for i, v in enumerate(np.linspace(low, high, 97))))
     classified = classify(volume, rugged, np.eye(4), backend=backend)
     off = np.abs(classified.opacity - rugged.alpha_at(volume.physical(stored)).ravel()).max()
     record(
@@ -315,8 +314,8 @@ def test_V10_tables_of_stored_values_are_exact(record, dtype, backend):
 @every_backend
 @pytest.mark.parametrize("dtype", ("int16", "float32"))
 def test_V11_a_range_of_one_value_is_a_step(record, width, dtype, backend):
-    ramp = matter(((0, 0.0), (100, 0.8)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0)))
-    step = matter(((40, 0.0), (40, 0.8)), ((40, 1.0, 0.2, 0.1), (40, 0.1, 0.3, 1.0)))
+    ramp = transfer(((0, 0.0), (100, 0.8)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0)))
+    step = transfer(((40, 0.0), (40, 0.8)), ((40, 1.0, 0.2, 0.1), (40, 0.1, 0.3, 1.0)))
     volume = Volume(noise(dtype), np.eye(4))
     assert (volume.voxels > 40).any() and (volume.voxels < 40).any()
     with np.errstate(divide="raise", invalid="raise"):
@@ -330,7 +329,7 @@ def test_V11_a_range_of_one_value_is_a_step(record, width, dtype, backend):
 def test_V10_a_table_converges_with_its_size(record, dtype):
     """The table that sheet pixels are classified by, against the points: exact where it has an entry for each stored
     value; else off by no more than half an entry of the steepest ramp, which halves as entries double."""
-    ramps = matter(((0, 0.0), (20, 0.6), (60, 0.1), (110, 0.9)), ((0, 0.0, 0.5, 1.0), (110, 1.0, 0.5, 0.0)))
+    ramps = transfer(((0, 0.0), (20, 0.6), (60, 0.1), (110, 0.9)), ((0, 0.0, 0.5, 1.0), (110, 1.0, 0.5, 0.0)))
     volume = Volume(noise(dtype), np.eye(4))
     stored = volume.voxels.ravel().astype(np.float64)
     if volume.voxels.dtype.kind == "f":
@@ -339,9 +338,9 @@ def test_V10_a_table_converges_with_its_size(record, dtype):
     true = optical_depth(ramps.alpha_at(stored))
     steepest = 0.1 / (1.0 - 0.9)  # of optical depth per value: the last ramp's, at its end
     for entries in (0, 128, 512, 2048, 8192):
-        table = value_table(volume, ramps, (float(stored.min()), float(stored.max())), 1.0, entries)
-        place = ((stored - table.origin) * table.rate).astype(np.int64)
-        off = np.abs(table.entries[place, 3] - true)
+        table = lookup_table(volume, ramps, (float(stored.min()), float(stored.max())), 1.0, entries)
+        entry = ((stored - table.origin) * table.rate).astype(np.int64)
+        off = np.abs(table.entries[entry, 3] - true)
         if volume.voxels.dtype.kind != "f":
             record("V10", "error of a table over whole numbers", off.max(), 2.0**-22, "float32", "entries are float32")
         else:
@@ -362,8 +361,8 @@ def test_V10_V11_steps_and_ranges_of_one_value_however_classified(record, width,
     """A step between voxels is a surface inside cells, there where the interpolated value is."""
     z = np.linspace(0.0, 9.0, 10)
     ramp = np.broadcast_to(10.0 * z[:, None, None], (10, 6, 6)).astype(np.float32)
-    step = matter(((44.0, 0.0), (44.0, 0.3)), ((44.0, 1.0, 0.2, 0.1), (44.0, 0.1, 0.3, 1.0)))
-    narrow = matter(((0, 0.0), (100, 0.3)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0))).remapped(44, 44)
+    step = transfer(((44.0, 0.0), (44.0, 0.3)), ((44.0, 1.0, 0.2, 0.1), (44.0, 0.1, 0.3, 1.0)))
+    narrow = transfer(((0, 0.0), (100, 0.3)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0))).remapped(44, 44)
     knobs = dict(depth_rule="midpoint-16" if classification == "post" else "midpoint-4", termination=0.0)
     pictures = [drawn(from_above(ramp, tf), classification, backend, **knobs) for tf in (step, narrow)]
     record("V11", f"{BITS} of the picture, against a step", unlike(*pictures), 0, width)
@@ -385,7 +384,7 @@ def test_V12_slope_and_intercept_come_before_the_points(record, dtype, backend):
     volume = Volume(stored, np.eye(4), slope=-2.5, intercept=0.125)
     for value in (float(stored.max()), float(stored.min()), float(stored[0, 0, 0])):
         at = -2.5 * value + 0.125  # exact: few bits
-        shows = matter(((at, 0.0), (at, 0.5), (np.nextafter(at, np.inf), 0.5), (np.nextafter(at, np.inf), 0.0)))
+        shows = transfer(((at, 0.0), (at, 0.5), (np.nextafter(at, np.inf), 0.5), (np.nextafter(at, np.inf), 0.0)))
         seen = classify(volume, shows, np.eye(4), backend=backend).visible_voxels
         record(
             "V12",
@@ -399,7 +398,7 @@ def test_V12_slope_and_intercept_come_before_the_points(record, dtype, backend):
 
 @pytest.mark.parametrize("packed", (False, True))
 @pytest.mark.parametrize("dtype", STORED_TYPES)
-def test_V12_a_big_endian_file_is_its_byteswapped_twin(record, tmp_path, dtype, packed):
+def test_V12_a_big_endian_file_is_the_same_file_byteswapped(record, tmp_path, dtype, packed):
     stored = noise(dtype, (3, 4, 5))
     volumes = []
     for order in "<>":
@@ -422,7 +421,7 @@ def test_V12_a_big_endian_file_is_its_byteswapped_twin(record, tmp_path, dtype, 
 def test_V12_wrapped_values_are_told_apart(record, backend):
     """The same bytes as int16 and as uint16: -1 is not 65535."""
     stored = np.array([-1, -1024, 3071, 32767, -32768, 0, 1, -2], np.int16).reshape(2, 2, 2)
-    dense = matter(((0, 0.0), (0, 0.5)))
+    dense = transfer(((0, 0.0), (0, 0.5)))
     seen = [
         classify(Volume(v, np.eye(4)), dense, np.eye(4), backend=backend).visible_voxels
         for v in (stored, stored.view(np.uint16))

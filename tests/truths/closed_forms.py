@@ -1,5 +1,5 @@
-"""Pictures known on paper (algorithm.md 2.3, G1 to G12): optical depths and colours of simple bodies along world
-rays.  Lengths are world lengths, extinctions are per world length, colours are unassociated; nothing here samples a
+"""Pictures known on paper (algorithm.md 2.3, G1 to G12): optical depths and colors of simple bodies along world
+rays.  Lengths are world lengths, extinctions are per world length, colors are unassociated; nothing here samples a
 grid but ``x_ray``, which sums its spectrum.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from rle_splat.accuracy.rays import Rays
 
 # The head phantom of Shepp and Logan in three dimensions, in a cube from -1 to 1: extinction, half axes along x, y,
-# z, centre, and degrees by which it is turned about z.  The insides add up: the brain is 1.0 - 0.8.
+# z, center, and degrees by which it is turned about z.  The insides add up: the brain is 1.0 - 0.8.
 SHEPP_LOGAN = (
     (1.0, (0.69, 0.92, 0.81), (0.0, 0.0, 0.0), 0.0),
     (-0.8, (0.6624, 0.874, 0.78), (0.0, -0.0184, 0.0), 0.0),
@@ -26,7 +26,7 @@ SHEPP_LOGAN = (
 
 
 def composed(tau, color) -> np.ndarray:
-    """G4: (N,) optical depths of matter of one colour -> (N, 4) premultiplied; the order inside never matters."""
+    """G4: (N,) optical depths of a medium of one color -> (N, 4) premultiplied; the order inside never matters."""
     alpha = -np.expm1(-np.asarray(tau, dtype=np.float64))[:, None]
     return np.concatenate((alpha * np.asarray(color, dtype=np.float64), alpha), axis=1)
 
@@ -60,16 +60,16 @@ def box_length(rays: Rays, index_to_world, low, high) -> np.ndarray:
     return np.maximum(leaves - enters, 0.0) * rays.length_per_depth
 
 
-def distance_to_axis(rays: Rays, centre) -> np.ndarray:
+def distance_to_axis(rays: Rays, center) -> np.ndarray:
     """b: (N,) world distance between a point and the line of each ray."""
-    to_centre = np.asarray(centre, dtype=np.float64) - rays.origin
-    along = (to_centre * rays.direction).sum(axis=1)
-    return np.sqrt(np.maximum((to_centre**2).sum(axis=1) - along**2, 0.0))
+    to_center = np.asarray(center, dtype=np.float64) - rays.origin
+    along = (to_center * rays.direction).sum(axis=1)
+    return np.sqrt(np.maximum((to_center**2).sum(axis=1) - along**2, 0.0))
 
 
-def sphere_length(rays: Rays, centre, radius: float) -> np.ndarray:
+def sphere_length(rays: Rays, center, radius: float) -> np.ndarray:
     """G2: (N,) world length of each ray inside a sphere, 2 sqrt(R^2 - b^2)."""
-    return 2.0 * np.sqrt(np.maximum(radius**2 - distance_to_axis(rays, centre) ** 2, 0.0))
+    return 2.0 * np.sqrt(np.maximum(radius**2 - distance_to_axis(rays, center) ** 2, 0.0))
 
 
 def ellipsoid_length(rays: Rays, ball_to_world) -> np.ndarray:
@@ -83,29 +83,29 @@ def ellipsoid_length(rays: Rays, ball_to_world) -> np.ndarray:
 def ellipsoids_tau(rays: Rays, ellipsoids=SHEPP_LOGAN) -> np.ndarray:
     """G12: (N,) optical depth of overlapping ellipsoids whose extinctions add, rows as in SHEPP_LOGAN."""
     tau = np.zeros(len(rays.origin))
-    for sigma, half_axes, centre, degrees in ellipsoids:
+    for sigma, half_axes, center, degrees in ellipsoids:
         c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
         matrix = np.eye(4)
         matrix[:3, :3] = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))) * half_axes
-        matrix[:3, 3] = centre
+        matrix[:3, 3] = center
         tau += sigma * ellipsoid_length(rays, matrix)
     return tau
 
 
-def gaussian_tau(rays: Rays, centre, peak: float, width: float) -> np.ndarray:
+def gaussian_tau(rays: Rays, center, peak: float, width: float) -> np.ndarray:
     """G3: (N,) optical depth of peak * exp(-r^2 / 2 width^2), in world lengths: peak width sqrt(2 pi) exp(-b^2/..)."""
-    b = distance_to_axis(rays, centre)
+    b = distance_to_axis(rays, center)
     return peak * width * np.sqrt(2.0 * np.pi) * np.exp(-0.5 * (b / width) ** 2)
 
 
 def linear_source(sigma: float, length, start: float, slope: float) -> np.ndarray:
-    """G5: radiance of a slab of constant extinction whose colour is start + slope * depth."""
+    """G5: radiance of a slab of constant extinction whose color is start + slope * depth."""
     seen = np.exp(-sigma * np.asarray(length, dtype=np.float64))
     return start * (1.0 - seen) + slope / sigma * (1.0 - seen * (1.0 + sigma * np.asarray(length)))
 
 
 def exponential_source(sigma: float, length, rate: float) -> np.ndarray:
-    """G6: radiance of a slab of constant extinction whose colour is exp(-rate * depth)."""
+    """G6: radiance of a slab of constant extinction whose color is exp(-rate * depth)."""
     return -sigma / (sigma + rate) * np.expm1(-(sigma + rate) * np.asarray(length, dtype=np.float64))
 
 
@@ -119,7 +119,7 @@ def bspline(u, degree: int = 1) -> np.ndarray:
 
 
 def impulse_tau(u, v, sigma: float, slice_distance: float, degree: int = 1) -> np.ndarray:
-    """G8: optical depth of one voxel seen along an axis, at index offsets u, v from its centre."""
+    """G8: optical depth of one voxel seen along an axis, at index offsets u, v from its center."""
     return sigma * slice_distance * bspline(u, degree) * bspline(v, degree)
 
 
@@ -142,8 +142,8 @@ def voxel_tau(rays: Rays, index_to_world, voxel, sigma: float, degree: int = 1) 
     at = np.sort(np.clip(at, near[:, None], far[:, None]), axis=1)
     nodes, weights = np.polynomial.legendre.leggauss((3 * degree + 2) // 2)
     depth = at[:, :-1, None] + np.diff(at, axis=1)[..., None] * 0.5 * (nodes + 1.0)
-    places = start[:, None, None] + step[:, None, None] * depth[..., None]
-    values = bspline(places, degree).prod(axis=-1) @ (0.5 * weights)
+    positions = start[:, None, None] + step[:, None, None] * depth[..., None]
+    values = bspline(positions, degree).prod(axis=-1) @ (0.5 * weights)
     return sigma * (values * np.diff(at, axis=1)).sum(axis=1) * rays.length_per_depth
 
 
@@ -158,10 +158,10 @@ def ramp_tau(rays: Rays, index_to_world, low, high, constant: float, slope) -> n
     return np.where(missed, 0.0, (leaves - enters) * rays.length_per_depth * value)
 
 
-def radial_lambert(points, centre, to_light) -> tuple[np.ndarray, np.ndarray]:
-    """G10: of any field of the distance from ``centre``: unit normals (..., 3) at ``points``, and |n . l| (...) of a
-    unit vector ``to_light``; where there is no normal, at the centre, both are zero."""
-    outward = np.asarray(points, dtype=np.float64) - centre
+def radial_lambert(points, center, to_light) -> tuple[np.ndarray, np.ndarray]:
+    """G10: of any field of the distance from ``center``: unit normals (..., 3) at ``points``, and |n . l| (...) of a
+    unit vector ``to_light``; where there is no normal, at the center, both are zero."""
+    outward = np.asarray(points, dtype=np.float64) - center
     length = np.sqrt((outward**2).sum(axis=-1, keepdims=True))
     normal = np.divide(outward, length, out=np.zeros_like(outward), where=length > 0.0)
     return normal, np.abs(normal @ np.asarray(to_light, dtype=np.float64))

@@ -1,4 +1,4 @@
-"""Scenes and judgements shared by the truths: volumes whose scalar is their opacity, seen by any camera."""
+"""Scenes and error measures shared by these tests: volumes whose scalar is their opacity, seen by any camera."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-# The scalar is the opacity of one world unit; the colour changes with it, so that order along a ray shows.
+# The scalar is the opacity of one world unit; the color changes with it, so that order along a ray shows.
 OPACITY_IS_VALUE = TransferFunction(
     name="opacity is the value",
     opacity=((0.0, 0.0), (1.0, 1.0)),
@@ -27,7 +27,7 @@ class Stage:
 
     @staticmethod
     def color(opacity) -> np.ndarray:
-        """The colour of matter of one opacity under OPACITY_IS_VALUE."""
+        """The color of a medium of one opacity under OPACITY_IS_VALUE."""
         return piecewise_linear(OPACITY_IS_VALUE.color, opacity)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Proves that clip objects cut the volume where they lie: chords of homogeneous matter in closed form, complementary
+"""Proves that clip objects cut the volume where they lie: chords of a homogeneous medium in closed form, complementary
 halves that make up the whole, and the truth of a smooth field cut by the same planes and boxes."""
 
 from dataclasses import replace
@@ -19,13 +19,13 @@ N, ALPHA, PIXELS = 16, 0.06, (160, 140)
 RULES = {"pre": "simpson", "refined": "simpson", "post": "preintegrated"}
 
 
-def placed(centre, axis=(1.0, 2.0, 3.0), angle=0.7, half=(1.0, 1.0, 1.0)):
+def placed(center, axis=(1.0, 2.0, 3.0), angle=0.7, half=(1.0, 1.0, 1.0)):
     """A clip object's matrix: turned by ``angle`` about ``axis`` (Rodrigues' formula), scaled by ``half``."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)
     cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
     matrix = np.eye(4)
     matrix[:3, :3] = (np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross) @ np.diag(half)
-    matrix[:3, 3] = centre
+    matrix[:3, 3] = center
     return matrix
 
 
@@ -100,7 +100,7 @@ def away_from_edges(true, reach=3, kink=3.0):
 
 @PROJECTIONS
 @pytest.mark.parametrize("name", SCENES)
-def test_chords_of_homogeneous_matter_are_exact(stage, name, perspective):
+def test_chords_of_a_homogeneous_medium_are_exact(stage, name, perspective):
     scene = homogeneous(stage, name, perspective)
     true = closed_form(stage, scene)
     picture = stage.render(scene, classification="post", depth_rule="preintegrated")
@@ -117,8 +117,8 @@ def test_chords_of_homogeneous_matter_are_exact(stage, name, perspective):
 @PROJECTIONS
 @pytest.mark.parametrize("name", ("box cut away", "all"))
 @pytest.mark.parametrize("classification", ("pre", "refined"))
-def test_classified_matter_is_cut_at_the_same_places(stage, name, classification, perspective):
-    """Pre pads with zeros, so the volume is one whose outermost voxels are transparent there: T1 is the judge."""
+def test_a_classified_medium_is_cut_at_the_same_places(stage, name, classification, perspective):
+    """Pre pads with zeros, so the volume is one whose outermost voxels are transparent there: its truth is T1."""
     scene = homogeneous(stage, name, perspective, size=(28, 24))
     true = stage.truth(scene, "T1" if classification == "pre" else "T2")[0]
     found = stage.error(scene, true, classification=classification, sheet_density=4.0)
@@ -183,7 +183,7 @@ def test_two_halves_make_the_whole(stage, classification, depth_rule, perspectiv
         true = stage.truth(scene, "T2")[0][smooth]
         parts = over(near, far).reshape(whole.shape)[smooth]
         assert difference(parts, true).rmse < difference(whole[smooth], true).rmse and abs(found.bias) < 0.001
-    # Complementary boxes, where matter is so thin that what lies in front does not matter: depths add up.
+    # Complementary boxes, where the medium is so thin that what lies in front does not matter: depths add up.
     thin = stage.on_turntable(1e-3 * FIELD, 30.0, 20.0, perspective, size=(48, 40))
     box = placed((6.5, 6.5, 6.5), half=(4.0, 3.0, 4.0))
     depths = [
@@ -218,7 +218,7 @@ def test_a_smooth_field_is_cut_as_in_the_truth(stage, classification, depth_rule
 
 
 @PROJECTIONS
-def test_a_cut_through_dense_matter_shows_no_steps(stage, perspective):
+def test_a_cut_through_a_dense_medium_shows_no_steps(stage, perspective):
     """What a cut slab shows between two sheets begins at the cut: RMSE 1.5 and 1.6 where all of the slab is shown."""
     clips = (Clip("plane", placed((6.0, 6.5, 9.5), (1.0, 0.3, 0.0), 0.3)), Clip("box", OTHER, "outside"))
     scene = stage.on_turntable(0.999 * FIELD, perspective=perspective, size=(32, 32), clips=clips)
@@ -229,7 +229,7 @@ def test_a_cut_through_dense_matter_shows_no_steps(stage, perspective):
 
 @CLASSIFICATIONS
 @PROJECTIONS
-def test_twins_agree(stage, classification, perspective):
+def test_kernels_agree_with_their_references(stage, classification, perspective):
     scene = stage.on_turntable(0.6 * FIELD, perspective=perspective, size=(24, 20), clips=SCENES["all"])
     knobs = dict(classification=classification, depth_rule=RULES[classification])
     one, two = (stage.render(scene, backend=backend, **knobs) for backend in ("numba", "numpy"))
@@ -247,7 +247,7 @@ def test_what_cuts_nothing_changes_no_bit(stage, classification):
     picture = stage.render(replace(scene, clips=(around, beside)), **knobs)
     assert picture.rgba.tobytes() == without.rgba.tobytes() and picture.depth.tobytes() == without.depth.tobytes()
     effect = {"name": "clip objects", "on": False, "ms": 0.0}
-    effect["reason"] = "2 objects of the scene to clip by, and none cuts the volume"
+    effect["reason"] = "the scene has 2 clip objects, and none cuts the volume"
     assert effect in picture.report["effects"]
 
 

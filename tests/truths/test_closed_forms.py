@@ -7,7 +7,7 @@ reach: on rays through two opposite faces only.
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.rays import camera_rays
 from tests.truths import closed_forms
 
@@ -30,7 +30,7 @@ def rays_and_crossings(scene, low, high):
 
 
 def through_z_faces(scene, margin=0.0):
-    """Rays inside the voxel centres' x and y range all the way from z = -1 to z = nz."""
+    """Rays inside the voxel centers' x and y range all the way from z = -1 to z = nz."""
     nx, ny, nz = scene.volume.shape_xyz
     rays, meets = rays_and_crossings(scene, -1.0, nz)
     low, high = margin, np.array((nx, ny)) - 1.0 - margin
@@ -63,13 +63,13 @@ def test_homogeneous_box(stage, perspective, elevation, depth_rule):
 def test_sphere(stage, perspective):
     """Coverage sampled on the grid, so the rim, where a voxel's width matters, is left out."""
     sigma, radius, size = 0.12, 16.0, 40
-    coverage = np.clip(radius - radius_from_centre(size) + 0.5, 0.0, 1.0)
+    coverage = np.clip(radius - radius_from_center(size) + 0.5, 0.0, 1.0)
     scene = stage.on_turntable(opacity(sigma * coverage), 35.0, 25.0, perspective, size=(80, 80))
     rays = camera_rays(scene.camera, 80, 80)
-    centre = scene.index_to_world @ (19.5, 19.5, 19.5, 1.0)
-    tau = sigma * closed_forms.sphere_length(rays, centre[:3], radius)
-    central = closed_forms.distance_to_axis(rays, centre[:3]) < radius - 3.0
-    outside = closed_forms.distance_to_axis(rays, centre[:3]) > radius + 2.5
+    center = scene.index_to_world @ (19.5, 19.5, 19.5, 1.0)
+    tau = sigma * closed_forms.sphere_length(rays, center[:3], radius)
+    central = closed_forms.distance_to_axis(rays, center[:3]) < radius - 3.0
+    outside = closed_forms.distance_to_axis(rays, center[:3]) > radius + 2.5
     alpha = stage.render(scene).rgba[..., 3].ravel()
     assert central.sum() > 800 and outside.sum() > 800
     assert np.abs(alpha + np.expm1(-tau))[central].max() < 2.0 * LEVEL
@@ -80,7 +80,7 @@ def test_sphere(stage, perspective):
 @PROJECTIONS
 @pytest.mark.parametrize("elevation", (90.0, -90.0, 70.0, -70.0))
 def test_two_slabs(stage, perspective, elevation):
-    """Two colours one behind the other; the opposite view swaps them."""
+    """Two colors one behind the other; the opposite view swaps them."""
     field = np.zeros((14, 40, 40))
     field[2:5], field[8:12] = opacity(0.2), opacity(0.5)
     scene = stage.on_turntable(field, 10.0, elevation, perspective, size=(64, 64))

@@ -1,7 +1,7 @@
 """Proves that the engine is its depth rule and nothing else: an independent program samples each pixel's ray at the
 slices (and half way between them), composes slabs, and must meet the sheet-buffer picture at high sheet density.
 
-What is left is the resampling; what the rule itself costs is judged in the ladder.  So a fault of the slice maps,
+What is left is the resampling; what the rule itself costs is measured in the ladder.  So a fault of the slice maps,
 of path lengths, of the order of sheets or of the choice among pyramids shows here at a fraction of a level.
 """
 
@@ -19,7 +19,7 @@ from rle_splat.accuracy.truths import world_opacity_distance
 
 
 def sampled_at_sheets(scene, depth_rule):
-    """(H, W, 4): slabs of constant matter along each pixel's own ray, cut across its steepest index axis."""
+    """(H, W, 4): slabs of a constant medium along each pixel's own ray, cut across its steepest index axis."""
     volume, distance = scene.volume, world_opacity_distance(scene)
     medium = ClassifiedMedium(*extinction_and_color(scene.transfer_function, volume.physical(volume.voxels), distance))
     rays = camera_rays(scene.camera, scene.width, scene.height)

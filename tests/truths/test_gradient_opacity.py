@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
@@ -22,11 +22,11 @@ EVEN = TransferFunction(  # the same everywhere, so that only the gradient tells
     opacity=((0.0, 0.06),), color=((0.0, *COLOR),), opacity_unit_distance=1.0, shade=None,
 )
 SIGMA = -np.log1p(-0.06)
-LOOKS = [("post", "preintegrated"), ("post", "simpson"), ("pre", "simpson")]
+RULES = [("post", "preintegrated"), ("post", "simpson"), ("pre", "simpson")]
 
 
-def steep(low, high, look=EVEN):
-    return replace(look, gradient_opacity=GradientOpacity(low, high))
+def steep(low, high, tf=EVEN):
+    return replace(tf, gradient_opacity=GradientOpacity(low, high))
 
 
 def path_of(scene, size=16):
@@ -35,14 +35,14 @@ def path_of(scene, size=16):
     return rays, *box_depths(rays, scene.index_to_world, np.zeros(3), high)
 
 
-@pytest.mark.parametrize(("classification", "depth_rule"), LOOKS)
+@pytest.mark.parametrize(("classification", "depth_rule"), RULES)
 @pytest.mark.parametrize("dtype", (np.float32, np.int16))
 def test_an_even_slope_thins_everything_evenly(stage, classification, depth_rule, dtype):
     """7 values a voxel, voxels 2 long: 3.5 values a unit, between 1.5 and 5.5 half of everything is left."""
     z, _, _ = np.mgrid[:16, :16, :16]
     volume = Volume((7 * z).astype(dtype), np.diag((2.0, 2.0, 2.0, 1.0)))
-    look = dict(transfer_function=steep(1.5, 5.5), size=(32, 32), spacing=(2.0,) * 3)
-    scene = stage.on_turntable(7.0 * z, 30.0, 20.0, **look)
+    options = dict(transfer_function=steep(1.5, 5.5), size=(32, 32), spacing=(2.0,) * 3)
+    scene = stage.on_turntable(7.0 * z, 30.0, 20.0, **options)
     scene = replace(scene, volume=volume)
     knobs = dict(classification=classification, depth_rule=depth_rule, sheet_density=2.0)
     found = stage.render(scene, **knobs).rgba
@@ -57,19 +57,19 @@ def test_an_even_slope_thins_everything_evenly(stage, classification, depth_rule
         np.testing.assert_allclose(found[inside], true[inside], atol=0.01)
 
 
-@pytest.mark.parametrize(("classification", "depth_rule"), LOOKS)
+@pytest.mark.parametrize(("classification", "depth_rule"), RULES)
 @pytest.mark.parametrize("mode", ("composite", "xray"))
 def test_a_field_that_grows_steeper_outwards(stage, classification, depth_rule, mode):
     """The square of the radius has a gradient of twice the radius, and central differences find it exactly."""
     scene = stage.on_turntable(
-        radius_from_centre(16) ** 2, 35.0, 25.0, size=(32, 32), transfer_function=steep(4.0, 14.0), mode=mode
+        radius_from_center(16) ** 2, 35.0, 25.0, size=(32, 32), transfer_function=steep(4.0, 14.0), mode=mode
     )
     rays, enter, leave = path_of(scene)
-    centre = (scene.index_to_world @ (7.5, 7.5, 7.5, 1.0))[:3]
+    center = (scene.index_to_world @ (7.5, 7.5, 7.5, 1.0))[:3]
     share = (np.arange(400) + 0.5) / 400
     depth = enter[:, None] + (leave - enter)[:, None] * share
     points = rays.origin[:, None] + rays.step[:, None] * depth[..., None]
-    radius = np.linalg.norm(points - centre, axis=2)
+    radius = np.linalg.norm(points - center, axis=2)
     factor = np.clip((2.0 * radius - 4.0) / 10.0, 0.0, 1.0).mean(axis=1)
     color = COLOR if mode == "composite" else (1.0, 1.0, 1.0)
     true = composed(SIGMA * factor * np.maximum(leave - enter, 0.0), color).reshape(32, 32, 4)
@@ -100,21 +100,21 @@ def test_sizes_of_gradients_whatever_the_spacing_the_type_and_what_is_no_number(
 
 def test_threads_and_numpy_make_the_same_picture(stage):
     rng = np.random.default_rng(4)
-    look = replace(EVEN, opacity=((0.0, 0.0), (1.0, 0.4)), shade=Shade(0.2, 0.6, 0.3, 9.0))
+    tf = replace(EVEN, opacity=((0.0, 0.0), (1.0, 0.4)), shade=Shade(0.2, 0.6, 0.3, 9.0))
     scene = stage.on_turntable(
-        rng.random((12, 12, 12)), 20.0, 30.0, size=(40, 40), transfer_function=steep(0.2, 0.5, look), headlight=True
+        rng.random((12, 12, 12)), 20.0, 30.0, size=(40, 40), transfer_function=steep(0.2, 0.5, tf), headlight=True
     )
     one, two = (stage.render(scene, classification="post", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
-    twin = stage.render(scene, classification="post", backend="numpy")
-    np.testing.assert_allclose(one.rgba, twin.rgba, atol=2e-3)
-    plain = stage.render(replace(scene, transfer_function=look), classification="post")
+    reference = stage.render(scene, classification="post", backend="numpy")
+    np.testing.assert_allclose(one.rgba, reference.rgba, atol=2e-3)
+    plain = stage.render(replace(scene, transfer_function=tf), classification="post")
     assert np.abs(one.rgba - plain.rgba).max() > 0.1
 
 
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_off_is_the_picture_without_it_and_measures_no_gradient(stage, classification):
-    scene = stage.on_turntable(radius_from_centre(12), size=(24, 24), transfer_function=steep(0.2, 0.9))
+    scene = stage.on_turntable(radius_from_center(12), size=(24, 24), transfer_function=steep(0.2, 0.9))
     cache, quality = StageCache(), Quality(classification=classification)
     off = render(replace(scene, effects={"gradient opacity": False}), quality, cache=cache)
     plain = render(replace(scene, transfer_function=EVEN), quality)
@@ -125,14 +125,14 @@ def test_off_is_the_picture_without_it_and_measures_no_gradient(stage, classific
 
 
 def test_json_and_what_is_refused(stage):
-    look = steep(2.0, 8.0)
-    assert TransferFunction.from_json(look.to_json()) == look and look.key != EVEN.key
-    assert look.remapped(0.0, 0.0).gradient_opacity == look.gradient_opacity
+    tf = steep(2.0, 8.0)
+    assert TransferFunction.from_json(tf.to_json()) == tf and tf.key != EVEN.key
+    assert tf.remapped(0.0, 0.0).gradient_opacity == tf.gradient_opacity
     assert "gradient_opacity" not in EVEN.to_json()
     for wrong in ({"low": 3, "high": 1}, {"low": -1}, {"slope": 2}, {"low": "steep"}):
         with pytest.raises(RleSplatError, match="gradient"):
             TransferFunction.from_json(EVEN.to_json() | {"gradient_opacity": wrong})
-    scene = stage.on_turntable(radius_from_centre(8), transfer_function=look)
+    scene = stage.on_turntable(radius_from_center(8), transfer_function=tf)
     with pytest.raises(RleSplatError, match="refined knows no gradients"):
         render(scene, Quality(classification="refined"))
     with pytest.raises(RleSplatError, match="no truth of a transfer function with a gradient_opacity"):

@@ -10,7 +10,7 @@ from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.scene import Camera
 
-SIZE, ZOOM = 11, 5  # voxels a side; pixels a voxel, odd so that voxel centres fall on pixel centres
+SIZE, ZOOM = 11, 5  # voxels a side; pixels a voxel, odd so that voxel centers fall on pixel centers
 SIGMA = 1.5
 RED, GREEN, BLUE, WHITE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.8, 0.8, 0.8)
 COLORS = np.array(((0.0, 0.0, 0.0), RED, GREEN, BLUE, WHITE))
@@ -19,7 +19,7 @@ COLORS = np.array(((0.0, 0.0, 0.0), RED, GREEN, BLUE, WHITE))
 def lopsided():
     """Labels (x, y, z): red towards +x, green towards +y, blue towards +z, a white L near the low corner.
 
-    Different colours on one axis-parallel line keep two voxels apart, so that they do not mix.
+    Different colors on one axis-parallel line keep two voxels apart, so that they do not mix.
     """
     label = np.zeros((SIZE,) * 3, dtype=int)
     label[8:10, 5, 5] = 1

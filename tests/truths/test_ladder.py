@@ -20,7 +20,7 @@ RUNGS = {
     "simpson 1.5": dict(depth_rule="simpson", sheet_density=1.5, warp_filter="cubic", termination=1 / 1024),
 }
 # RMSE and max in levels, orthographic and perspective; measured values and the table's beside them.  The table's
-# perspective maxima are 1.1 to 1.7 times the orthographic ones, and our colours change with the opacity.
+# perspective maxima are 1.1 to 1.7 times the orthographic ones, and our colors change with the opacity.
 BOUNDS = {
     ("smooth", "slice"): ((0.45, 3.0), (0.45, 3.2)),  # .35/2.1, .28/2.2; table .34/2.2 with a cubic warp
     ("smooth", "simpson"): ((0.10, 0.8), (0.11, 1.1)),  # .076/.57, .079/.78; table .064/.40
@@ -66,7 +66,7 @@ POST_BOUNDS = {
 
 
 @pytest.fixture(scope="module")
-def judged(stage):
+def with_truth(stage):
     @cache
     def scene_and_truth(name, perspective, truth_name="T1"):
         scene = stage.on_turntable(FIELDS[name](48), perspective=perspective, fov=41.0)
@@ -78,8 +78,8 @@ def judged(stage):
 @pytest.mark.parametrize("rung", RUNGS)
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 @pytest.mark.parametrize("name", FIELDS)
-def test_error_of_a_rung(stage, judged, name, perspective, rung, record_property):
-    scene, true = judged(name, perspective)
+def test_error_of_a_rung(stage, with_truth, name, perspective, rung, record_property):
+    scene, true = with_truth(name, perspective)
     found = stage.error(scene, true, **RUNGS[rung])
     record_property("levels", f"rmse {found.rmse:.3f} max {found.largest:.2f} bias {found.bias:.4f}")
     rmse, largest = BOUNDS[name, rung][perspective]
@@ -90,9 +90,9 @@ def test_error_of_a_rung(stage, judged, name, perspective, rung, record_property
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("classification", ("pre", "post"))
-def test_each_preset_keeps_its_error_and_the_next_has_less(judged, classification, name, perspective):
+def test_each_preset_keeps_its_error_and_the_next_has_less(with_truth, classification, name, perspective):
     truth_name, bounds = {"pre": ("T1", PRESET_BOUNDS), "post": ("T2", POST_BOUNDS)}[classification]
-    scene, true = judged(name, perspective, truth_name)
+    scene, true = with_truth(name, perspective, truth_name)
     found = {}
     for preset in QUALITY_PRESETS:
         rendering = render(scene, Quality.preset(preset, classification=classification))

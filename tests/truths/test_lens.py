@@ -1,10 +1,10 @@
 """Proves that a lens blurs by the closed form of its circle of confusion, to one percent of the circle's size.
 
-A point of the aperture at ``a``, in world units from the middle, sees matter at depth z moved by a k (1/f - 1/z) in
+A point of the aperture at ``a``, in world units from the middle, sees a medium at depth z moved by a k (1/f - 1/z) in
 perspective (k pixels to a unit at depth 1) and by a k (z/f - 1) orthographically (k pixels to a unit), f being the
 depth in focus: thin lens and similar triangles.  The mean picture's second moments are those of the sharp one and those
 of the aperture times that factor: for a disk of radius R, R^2/4 along any axis; for a regular polygon with n corners,
-R^2 (2 + cos(2 pi / n)) / 12.  Moments ask for no shape of the matter, and hardly for its size: a blot is enough.
+R^2 (2 + cos(2 pi / n)) / 12.  Moments ask for no shape of the medium, and hardly for its size: a blot is enough.
 """
 
 from dataclasses import replace
@@ -22,9 +22,9 @@ PIXELS = {"PERSP": SIZE * 50.0 / 36.0, "ORTHO": SIZE / 2.5}  # to a world unit, 
 
 
 def blot(stage, depth, kind, **lens):
-    """A thin blot of matter in the middle of the picture, ``depth`` before a camera with a lens."""
-    place = np.arange(SIDE) - 0.5 * (SIDE - 1)
-    square = place**2 + (place**2)[:, None] + (place**2)[:, None, None]
+    """A thin blot of a medium in the middle of the picture, ``depth`` before a camera with a lens."""
+    position = np.arange(SIDE) - 0.5 * (SIDE - 1)
+    square = position**2 + (position**2)[:, None] + (position**2)[:, None, None]
     volume = stage.volume(np.exp(-0.5 * square / SIGMA**2), np.diag((SPACING, SPACING, SPACING, 1.0)))
     at = np.eye(4)
     at[:3, 3] = np.array((0.0, 0.0, -depth)) - 0.5 * SPACING * (SIDE - 1)
@@ -36,10 +36,10 @@ def blot(stage, depth, kind, **lens):
 def moments(scene):
     """Of the picture's alpha, in pixels: its total, its middle (2,), and its second moments about it (2,)."""
     alpha = render(scene, Quality(classification="post")).rgba[..., 3].astype(np.float64)
-    places = np.mgrid[:SIZE, :SIZE][::-1] + 0.5
+    positions = np.mgrid[:SIZE, :SIZE][::-1] + 0.5
     total = alpha.sum()
-    middle = (places * alpha).sum(axis=(1, 2)) / total
-    return total, middle, ((places - middle[:, None, None]) ** 2 * alpha).sum(axis=(1, 2)) / total
+    middle = (positions * alpha).sum(axis=(1, 2)) / total
+    return total, middle, ((positions - middle[:, None, None]) ** 2 * alpha).sum(axis=(1, 2)) / total
 
 
 @pytest.mark.parametrize("kind", PIXELS)
@@ -50,9 +50,9 @@ def test_a_lens_blurs_to_the_circle_of_confusion(stage, kind, depth, blades, mom
     total, middle, blurred = moments(scene)
     sharp_total, sharp_middle, sharp = moments(replace(scene, camera=replace(scene.camera, aperture_radius=0.0)))
     # The blot's own thickness: each depth has its factor.
-    place = SPACING * (np.arange(SIDE) - 0.5 * (SIDE - 1))
-    weight = np.exp(-0.5 * (place / (SPACING * SIGMA)) ** 2)
-    z = depth + place
+    position = SPACING * (np.arange(SIDE) - 0.5 * (SIDE - 1))
+    weight = np.exp(-0.5 * (position / (SPACING * SIGMA)) ** 2)
+    z = depth + position
     factor = 1.0 / FOCUS - 1.0 / z if kind == "PERSP" else z / FOCUS - 1.0
     expected = moment * (RADIUS * PIXELS[kind]) ** 2 * np.average(factor**2, weights=weight)
     found = np.sqrt((blurred - sharp) / expected)

@@ -20,12 +20,12 @@ AFFINE = np.array(((-0.9, 0.2, 0, 1), (0, 1.0, 0.3, 2), (0, 0, 1.3, 3), (0, 0, 0
 
 
 def lights(stage):
-    place = stage.looking((30.0, -14.0, 20.0), (8.0, 8.0, 9.0)).matrix_world
+    matrix = stage.looking((30.0, -14.0, 20.0), (8.0, 8.0, 9.0)).matrix_world
     return {
-        "sun": Light("SUN", (1.0, 0.8, 0.5), 3.0, place),
-        "point": Light("POINT", (0.5, 0.8, 1.0), 30_000.0, place, radius=0.5),
-        "spot": Light("SPOT", (1.0, 1.0, 1.0), 30_000.0, place, spot_size=0.5, spot_blend=0.4),
-        "area": Light("AREA", (1.0, 0.9, 1.0), 20_000.0, place, size=4.0, size_y=2.0, shape="ELLIPSE"),
+        "sun": Light("SUN", (1.0, 0.8, 0.5), 3.0, matrix),
+        "point": Light("POINT", (0.5, 0.8, 1.0), 30_000.0, matrix, radius=0.5),
+        "spot": Light("SPOT", (1.0, 1.0, 1.0), 30_000.0, matrix, spot_size=0.5, spot_blend=0.4),
+        "area": Light("AREA", (1.0, 0.9, 1.0), 20_000.0, matrix, size=4.0, size_y=2.0, shape="ELLIPSE"),
         "near": Light("POINT", (1.0, 1.0, 1.0), 500.0, stage.looking((-7.0, 9.0, 11.0), (0, 0, 0)).matrix_world),
     }
 
@@ -41,13 +41,13 @@ def scene(stage):
 
 @pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
 @pytest.mark.parametrize("name", ("sun", "point", "spot", "area", "near", "headlight"))
-def test_every_voxel_has_the_renderers_colour(stage, scene, name, kind):
+def test_every_voxel_has_the_renderers_color(stage, scene, name, kind):
     lit = replace(
         scene, camera=replace(scene.camera, type=kind), headlight=name == "headlight",
         lights=() if name == "headlight" else (lights(stage)[name],),
     )  # fmt: skip
     _, theirs = classify_and_shade(lit, Quality(), Clock())
-    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).places)
+    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
     plain = scene_medium(replace(lit, headlight=False, lights=()), Quality(classification="pre")).colors
     assert np.abs(theirs - plain).max() > 0.1 and len(ours) > 500
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
@@ -63,7 +63,7 @@ def test_highlights_by_phong_and_surfaces_of_one_side(stage, scene, highlight, t
     lit = replace(usual, transfer_function=replace(usual.transfer_function, shade=shade))
     quality = Quality(backend=backend)
     theirs = classify_and_shade(lit, quality, Clock())[1]
-    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).places)
+    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
     before = classify_and_shade(usual, quality, Clock())[1]
     darker = (theirs < before - 0.02).any(axis=1).mean()
@@ -80,9 +80,9 @@ def test_a_sun_on_a_ball_of_one_side_lights_the_half_that_faces_it(stage):
     white = replace(plain.transfer_function, shade=shade, color=((0.0, 1.0, 1.0, 1.0),))
     sun = Light("SUN", (1.0, 1.0, 1.0), np.pi, stage.looking((9.0, 0.0, 0.0), (0.0, 0.0, 0.0)).matrix_world)
     scene = replace(plain, transfer_function=white, lights=(sun,), headlight=False)
-    places = scene_medium(scene, Quality(classification="pre")).places
+    indices = scene_medium(scene, Quality(classification="pre")).indices
     colors = classify_and_shade(scene, Quality(), Clock())[1]
-    z, y, x = (place - 10.0 for place in places)
+    z, y, x = (place - 10.0 for place in indices)
     radius = np.sqrt(x**2 + y**2 + z**2)
     even = (radius > 4.0) & (radius < 8.0)
     expected = 0.25 + 0.5 * np.clip(x / np.maximum(radius, 1.0), 0.0, None)
@@ -91,12 +91,12 @@ def test_a_sun_on_a_ball_of_one_side_lights_the_half_that_faces_it(stage):
 
 
 def test_both_truths_are_lit_alike(scene):
-    """One light for both truths: T1's colours of white matter are T2's light and highlight together."""
+    """One light for both truths: T1's colors of a white medium are T2's light and highlight together."""
     lit = replace(scene, headlight=True)
-    places = tuple(np.array(n) for n in ((3, 4), (5, 6), (7, 8)))
+    indices = tuple(np.array(n) for n in ((3, 4), (5, 6), (7, 8)))
     found = shading_of(lit, "T2")
     own = VoxelLight(replace(lit, transfer_function=replace(lit.transfer_function, color=((0.0, 1.0, 1.0, 1.0),))))
-    np.testing.assert_allclose(found["light"][places] + found["highlight"][places], own.color(places), atol=1e-12)
+    np.testing.assert_allclose(found["light"][indices] + found["highlight"][indices], own.color(indices), atol=1e-12)
     assert shading_of(scene, "T1") == {} == shading_of(scene, "T2")
     matt = replace(lit.transfer_function, shade=replace(SHADE, specular=0.0))
     assert list(shading_of(replace(lit, transfer_function=matt), "T2")) == ["light"]

@@ -107,7 +107,7 @@ def test_share_above_is_the_binomial_bound():
         assert share > failed / count
 
 
-def test_judgement_keeps_random_and_steep_probes_apart():
+def test_metrics_keep_random_and_steep_probes_apart():
     errors = np.concatenate((np.full(500, 0.3), np.full(100, 0.9)))
     found = error_summary(errors, 500, 0.5)
     assert found["random"] == {"count": 500, "failed": 0, "largest": 0.3, "rmse": pytest.approx(0.3)}

@@ -22,9 +22,9 @@ SIZE, SIDE = 16, 32
 
 
 def slab(stage, perspective=False, **more):
-    """An even block of matter, 16 voxels a side, some way in front of the camera."""
-    look = dict(transfer_function=EVEN, perspective=perspective, size=(SIDE, SIDE), fov=60.0)
-    return stage.on_turntable(np.ones((SIZE, SIZE, SIZE)), 35.0, 25.0, **look, **more)
+    """A block of an even medium, 16 voxels a side, some way in front of the camera."""
+    options = dict(transfer_function=EVEN, perspective=perspective, size=(SIDE, SIDE), fov=60.0)
+    return stage.on_turntable(np.ones((SIZE, SIZE, SIZE)), 35.0, 25.0, **options, **more)
 
 
 def ends_of(scene, beyond=0.0):
@@ -92,14 +92,14 @@ def test_far_into_the_mist_there_is_nothing_else_and_before_it_nothing_of_it(sta
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_threads_and_numpy_make_the_same_picture(stage, classification):
     field = np.random.default_rng(6).random((12, 12, 12))
-    look = replace(EVEN, opacity=((0.1, 0.0), (1.0, 0.5)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
-    scene = stage.on_turntable(field, 20.0, 30.0, True, size=(41, 37), transfer_function=look)
+    tf = replace(EVEN, opacity=((0.1, 0.0), (1.0, 0.5)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
+    scene = stage.on_turntable(field, 20.0, 30.0, True, size=(41, 37), transfer_function=tf)
     distance = float(np.linalg.norm(scene.camera.matrix_world[:3, 3] - 5.5))
     scene = replace(scene, mist=Mist(distance - 8.0, 16.0, "INVERSE_QUADRATIC", tuple(FOG)))
     one, two = (stage.render(scene, classification=classification, threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
-    twin = stage.render(scene, classification=classification, backend="numpy")
-    np.testing.assert_allclose(one.rgba, twin.rgba, atol=2e-3)
+    reference = stage.render(scene, classification=classification, backend="numpy")
+    np.testing.assert_allclose(one.rgba, reference.rgba, atol=2e-3)
 
 
 @pytest.mark.parametrize("classification", ("pre", "post"))

@@ -18,7 +18,7 @@ RED, GREEN, BLUE = (0.9, 0.1, 0.2), (0.2, 0.8, 0.1), (0.1, 0.3, 1.0)
 
 
 def flat(alpha, color, unit=1.0, shade=None):
-    """A transfer function of one opacity and colour from the value 10 on."""
+    """A transfer function of one opacity and color from the value 10 on."""
     return TransferFunction(
         opacity=((10.0, 0.0), (10.0, alpha)), color=((0.0, *color),), opacity_unit_distance=unit, shade=shade
     )
@@ -28,11 +28,11 @@ def random_voxels(seed, kind=np.uint8):
     return np.random.default_rng(seed).integers(0, 255, (N, N + 1, N + 2)).astype(kind)
 
 
-def seen_along_y(stage, voxels, look, kind=np.uint8, size=(32, 32), **more):
+def seen_along_y(stage, voxels, tf, kind=np.uint8, size=(32, 32), **more):
     """A scene looked at along +y, x to the right and z up: a tent for each of the voxels of a column."""
     volume = Volume(np.ascontiguousarray(voxels, kind), np.eye(4))
     scene = stage.on_turntable(np.zeros(volume.voxels.shape), 0.0, 0.0, size=size, fit=1.2)
-    return replace(scene, volume=volume, transfer_function=look, **more)
+    return replace(scene, volume=volume, transfer_function=tf, **more)
 
 
 def layers(*thicknesses):
@@ -49,11 +49,11 @@ def middle(picture):
 
 def composed(*parts):
     """RGBA of homogeneous (depth, color) parts, front to back."""
-    clear, rgb = 1.0, np.zeros(3)
+    transmittance, rgb = 1.0, np.zeros(3)
     for depth, color in parts:
-        rgb += clear * -np.expm1(-depth) * np.array(color)
-        clear *= np.exp(-depth)
-    return np.array((*rgb, 1.0 - clear))
+        rgb += transmittance * -np.expm1(-depth) * np.array(color)
+        transmittance *= np.exp(-depth)
+    return np.array((*rgb, 1.0 - transmittance))
 
 
 def depth_of(alpha, length):
@@ -62,7 +62,7 @@ def depth_of(alpha, length):
 
 @pytest.mark.parametrize("kind", (np.uint8, np.float32))
 def test_each_label_has_its_own_slab(stage, kind):
-    """Three layers of one value: the volume's own look, another one, none.  Between two layers extinction ramps over
+    """Three layers of one value: own transfer function, another one, none.  Between two layers extinction ramps over
     one voxel, half of which belongs to each."""
     labels = layers(5, 4, 3)
     functions = {1: flat(0.3, GREEN, 2.0), 2: None}
@@ -83,11 +83,11 @@ def test_each_label_has_its_own_slab(stage, kind):
 def test_hiding_a_label_is_rendering_with_its_voxels_transparent(stage, kind, backend):
     voxels = random_voxels(1, kind)
     labels = random_voxels(2, np.int32) % 3
-    look = TransferFunction(
+    tf = TransferFunction(
         opacity=((50.0, 0.0), (255.0, 0.4)), color=((0.0, *RED), (255.0, *BLUE)), opacity_unit_distance=1.0, shade=None
     )
     hidden = Labels(Volume(np.ascontiguousarray(labels), np.eye(4)), {2: None})
-    scene = seen_along_y(stage, voxels, look, kind, labels=hidden)
+    scene = seen_along_y(stage, voxels, tf, kind, labels=hidden)
     without = replace(scene, labels=None, volume=Volume(np.where(labels == 2, kind(0), voxels), np.eye(4)))
     one, other = (stage.render(each, classification="pre", backend=backend) for each in (scene, without))
     assert one.rgba.tobytes() == other.rgba.tobytes() and one.depth.tobytes() == other.depth.tobytes()
@@ -98,16 +98,16 @@ def test_hiding_a_label_is_rendering_with_its_voxels_transparent(stage, kind, ba
 
 def test_two_channels_add_their_extinctions(stage):
     ones = np.full((N, 6, N), 100)
-    look, other = flat(0.15, RED), flat(0.2, BLUE, 3.0)
+    tf, other = flat(0.15, RED), flat(0.2, BLUE, 3.0)
     channel = Channel(Volume(np.full(ones.shape, 40, np.uint16), np.eye(4)), other)
-    scene = seen_along_y(stage, ones, look, channels=(channel,))
+    scene = seen_along_y(stage, ones, tf, channels=(channel,))
     picture = stage.render(scene)
     red, blue = depth_of(0.15, 6), depth_of(0.2, 6) / 3.0
     color = (red * np.array(RED) + blue * np.array(BLUE)) / (red + blue)
     np.testing.assert_allclose(middle(picture.rgba), composed((red + blue, color)), atol=0.05 * LEVEL)
-    # The other way round it is the same matter.
+    # The other way round it is the same medium.
     swapped = replace(
-        scene, volume=channel.volume, transfer_function=other, channels=(Channel(scene.volume, look),)
+        scene, volume=channel.volume, transfer_function=other, channels=(Channel(scene.volume, tf),)
     )
     np.testing.assert_allclose(stage.render(swapped).rgba, picture.rgba, atol=1e-6)
     # In the opacity model too: alphas of what is added, per the first function's distance.
@@ -120,14 +120,14 @@ def test_two_channels_add_their_extinctions(stage):
 @pytest.mark.parametrize("kind", (np.uint8, np.float32))
 def test_a_channel_without_anything_in_it_changes_no_bit(stage, kind, shade):
     voxels = random_voxels(3, kind)
-    look = TransferFunction(
+    tf = TransferFunction(
         opacity=((50.0, 0.0), (255.0, 0.4)), color=((0.0, *RED), (255.0, *BLUE)), opacity_unit_distance=1.0,
         shade=shade,
     )
-    scene = seen_along_y(stage, voxels, look, kind, lights=(Light(),))
+    scene = seen_along_y(stage, voxels, tf, kind, lights=(Light(),))
     empty = Volume(np.zeros(voxels.shape, np.uint8), np.eye(4))
     alone = stage.render(scene, classification="pre")
-    for channel in (Channel(empty, look), Channel(empty, flat(0.0, RED))):
+    for channel in (Channel(empty, tf), Channel(empty, flat(0.0, RED))):
         with_it = stage.render(replace(scene, channels=(channel,)), classification="pre")
         assert with_it.rgba.tobytes() == alone.rgba.tobytes()
     assert not any(e["on"] for e in with_it.report["effects"] if e["name"] == "channels"), "an opacity of zero"
@@ -171,7 +171,7 @@ def test_nothing_is_redone_when_the_camera_moves(stage):
     assert cache.made == made
     changed = replace(labels, functions={1: flat(0.3, GREEN)})
     other = render(replace(scene, camera=camera, labels=changed), Quality(), cache=cache)
-    assert np.abs(other.rgba - moved.rgba).max() > 10 * LEVEL, "another colour is another picture"
+    assert np.abs(other.rgba - moved.rgba).max() > 10 * LEVEL, "another color is another picture"
 
 
 def test_what_does_not_fit_is_refused_in_a_sentence(stage):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
@@ -18,7 +18,7 @@ from rle_splat.volume.volume import Volume
 from tests.truths.closed_forms import box_depths, composed, sphere_length
 
 VALUE_MODES = ("mip", "minip", "average")
-# A viewer's window: grey from black to white, and the opacity says how much of it.
+# A viewer's window: gray from black to white, and the opacity says how much of it.
 WINDOW = TransferFunction(opacity=((0.0, 0.0), (1.0, 1.0)), color=((0.0, 1.0, 1.0, 1.0),), shade=None)
 EXACT = dict(classification="post", sheet_density=0.0, warp_filter="bilinear")
 # azimuth, elevation -> what numpy calls the axis, and how its result lies in the picture
@@ -45,10 +45,10 @@ def smooth_field(size=16):
     return 0.5 + 0.2 * np.sin(0.5 * x + 0.2 * y) + 0.15 * np.cos(0.45 * y - 0.3 * z) + 0.1 * np.sin(0.4 * z)
 
 
-def seen(stage, field, mode, azimuth=0.0, elevation=0.0, fit=1.0, size=None, look=WINDOW, **more):
+def seen(stage, field, mode, azimuth=0.0, elevation=0.0, fit=1.0, size=None, tf=WINDOW, **more):
     side = max(np.shape(field))
     return stage.on_turntable(
-        field, azimuth, elevation, fit=fit, size=size or (side, side), transfer_function=look, mode=mode, **more
+        field, azimuth, elevation, fit=fit, size=size or (side, side), transfer_function=tf, mode=mode, **more
     )
 
 
@@ -65,7 +65,7 @@ def trilinear(field, points):
 
 
 def sampled(scene, samples=600):
-    """(N, samples) values along the path of each ray in the box of voxel centres, NaN for rays that miss it; and (N,)
+    """(N, samples) values along the path of each ray in the box of voxel centers, NaN for rays that miss it; and (N,)
     the length of that path along the camera's axis."""
     rays = camera_rays(scene.camera, scene.width, scene.height)
     high = np.array(scene.volume.shape_xyz) - 1.0
@@ -98,9 +98,9 @@ def test_along_an_axis_numpy_finds_the_same_value(stage, mode, view):
 def test_whole_numbers_are_exact_and_slopes_may_be_negative(stage, slope):
     stored = np.random.default_rng(3).integers(-3000, 3000, (12, 12, 12)).astype(np.int16)
     ends = sorted((slope * -3000.0 + 7.0, slope * 3000.0 + 7.0))
-    look = TransferFunction(opacity=((ends[0], 0.0), (ends[1], 1.0)), color=((0.0, 1.0, 1.0, 1.0),), shade=None)
+    tf = TransferFunction(opacity=((ends[0], 0.0), (ends[1], 1.0)), color=((0.0, 1.0, 1.0, 1.0),), shade=None)
     scene = replace(
-        seen(stage, stored, "mip", look=look), volume=Volume(stored, np.eye(4), slope=slope, intercept=7.0)
+        seen(stage, stored, "mip", tf=tf), volume=Volume(stored, np.eye(4), slope=slope, intercept=7.0)
     )
     picture = stage.render(scene, **EXACT).rgba[..., 3].astype(np.float64)
     found = ends[0] + picture * (ends[1] - ends[0])
@@ -134,7 +134,7 @@ def test_minip_is_mip_of_the_negated_volume(stage):
     negated = TransferFunction(opacity=((-1.0, 1.0), (0.0, 0.0)), color=((0.0, 1.0, 1.0, 1.0),), shade=None)
     there = dict(azimuth=20.0, elevation=-35.0, size=(30, 30))
     one = stage.render(seen(stage, field, "minip", **there), classification="post")
-    other = stage.render(seen(stage, -field, "mip", look=negated, **there), classification="post")
+    other = stage.render(seen(stage, -field, "mip", tf=negated, **there), classification="post")
     assert one.rgba[..., 3].std() > 0.05
     np.testing.assert_allclose(one.rgba, np.where(other.rgba[..., 3:] > 0, other.rgba, 0.0), atol=2e-6)
     np.testing.assert_array_equal(one.depth, other.depth)
@@ -174,7 +174,7 @@ def test_air_is_transparent_and_only_what_can_decide_a_pixel_is_kept(stage):
     bump = TransferFunction(
         opacity=((0.3, 0.0), (0.5, 1.0), (0.7, 0.0)), color=((0.0, 0.2, 0.6, 1.0),), shade=None
     )
-    scene = seen(stage, field, "mip", look=bump)
+    scene = seen(stage, field, "mip", tf=bump)
     rendering = stage.render(scene, **EXACT)
     rgba = rendering.rgba
     np.testing.assert_allclose(rgba[6:10, 5:7], np.broadcast_to((0.2, 0.6, 1.0, 1.0), (4, 2, 4)), atol=1e-6)
@@ -202,7 +202,7 @@ def test_what_is_no_number_is_left_out(stage):
     field[6, 6, 3] = np.nan
     shown = replace(WINDOW, opacity=((0.0, 0.5), (1.0, 1.0)))  # also the lowest values
     for mode in VALUE_MODES:
-        rgba = stage.render(seen(stage, field, mode, look=shown), **EXACT).rgba
+        rgba = stage.render(seen(stage, field, mode, tf=shown), **EXACT).rgba
         assert np.isfinite(rgba).all()
         assert (rgba[:, 9:] == 0.0).all() and (rgba[1:-1, 1:7, 3] > 0.5).all()
 
@@ -211,7 +211,7 @@ def test_what_is_no_number_is_left_out(stage):
 
 
 def absorbing(*points, **more):
-    """Coloured, to be shown white."""
+    """Colored, to be shown white."""
     return TransferFunction(
         opacity=points, color=((0.0, 0.9, 0.3, 0.1),), opacity_unit_distance=1.0, shade=None, **more
     )
@@ -219,8 +219,8 @@ def absorbing(*points, **more):
 
 @pytest.mark.parametrize("depth_rule", ("slice", "preintegrated", "simpson"))
 def test_xray_of_a_slab_is_beers_law(stage, depth_rule):
-    look = absorbing((0.0, 0.0), (0.4, 0.0), (0.4, 0.08))
-    scene = seen(stage, np.full((16, 16, 16), 0.5), "xray", 30.0, 20.0, fit=1.6, size=(40, 40), look=look)
+    tf = absorbing((0.0, 0.0), (0.4, 0.0), (0.4, 0.08))
+    scene = seen(stage, np.full((16, 16, 16), 0.5), "xray", 30.0, 20.0, fit=1.6, size=(40, 40), tf=tf)
     rays = camera_rays(scene.camera, 40, 40)
     enter, leave = box_depths(rays, scene.index_to_world, np.zeros(3), np.full(3, 15.0))
     true = composed(-np.log1p(-0.08) * np.maximum(leave - enter, 0.0), (1.0, 1.0, 1.0)).reshape(40, 40, 4)
@@ -230,15 +230,15 @@ def test_xray_of_a_slab_is_beers_law(stage, depth_rule):
     assert dark.any() and (found.depth[true[..., 3] < 0.48] == NO_DEPTH).all()
     half = (enter + np.log(2.0) / -np.log1p(-0.08)).reshape(40, 40)
     error = np.abs(found.depth - half)[dark]
-    assert np.median(error) < 1e-3 and (error > 0.05).mean() < 0.01  # at the box's edges the depth is its neighbours'
+    assert np.median(error) < 1e-3 and (error > 0.05).mean() < 0.01  # at the box's edges the depth is its neighbors'
 
 
 def test_xray_of_a_ball_is_its_chord(stage):
-    look = absorbing((0.0, 0.06), (9.0, 0.06), (9.0, 0.0))
-    scene = seen(stage, radius_from_centre(24), "xray", 35.0, 25.0, size=(48, 48), look=look)
+    tf = absorbing((0.0, 0.06), (9.0, 0.06), (9.0, 0.0))
+    scene = seen(stage, radius_from_center(24), "xray", 35.0, 25.0, size=(48, 48), tf=tf)
     rays = camera_rays(scene.camera, 48, 48)
-    centre = (scene.index_to_world @ (11.5, 11.5, 11.5, 1.0))[:3]
-    chord = sphere_length(rays, centre, 9.0)
+    center = (scene.index_to_world @ (11.5, 11.5, 11.5, 1.0))[:3]
+    chord = sphere_length(rays, center, 9.0)
     true = composed(-np.log1p(-0.06) * chord, (1.0, 1.0, 1.0)).reshape(48, 48, 4)
     found = stage.render(scene, classification="post", depth_rule="preintegrated-2", sheet_density=3.0).rgba
     np.testing.assert_allclose(found, true, atol=0.1)  # at the rim a step of opacity is seen edge-on
@@ -246,11 +246,11 @@ def test_xray_of_a_ball_is_its_chord(stage):
 
 
 @pytest.mark.parametrize("depth_rule", ("preintegrated", "simpson"))
-def test_xray_is_what_white_matter_shows(stage, depth_rule):
-    """The same sheets in the order of sight: no colour, no order, the same picture; and the truth T2 of it."""
-    look = absorbing((0.2, 0.0), (0.5, 0.3), (0.8, 0.05))
-    scene = seen(stage, smooth_field(), "xray", 35.0, 25.0, fit=1.3, size=(32, 32), look=look)
-    white = replace(scene, mode="composite", transfer_function=replace(look, color=((0.0, 1.0, 1.0, 1.0),)))
+def test_xray_is_what_a_white_medium_shows(stage, depth_rule):
+    """The same sheets in the order of sight: no color, no order, the same picture; and the truth T2 of it."""
+    tf = absorbing((0.2, 0.0), (0.5, 0.3), (0.8, 0.05))
+    scene = seen(stage, smooth_field(), "xray", 35.0, 25.0, fit=1.3, size=(32, 32), tf=tf)
+    white = replace(scene, mode="composite", transfer_function=replace(tf, color=((0.0, 1.0, 1.0, 1.0),)))
     knobs = dict(classification="post", depth_rule=depth_rule, sheet_density=2.0, termination=0.0)
     one, other = stage.render(scene, **knobs), stage.render(white, **knobs)
     np.testing.assert_allclose(one.rgba, other.rgba, atol=2e-6)
@@ -269,15 +269,15 @@ def test_xray_is_what_white_matter_shows(stage, depth_rule):
 def test_any_number_of_threads_and_numpy_make_the_same_picture(stage, mode, perspective):
     field = random_field(17, 12)
     field[3, 4, 5] = np.nan
-    look = absorbing((0.3, 0.0), (0.9, 0.4))
-    scene = seen(stage, field, mode, 25.0, -30.0, size=(41, 37), perspective=perspective, look=look, headlight=True)
+    tf = absorbing((0.3, 0.0), (0.9, 0.4))
+    scene = seen(stage, field, mode, 25.0, -30.0, size=(41, 37), perspective=perspective, tf=tf, headlight=True)
     scene = replace(scene, camera=replace(scene.camera, clip_end=scene.camera.clip_end))
     one, two = (stage.render(scene, classification="post", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
     np.testing.assert_array_equal(one.depth, two.depth)
-    twin = stage.render(scene, classification="post", backend="numpy")
-    np.testing.assert_allclose(one.rgba, twin.rgba, atol=1e-4)
-    same = np.isclose(one.depth, twin.depth, atol=1e-3)
+    reference = stage.render(scene, classification="post", backend="numpy")
+    np.testing.assert_allclose(one.rgba, reference.rgba, atol=1e-4)
+    same = np.isclose(one.depth, reference.depth, atol=1e-3)
     assert same.mean() > 0.99
 
 
@@ -287,7 +287,7 @@ def test_the_modes_look_at_no_gradients_and_no_light_and_post_is_taken_where_it_
     scene = stage.on_turntable(field, transfer_function=shaded, mode="mip", size=(20, 20), headlight=True)
     cache = StageCache()
     pre = render(scene, Quality(classification="pre", kernel="bspline2"), cache=cache)
-    assert not {"normals", "light", "lights", "table", "looks"} & set(cache.made)
+    assert not {"normals", "light", "lights", "table", "properties"} & set(cache.made)
     assert "The mode mip shows values, so it was rendered by post, not by pre." in pre.report["remarks"]
     assert pre.report["plan"]["classification"] == "post"
     same = render(scene, Quality(classification="post"), cache=cache)

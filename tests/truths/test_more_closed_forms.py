@@ -1,4 +1,4 @@
-"""Proves the renderer on more bodies whose picture is known on paper: graded colour, graded extinction, an ellipsoid,
+"""Proves the renderer on more bodies whose picture is known on paper: graded color, graded extinction, an ellipsoid,
 X-rays by way of the spectrum, and Marschner and Lobb's signal."""
 
 import numpy as np
@@ -37,7 +37,7 @@ def through(scene, low, high):
 
 @PROJECTIONS
 @pytest.mark.parametrize("elevation", (90.0, -90.0, 70.0))
-def test_colour_that_changes_linearly_and_exponentially(stage, perspective, elevation):
+def test_color_that_changes_linearly_and_exponentially(stage, perspective, elevation):
     """G5 and G6: red grows linearly with depth, green falls exponentially, the extinction is constant."""
     count, sigma, rate = 24, 0.12, 0.15
     z = np.arange(count, dtype=np.float64)
@@ -51,7 +51,7 @@ def test_colour_that_changes_linearly_and_exponentially(stage, perspective, elev
     length, slope = length[inside], slope[inside]
     assert inside.sum() > 150
     np.testing.assert_allclose(picture[:, 3], -np.expm1(-sigma * length), atol=0.05 * LEVEL)
-    if elevation < 0.0:  # from below, colour grows with depth: the half voxels of the ramps have the end's colour
+    if elevation < 0.0:  # from below, color grows with depth: the half voxels of the ramps have the end's color
         start = 0.1 - 0.03 * 0.5
         red = closed_forms.linear_source(sigma, length, start, 0.03 * slope)
         green = np.exp(0.5 * rate) * closed_forms.exponential_source(sigma, length, rate * slope)
@@ -59,7 +59,7 @@ def test_colour_that_changes_linearly_and_exponentially(stage, perspective, elev
         top = count - 0.5
         red = closed_forms.linear_source(sigma, length, 0.1 + 0.03 * top, -0.03 * slope)
         green = np.exp(-rate * top) * closed_forms.exponential_source(sigma, length, -rate * slope)
-    # The ramps hold half a voxel of one colour each where the formula goes on changing.
+    # The ramps hold half a voxel of one color each where the formula goes on changing.
     assert np.abs(picture[:, 0] - red).max() < 0.4 * LEVEL
     assert np.abs(picture[:, 1] - green).max() < 0.4 * LEVEL
     assert np.ptp(red) > 0.5 * LEVEL or not perspective
@@ -103,10 +103,10 @@ def test_ellipsoid(stage, perspective):
     scene = stage.on_turntable(-np.expm1(-sigma * coverage), 35.0, 25.0, perspective, size=(64, 64),
                                spacing=tuple(spacing))  # fmt: skip
     rays = camera_rays(scene.camera, 64, 64)
-    centre = np.eye(4)
-    centre[:3, 3] = 0.5 * (np.array(shape) - 1.0)
-    ball = scene.index_to_world @ centre @ np.diag((*(half_axes / spacing), 1.0))
-    smaller = scene.index_to_world @ centre @ np.diag((*(0.7 * half_axes / spacing), 1.0))
+    center = np.eye(4)
+    center[:3, 3] = 0.5 * (np.array(shape) - 1.0)
+    ball = scene.index_to_world @ center @ np.diag((*(half_axes / spacing), 1.0))
+    smaller = scene.index_to_world @ center @ np.diag((*(0.7 * half_axes / spacing), 1.0))
     central = closed_forms.ellipsoid_length(rays, smaller) > 0.0
     error = stage.render(scene).rgba[..., 3].ravel() + np.expm1(-sigma * closed_forms.ellipsoid_length(rays, ball))
     assert central.sum() > 400
@@ -182,10 +182,10 @@ def test_shepp_logan(stage, perspective):
         fine = (np.arange(3 * n) + 0.5) * 2.0 / (3 * n) - 1.0
         z, y, x = np.meshgrid(fine, fine, fine, indexing="ij", sparse=True)
         extinction = np.zeros((3 * n,) * 3)
-        for sigma, (a, b, c), centre, degrees in closed_forms.SHEPP_LOGAN:
+        for sigma, (a, b, c), center, degrees in closed_forms.SHEPP_LOGAN:
             cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
-            u, v = x - centre[0], y - centre[1]
-            reach = ((cos * u + sin * v) / a) ** 2 + ((cos * v - sin * u) / b) ** 2 + ((z - centre[2]) / c) ** 2
+            u, v = x - center[0], y - center[1]
+            reach = ((cos * u + sin * v) / a) ** 2 + ((cos * v - sin * u) / b) ** 2 + ((z - center[2]) / c) ** 2
             extinction += sigma * (reach < 1.0)
         extinction = extinction.reshape(n, 3, n, 3, n, 3).mean(axis=(1, 3, 5)).clip(0.0) * (2.0 / n)
         scene = stage.on_turntable(-np.expm1(-extinction), 35.0, 25.0, perspective, size=(48, 48), fit=1.1)

@@ -1,10 +1,10 @@
-"""Proves the judge before it judges: the ray integrator against closed forms and brute force, its camera against
-the words of the interface, its transfer function against values worked out by hand."""
+"""Proves the truth before pictures are held against it: the ray integrator against closed forms and brute force, its
+camera against the words of the interface, its transfer function against values worked out by hand."""
 
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import FIELDS, radius_from_centre
+from benchmarks.phantoms import FIELDS, radius_from_center
 from rle_splat.accuracy.integrate import integrate
 from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium
 from rle_splat.accuracy.metrics import difference
@@ -19,7 +19,7 @@ VIEWS = ((0.0, 0.0, False), (35.0, 25.0, False), (-110.0, -40.0, True), (35.0, 2
 
 
 class Points:
-    """Transfer-function points without the road's own class."""
+    """Transfer-function points without the renderer's own class."""
 
     def __init__(self, opacity, color=((0.0, 1.0, 0.5, 0.25),)):
         self.opacity, self.color = opacity, color
@@ -36,7 +36,7 @@ def index_lines(rays, index_to_world):
 
 @pytest.mark.parametrize("azimuth, elevation, perspective", VIEWS)
 def test_homogeneous_box_where_rays_cross_the_two_z_faces(azimuth, elevation, perspective):
-    """Between the ramps a ray that meets only the z faces crosses exactly nz slices' worth of matter."""
+    """Between the ramps a ray that meets only the z faces crosses exactly nz slices' worth of the medium."""
     azimuth, elevation = azimuth, 90.0 - abs(elevation)
     nz, spacing, sigma = 6, (0.5, 0.7, 1.3), 0.31
     medium = ClassifiedMedium(np.full((nz, 40, 40), sigma), np.full((nz, 40, 40, 3), (0.2, 0.5, 1.0)))
@@ -52,7 +52,7 @@ def test_homogeneous_box_where_rays_cross_the_two_z_faces(azimuth, elevation, pe
 
 
 @pytest.mark.parametrize("azimuth, elevation, perspective", VIEWS)
-def test_colour_never_depends_on_order_when_it_is_constant(azimuth, elevation, perspective):
+def test_color_never_depends_on_order_when_it_is_constant(azimuth, elevation, perspective):
     field = np.random.default_rng(1).random((9, 11, 13)) * 2.0
     medium = ClassifiedMedium(field, np.full((9, 11, 13, 3), (0.2, 0.5, 1.0)))
     rgba, _ = integrate(medium, *view((13, 11, 9), azimuth, elevation, perspective))
@@ -66,7 +66,7 @@ def test_gaussian_blob_converges_at_second_order(azimuth, elevation, perspective
     errors = []
     for size in (17, 33):
         h = 16.0 / (size - 1)
-        field = 0.4 * np.exp(-0.5 * (radius_from_centre(size) * h / 2.0) ** 2)
+        field = 0.4 * np.exp(-0.5 * (radius_from_center(size) * h / 2.0) ** 2)
         rays, _ = view((16,) * 3, azimuth, elevation, perspective, pixels=29)
         index_to_world = np.diag((h, h, h, 1.0))
         index_to_world[:3, 3] = -0.5
@@ -82,7 +82,7 @@ def test_sphere_of_constant_extinction():
     errors = []
     for size in (17, 33, 65):
         h = 16.0 / (size - 1)
-        coverage = np.clip((6.0 - radius_from_centre(size) * h) / h + 0.5, 0.0, 1.0)
+        coverage = np.clip((6.0 - radius_from_center(size) * h) / h + 0.5, 0.0, 1.0)
         rays, index_to_world = view((size,) * 3, 35.0, 25.0, True, (h,) * 3)
         rgba, _ = integrate(ClassifiedMedium(0.2 * coverage, np.ones((size,) * 3 + (3,))), rays, index_to_world)
         expected = -np.expm1(-0.2 * closed_forms.sphere_length(rays, (8.0, 8.0, 8.0), 6.0))
@@ -134,7 +134,7 @@ def test_single_voxel_along_an_axis():
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_against_brute_force(name):
-    """Fine stepping of each field, colours varying, with a far limit on half of the rays."""
+    """Fine stepping of each field, colors varying, with a far limit on half of the rays."""
     size, steps = 16, 20000
     field = -np.log1p(-FIELDS[name](size).astype(np.float64)) * 2.0
     color = np.random.default_rng(2).random((size,) * 3 + (3,))

@@ -19,14 +19,14 @@ def columns_of(profile, across=6):
 
 
 def down_a_column(stage, extinction, thickness=1.0, **more):
-    """A scene that looks down z at matter of the given extinctions, one a slice, and nothing else."""
+    """A scene that looks down z at a medium of the given extinctions, one a slice, and nothing else."""
     field = columns_of(-np.expm1(-np.asarray(extinction)))
     fit = 1.0 / max(6.0, len(field) * thickness)  # the picture is one unit of the six across
     return stage.on_turntable(field, 0.0, 90.0, size=(4, 4), fit=fit, spacing=(1.0, 1.0, thickness), **more)
 
 
-def colour_error(stage, rule, count):
-    """Levels: the largest error of colour and of alpha on one ray through a smooth body cut into ``count`` slices."""
+def color_error(stage, rule, count):
+    """Levels: the largest error of color and of alpha on one ray through a smooth body cut into ``count`` slices."""
     h = 16.0 / count
     z = (np.arange(count) + 0.5) * h - 8.0
     scene = down_a_column(stage, 0.5 * np.exp(-0.5 * (z / 2.2) ** 2), h)
@@ -36,15 +36,15 @@ def colour_error(stage, rule, count):
     return error[:3].max(), error[3]
 
 
-# Errors of colour beside that of slice planes, on smooth data along an axis: what is left is that colour and
+# Errors of color beside that of slice planes, on smooth data along an axis: what is left is that color and
 # extinction are taken as constant in a slab, so the constant is that of the slabs' widths.
 CONSTANTS = {
     "slice": 1.0, "midpoint-1": 2.0, "midpoint-2": 0.5, "midpoint-4": 0.125, "simpson": 1 / 3, "gauss2": 1 / 3.73,
 }  # fmt: skip
 
 
-def test_every_depth_rule_has_second_order_colour_and_its_own_constant(stage):
-    coarse, fine = ({rule: colour_error(stage, rule, count) for rule in CONSTANTS} for count in (24, 48))
+def test_every_depth_rule_has_second_order_color_and_its_own_constant(stage):
+    coarse, fine = ({rule: color_error(stage, rule, count) for rule in CONSTANTS} for count in (24, 48))
     for rule, constant in CONSTANTS.items():
         assert 1.9 < math.log2(coarse[rule][0] / fine[rule][0]) < 2.1, rule
         assert fine[rule][0] / fine["slice"][0] == pytest.approx(constant, rel=0.04), rule
@@ -83,16 +83,16 @@ def white(opacity):
 
 
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson", "gauss2", "midpoint-2"))
-def test_grey_matter_emits_half_of_what_it_hides(stage, depth_rule):
+def test_gray_medium_emits_half_of_what_it_hides(stage, depth_rule):
     """A7: without the attenuation inside a sheet, phi(tau), thick sheets would emit more than their opacity and every
-    rule's order would fall to one.  One white voxel, out of sight, keeps colours from being clamped to what they
+    rule's order would fall to one.  One white voxel, out of sight, keeps colors from being clamped to what they
     should be anyway."""
     field = columns_of(-np.expm1(-np.array((0.0, 0.2, 3.0, 0.7, 0.05, 1.1, 0.0))), 16).copy()
     field[0, 0, 0] = 0.999
-    grey = TransferFunction(name="grey", opacity=((0.0, 0.0), (1.0, 1.0)), opacity_unit_distance=1.0, shade=None,
+    gray = TransferFunction(name="gray", opacity=((0.0, 0.0), (1.0, 1.0)), opacity_unit_distance=1.0, shade=None,
                             color=((0.99, 0.5, 0.5, 0.5), (0.999, 1.0, 1.0, 1.0)))  # fmt: skip
     for tilt in (0.0, 35.0):
-        scene = stage.on_turntable(field, tilt, 90.0 - tilt, size=(8, 8), fit=0.2, transfer_function=grey)
+        scene = stage.on_turntable(field, tilt, 90.0 - tilt, size=(8, 8), fit=0.2, transfer_function=gray)
         rgba = stage.render(scene, depth_rule=depth_rule, termination=0.0).rgba
         assert rgba[..., 3].min() > 0.9
         assert np.abs(rgba[..., :3] - 0.5 * rgba[..., 3:]).max() < 1e-6
@@ -106,9 +106,9 @@ def blurred_blob(stage, kernel, count):
     field = -np.expm1(-peak * np.exp(-0.5 * (x * x + y * y + z * z) / width**2))
     scene = stage.on_turntable(field, 0.0, 0.0, size=(40, 40), fit=0.8, spacing=(h, h, h))
     rays = camera_rays(scene.camera, 40, 40)
-    centre = (scene.index_to_world @ (*[0.5 * (count - 1)] * 3, 1.0))[:3]
-    tau = closed_forms.gaussian_tau(rays, centre, peak, width)
-    b = closed_forms.distance_to_axis(rays, centre)
+    center = (scene.index_to_world @ (*[0.5 * (count - 1)] * 3, 1.0))[:3]
+    tau = closed_forms.gaussian_tau(rays, center, peak, width)
+    b = closed_forms.distance_to_axis(rays, center)
     laplacian = tau * (b * b / width**4 - 2.0 / width**2)
     knobs = dict(kernel=kernel, depth_rule="slice", sheet_density=4.0, termination=0.0)
     error = -np.log1p(-stage.render(scene, **knobs).rgba[..., 3].ravel().astype(np.float64)) - tau
@@ -173,13 +173,13 @@ def middles(stage, scene, count, **knobs):
     return stage.render(scene, **knobs).rgba.reshape(-1, 4)[nearest].astype(np.float64)
 
 
-# Half a step of colour, of 1, and half a step of density, relative: encode/records.py's table.
+# Half a step of color, of 1, and half a step of density, relative: encode/records.py's table.
 QUANTA = {8: (2.0**-12, 2.0**-12), 6: (0.5 / 1023, 2.0**-12), 4: (0.5 / 127, 0.5 * math.log1p(2.0**14) / 2047)}
 
 
 @pytest.mark.parametrize("record", QUANTA)
 def test_records_err_by_their_quantum(stage, record):
-    """Blocks so thick that only their colour shows, and so thin that their density does, beside one that sets the
+    """Blocks so thick that only their color shows, and so thin that their density does, beside one that sets the
     scale: never more than half a step, and nearly that somewhere."""
     color, density = QUANTA[record]
     thick = np.linspace(0.2, 0.9, 16)
@@ -187,7 +187,7 @@ def test_records_err_by_their_quantum(stage, record):
     full, coarse = (middles(stage, scene, 16, record=bytes_) for bytes_ in (16, record))
     assert full[:, 3].min() > 0.999
     error = np.abs(coarse - full)[:, :3].max()
-    # Of 8 bytes, colour and density err alike, and the colour that is seen is their quotient.
+    # Of 8 bytes, color and density err alike, and the color that is seen is their quotient.
     assert 0.6 * color < error < (2.1 if record == 8 else 1.05) * color
     thin = np.geomspace(0.002, 0.02, 15)
     scene = stage.on_turntable(blocks(np.append(thin, 0.95), 40), 0.0, 90.0, size=(192, 12), fit=12 / 192)

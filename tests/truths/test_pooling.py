@@ -76,7 +76,7 @@ def averaged(rgba, side: int) -> np.ndarray:
 
 @pytest.mark.parametrize("perspective, width", [(False, 20), (True, 14)], ids=["ortho", "perspective"])
 def test_nodes_lie_where_their_voxels_do_and_are_lit_as_they_are(stage, perspective, width):
-    """Stretched, sheared and lit matter, against the average of all that rays through every voxel see."""
+    """A stretched, sheared and lit medium, against the average of all that rays through every voxel see."""
     affine = np.array(((1.0, 0.2, 0.0, 3.0), (0.0, -0.8, 0.1, -2.0), (0.1, 0.0, 1.5, 7.0), (0.0, 0.0, 0.0, 1.0)))
     field = np.pad(0.05 * FIELDS["smooth"](63)[:, :57, :50], 1)
     scene = stage.on_turntable(field, perspective=perspective, size=(width, width), fit=1.4, fov=20.0)
@@ -113,7 +113,8 @@ def test_work_follows_the_picture_and_is_kept(stage):
     assert first.report["memory_bytes"]["total"] * 8 < plain.report["memory_bytes"]["total"]
     assert first.report["volume"] == plain.report["volume"]
     ((nodes, colors), size), = (held for (stage, _), held in cache._results.items() if stage == "nodes")
-    assert size == sum(a.nbytes for a in (*vars(nodes.voxels).values(), nodes.looks, colors) if hasattr(a, "nbytes"))
+    arrays = (*vars(nodes.voxels).values(), nodes.properties, colors)
+    assert size == sum(array.nbytes for array in arrays if hasattr(array, "nbytes"))
     made = dict(cache.made)
     turned = replace(scene, camera=stage.on_turntable(FIELDS["smooth"](60), 37.0, size=(16, 16), fit=1.0).camera)
     second = render(turned, quality, cache=cache)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.rays import camera_rays
@@ -23,7 +23,7 @@ PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho"
 SIZE, PIXELS = 20, (40, 40)
 FINE = dict(classification="post", depth_rule="gauss2", sheet_density=2.0, termination=1 / 8192)
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.0)
-RADIUS = radius_from_centre(SIZE)
+RADIUS = radius_from_center(SIZE)
 
 
 def function(*points, shade=None, unit=1.0):
@@ -38,7 +38,7 @@ def shell(half_width, radius=7.0, **more):
     return function((radius - half_width, 0.0), (radius, 0.5), (radius + half_width, 0.0), **more)
 
 
-LOOKS = {
+CURVES = {
     "smooth": shell(4.0),
     "thin": shell(0.7),
     "steps": function((6.0, 0.0), (6.0, 0.4), (8.0, 0.4), (8.0, 0.0)),
@@ -50,14 +50,14 @@ def t2(scene, **more):
     return rgba.reshape(scene.height, scene.width, 4)
 
 
-def turned(stage, look, perspective=False, field=RADIUS, size=PIXELS, **more):
-    return stage.on_turntable(field, size=size, perspective=perspective, transfer_function=look, **more)
+def turned(stage, tf, perspective=False, field=RADIUS, size=PIXELS, **more):
+    return stage.on_turntable(field, size=size, perspective=perspective, transfer_function=tf, **more)
 
 
 @cache
-def known(stage, look, perspective):
-    """A scene of LOOKS, and its truth."""
-    scene = turned(stage, LOOKS[look], perspective)
+def known(stage, curve, perspective):
+    """A scene of CURVES, and its truth."""
+    scene = turned(stage, CURVES[curve], perspective)
     true = t2(scene)
     assert true[..., 3].max() > 0.4
     return scene, true
@@ -83,11 +83,11 @@ BOUNDS = {
 
 
 @PROJECTIONS
-@pytest.mark.parametrize(("look", "depth_rule", "density"), BOUNDS)
-def test_errors_of_rules_and_densities(stage, look, depth_rule, density, perspective):
-    scene, true = known(stage, look, perspective)
+@pytest.mark.parametrize(("curve", "depth_rule", "density"), BOUNDS)
+def test_errors_of_rules_and_densities(stage, curve, depth_rule, density, perspective):
+    scene, true = known(stage, curve, perspective)
     found = stage.error(scene, true, classification="post", depth_rule=depth_rule, sheet_density=density)
-    rmse, largest = BOUNDS[look, depth_rule, density]
+    rmse, largest = BOUNDS[curve, depth_rule, density]
     assert found.rmse < rmse and found.largest < largest and abs(found.bias) < 0.2 * rmse
 
 
@@ -96,11 +96,11 @@ def test_sheets_converge_at_second_order(stage):
     pixel for each of the picture's."""
     z, y, x = np.mgrid[:16, :16, :16]
     field = 8.0 + 2.0 * np.sin(0.3 * x + 0.2 * z) + 4.0 * np.cos(0.9 * y - 0.2 * z)
-    look = TransferFunction(
+    tf = TransferFunction(
         opacity=((0.0, 0.02), (20.0, 0.7)), color=((0.0, 0.9, 0.1, 0.3), (16.0, 0.1, 0.6, 1.0)),
         opacity_unit_distance=1.0, shade=None,
     )
-    scene = turned(stage, look, field=field, size=(24, 24), azimuth=0.0, elevation=0.0, fit=0.7)
+    scene = turned(stage, tf, field=field, size=(24, 24), azimuth=0.0, elevation=0.0, fit=0.7)
     true = t2(scene)
     knobs = dict(classification="post", sheet_density=4.0, termination=0.0)
     errors = [stage.error(scene, true, depth_rule=f"midpoint-{m}", **knobs).rmse for m in (1, 2, 4)]
@@ -114,7 +114,7 @@ def test_sheets_converge_at_second_order(stage):
 @PROJECTIONS
 def test_as_sharp_as_a_ray_caster_when_magnified(stage, perspective):
     """Sixteen pixels a voxel at the edge of a thin shell: the paper's classification blurs it, this does not."""
-    scene = turned(stage, LOOKS["thin"], perspective)
+    scene = turned(stage, CURVES["thin"], perspective)
     camera = scene.camera
     zoomed = dict(ortho_scale=camera.ortho_scale / 8.0) if camera.type == "ORTHO" else dict(lens=8.0 * camera.lens)
     aside = camera.matrix_world.copy()
@@ -131,7 +131,7 @@ def test_as_sharp_as_a_ray_caster_when_magnified(stage, perspective):
 
 LIT = {
     "headlight": dict(headlight=True),
-    "coloured point": dict(lights=(
+    "colored point": dict(lights=(
         Light("POINT", (0.6, 0.8, 1.0), 15_000.0, np.eye(4) + np.outer((40.0, -20.0, 30.0, 0.0), (0, 0, 0, 1))),
     )),
     "suns": dict(lights=(
@@ -143,13 +143,13 @@ LIT = {
 @PROJECTIONS
 @pytest.mark.parametrize(
     ("lit", "specular", "backend"),
-    (("headlight", 0.4, "auto"), ("coloured point", 0.0, "numpy"), ("suns", 0.4, "auto")),
+    (("headlight", 0.4, "auto"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "auto")),
 )
 def test_lit_pictures(stage, lit, specular, backend, perspective):
     """Light and highlight of one channel and of three; stored as bytes, on voxels that are no cubes."""
     field = np.round(12.0 * RADIUS).astype(np.uint8)
-    look = shell(2.5, unit=12.0, shade=replace(SHADE, specular=specular))
-    scene = turned(stage, look, perspective, spacing=(1.0, 1.0, 1.3), size=(32, 32), **LIT[lit])
+    tf = shell(2.5, unit=12.0, shade=replace(SHADE, specular=specular))
+    scene = turned(stage, tf, perspective, spacing=(1.0, 1.0, 1.3), size=(32, 32), **LIT[lit])
     scene = replace(scene, volume=Volume(field, scene.volume.affine))
     true = t2(scene)
     dark = stage.render(replace(scene, headlight=False, lights=()), **FINE).rgba
@@ -168,7 +168,7 @@ AFFINES = {
 
 @pytest.mark.parametrize(("name", "perspective"), [*zip(AFFINES, (False, True, True, False))])
 def test_under_any_affine(stage, name, perspective):
-    """Lopsided, lit matter, placed by the volume's own affine and seen by a camera in the world."""
+    """A lopsided, lit medium, placed by the volume's own affine and seen by a camera in the world."""
     z, y, x = np.mgrid[:14, :16, :18]
     field = np.sqrt((x - 7.0) ** 2 + 1.5 * (y - 9.0) ** 2 + 0.7 * (z - 6.0) ** 2)
     volume = Volume(np.round(15.0 * field).astype(np.uint8), AFFINES[name])
@@ -209,11 +209,11 @@ def test_an_eye_in_or_on_the_volume(stage, eye):
 
 @PROJECTIONS
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson", "preintegrated"))
-def test_matter_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, depth_rule):
-    """Matter everywhere in the box of voxel centres and none outside: no slab of half a voxel is added, none missing,
+def test_a_medium_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, depth_rule):
+    """A medium everywhere in the box of voxel centers and none outside: no slab of half a voxel is added, none missing,
     neither at the first and last slice nor for rays that come in by the side.  Away from its silhouette, where a pixel
     more or less is all or nothing."""
-    scene, true, inside = cut_matter(stage, perspective)
+    scene, true, inside = cut_medium(stage, perspective)
     knobs = FINE | dict(depth_rule=depth_rule, termination=0.0)
     post = stage.render(scene, **knobs).rgba
     pre = stage.render(scene, **(knobs | dict(classification="pre", depth_rule="simpson"))).rgba
@@ -224,7 +224,7 @@ def test_matter_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, dept
 
 
 @cache
-def cut_matter(stage, perspective):
+def cut_medium(stage, perspective):
     z, y, x = np.mgrid[:16, :16, :16]
     field = 0.2 + 0.04 * x + 0.1 * np.sin(0.5 * y + 0.3 * z)
     scene = stage.on_turntable(field, size=(64, 64), perspective=perspective)
@@ -239,7 +239,7 @@ def cut_matter(stage, perspective):
 @PROJECTIONS
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson", "midpoint-3", "preintegrated"))
 def test_a_constant_box_is_its_path_length(stage, depth_rule, perspective):
-    """G1: optical depth is extinction times the length inside the box of voxel centres, whichever faces a ray meets,
+    """G1: optical depth is extinction times the length inside the box of voxel centers, whichever faces a ray meets,
     whatever the rule; on voxels that are no cubes."""
     scene = stage.on_turntable(
         np.full((9, 12, 10), 0.1), 35.0, 25.0, perspective, size=(72, 72), spacing=(1.0, 0.8, 1.3),
@@ -268,7 +268,7 @@ def test_a_constant_box_is_its_path_length(stage, depth_rule, perspective):
     assert (~near).sum() > 100 and np.abs(picture[~near]).max() < 1e-4
 
 
-def test_the_silhouette_is_that_of_the_voxel_centres(stage):
+def test_the_silhouette_is_that_of_the_voxel_centers(stage):
     """A box of one opaque value, square on, ten pixels a voxel."""
     scene = stage.on_turntable(np.ones((8, 8, 8)), azimuth=0.0, elevation=0.0, size=(80, 80), fit=1.0)
     alpha = stage.render(scene, **FINE).rgba[..., 3]
@@ -323,7 +323,7 @@ def test_half_depths(stage, perspective):
 def lit_bytes(stage, perspective):
     """A scene with all that there is: bytes, two lights, highlights, a wall, a clip plane."""
     field = np.round(12.0 * RADIUS).astype(np.uint8)
-    scene = turned(stage, shell(2.5, unit=12.0, shade=SHADE), perspective, headlight=True, **LIT["coloured point"])
+    scene = turned(stage, shell(2.5, unit=12.0, shade=SHADE), perspective, headlight=True, **LIT["colored point"])
     wall = np.array((((-30.0, 12.0, -9.0), (9.0, 12.0, -9.0), (-30.0, 15.0, 90.0)),))
     camera = replace(scene.camera, clip_start=middle_depth(scene) - 5.0)
     return replace(scene, volume=Volume(field, scene.volume.affine), triangles=wall, camera=camera)
@@ -332,7 +332,7 @@ def lit_bytes(stage, perspective):
 @PROJECTIONS
 @pytest.mark.parametrize("backend", ("numba", "numpy"))
 def test_a_crop_is_a_part_of_the_picture_to_the_bit(stage, perspective, backend):
-    scenes = lit_bytes(stage, perspective), turned(stage, LOOKS["thin"], perspective)
+    scenes = lit_bytes(stage, perspective), turned(stage, CURVES["thin"], perspective)
     for scene in scenes if backend == "numba" else scenes[:1]:
         whole = stage.render(scene, classification="post", backend=backend)
         assert whole.rgba.max() > 0.3
@@ -348,7 +348,7 @@ def test_the_same_picture_from_both_backends_and_any_number_of_threads(stage, pe
         stage.volume(RADIUS), stage.looking((11.3, 8.2, 10.1), (9.7, 10.1, 9.4), lens=14.0, clip_start=1e-4), PIXELS,
         shell(2.0),
     )
-    for scene in (lit_bytes(stage, perspective), turned(stage, LOOKS["steps"], perspective), inside):
+    for scene in (lit_bytes(stage, perspective), turned(stage, CURVES["steps"], perspective), inside):
         for rule in ("simpson", "slice-2", "preintegrated"):
             one, two, slow = (
                 stage.render(scene, classification="post", depth_rule=rule, **machine)
@@ -393,15 +393,15 @@ HARD = {
 @pytest.mark.parametrize(("hard", "backend"), [*((name, "numba") for name in HARD), ("low values shown", "numpy")])
 def test_values_that_are_hard(stage, hard, backend):
     """V6, V7, and what is shown down to minus infinity: what is not kept stays transparent."""
-    field, look = HARD[hard]
-    scene = turned(stage, look, field=field, size=(32, 32))
+    field, tf = HARD[hard]
+    scene = turned(stage, tf, field=field, size=(32, 32))
     true = t2(scene)
     found = stage.error(scene, true, **FINE, backend=backend)
     assert true[..., 3].max() > 0.3 and found.rmse < 1.7 and found.largest < 16.0
 
 
 def test_the_report_says_which_truth_and_what_was_kept(stage):
-    report = stage.render(turned(stage, LOOKS["thin"], size=(8, 8)), classification="post").report
+    report = stage.render(turned(stage, CURVES["thin"], size=(8, 8)), classification="post").report
     assert report["error"]["truth"] == "T2" and report["plan"]["classification"] == "post"
     assert 0.1 < report["volume"]["visible_fraction"] < 0.6 and report["volume"]["shape_xyz"] == [SIZE] * 3
     flat = stage.on_turntable(np.ones((1, 9, 9)), size=(8, 8))

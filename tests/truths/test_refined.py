@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.phantoms import radius_from_centre
+from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.truths import truth
@@ -59,7 +59,7 @@ def orders(found):
 )
 def test_errors_fall_as_the_table_says(stage, half_width, least, perspective):
     """algorithm.md 1.10: against T2 the error of the alpha channel, and of every other, falls by about s^-1.6."""
-    field = radius_from_centre(SIZE)
+    field = radius_from_center(SIZE)
     scene = stage.on_turntable(
         field, size=(48, 48), perspective=perspective, transfer_function=tent(half_width),
     )
@@ -83,7 +83,7 @@ LIT = {
 def test_lit_pictures_tend_to_the_lit_truth(stage, lit, perspective):
     """Light falls on the voxels of the scan and is interpolated: so does the truth, and refinement meets it.  Stored
     as bytes, on voxels that are no cubes."""
-    field = np.round(7.0 * radius_from_centre(SIZE)).astype(np.uint8)
+    field = np.round(7.0 * radius_from_center(SIZE)).astype(np.uint8)
     scene = stage.on_turntable(
         field, size=(48, 48), perspective=perspective, spacing=(1.0, 1.0, 1.3),
         transfer_function=tent(2.0, unit=7.0, shade=SHADE), **LIT[lit],
@@ -97,7 +97,7 @@ def test_lit_pictures_tend_to_the_lit_truth(stage, lit, perspective):
 
 def test_a_camera_inside(stage):
     camera = stage.looking((12.0, 10.5, 11.0), (22.0, 16.0, 13.0), lens=25.0, clip_start=0.01)
-    volume = stage.volume(radius_from_centre(SIZE))
+    volume = stage.volume(radius_from_center(SIZE))
     scene = stage.before(volume, camera, (48, 48), transfer_function=tent(2.0))
     found = errors(stage, scene)
     assert min(orders(found)) > 1.3 and found[3].rmse < 0.8
@@ -105,8 +105,8 @@ def test_a_camera_inside(stage):
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 @pytest.mark.parametrize("depth_rule", ("slice", "simpson"))
-def test_matter_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, depth_rule):
-    """Matter everywhere in the box of voxel centres, and none outside: no slab of half a voxel is added, and none is
+def test_a_medium_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, depth_rule):
+    """A medium everywhere in the box of voxel centers, and none outside: no slab of half a voxel is added, and none is
     missing.  Away from its silhouette, where a pixel more or less is all or nothing, errors are those of the inside."""
     z, y, x = np.mgrid[:16, :16, :16]
     field = 0.2 + 0.04 * x + 0.1 * np.sin(0.5 * y + 0.3 * z)
@@ -127,7 +127,7 @@ def test_matter_cut_by_the_faces_is_as_good_as_the_rest(stage, perspective, dept
 
 
 def test_nothing_is_shown_outside_the_box(stage):
-    """A box of one opaque value, square on: its silhouette is that of the voxel centres, to the pixel."""
+    """A box of one opaque value, square on: its silhouette is that of the voxel centers, to the pixel."""
     field = np.ones((8, 8, 8))
     scene = stage.on_turntable(field, azimuth=0.0, elevation=0.0, size=(80, 80), fit=1.0)  # ten pixels a voxel
     for refinement in (2, 3, 4):
@@ -142,7 +142,7 @@ def test_nothing_is_shown_outside_the_box(stage):
 def test_clip_planes_and_meshes_cut_a_refined_volume(stage, perspective):
     """A clip plane through the middle, and then a wall that stands across: rays end where the truth's do."""
     scene = stage.on_turntable(
-        radius_from_centre(SIZE), size=(48, 48), perspective=perspective, transfer_function=tent(2.0),
+        radius_from_center(SIZE), size=(48, 48), perspective=perspective, transfer_function=tent(2.0),
     )
     camera = scene.camera
     middle = scene.index_to_world @ (11.5, 11.5, 11.5, 1.0)
@@ -168,7 +168,7 @@ def test_clip_planes_and_meshes_cut_a_refined_volume(stage, perspective):
 def test_short_records_of_a_refined_volume(stage, record, most):
     """What a record of fewer bytes loses, and no more."""
     scene = stage.on_turntable(
-        radius_from_centre(16), size=(32, 32), transfer_function=tent(2.0, 5.0, shade=SHADE), headlight=True
+        radius_from_center(16), size=(32, 32), transfer_function=tent(2.0, 5.0, shade=SHADE), headlight=True
     )
     knobs = dict(classification="refined", refinement=2, backend="auto" if record == 4 else "numpy")
     full, short = (stage.render(scene, record=bytes_, **knobs).rgba for bytes_ in (16, record))
@@ -176,7 +176,7 @@ def test_short_records_of_a_refined_volume(stage, record, most):
 
 
 def test_the_same_picture_from_both_backends_and_any_number_of_threads(stage):
-    field = np.round(7.0 * radius_from_centre(16)).astype(np.uint8)
+    field = np.round(7.0 * radius_from_center(16)).astype(np.uint8)
     scene = stage.on_turntable(field, size=(40, 40), transfer_function=tent(2.0, 5.0, 7.0, SHADE), headlight=True)
     for volume in (scene.volume, Volume(field, scene.volume.affine)):
         for model in ("extinction", "opacity"):
@@ -190,7 +190,7 @@ def test_the_same_picture_from_both_backends_and_any_number_of_threads(stage):
 
 
 def test_it_says_against_which_truth(stage):
-    scene = stage.on_turntable(radius_from_centre(8), size=(8, 8), transfer_function=tent(2.0, 3.0))
+    scene = stage.on_turntable(radius_from_center(8), size=(8, 8), transfer_function=tent(2.0, 3.0))
     report = stage.render(scene, classification="refined", refinement=2).report
     assert report["error"]["truth"] == "T2"
     assert (report["plan"]["classification"], report["plan"]["refinement"]) == ("refined", 2)
@@ -203,14 +203,14 @@ def test_opacities_refer_to_the_scans_spacing(stage):
     were scanned, however fine the grid is."""
     function = replace(tent(3.0), opacity_unit_distance=None)
     scene = stage.on_turntable(
-        radius_from_centre(SIZE), size=(48, 48), spacing=(0.7, 0.5, 0.9), transfer_function=function,
+        radius_from_center(SIZE), size=(48, 48), spacing=(0.7, 0.5, 0.9), transfer_function=function,
     )
     assert errors(stage, scene, (3,))[0].rmse < 1.0
 
 
 def test_half_depths(stage):
     """Where the transmittance falls below one half; towards the rim, where the shell is seen edge-on, less exactly."""
-    scene = stage.on_turntable(radius_from_centre(SIZE), size=(48, 48), transfer_function=tent(3.0))
+    scene = stage.on_turntable(radius_from_center(SIZE), size=(48, 48), transfer_function=tent(3.0))
     rgba, depth = (part.reshape(48, 48, -1) for part in truth(scene, "T2", tolerance=1e-6))
     picture = stage.render(scene, classification="refined", refinement=4, **FINE)
     dense = rgba[..., 3] > 0.8
@@ -221,7 +221,7 @@ def test_half_depths(stage):
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 def test_a_crop_is_a_part_of_the_picture_to_the_bit(stage, perspective):
     scene = stage.on_turntable(
-        radius_from_centre(SIZE), size=(48, 48), perspective=perspective, transfer_function=tent(2.0),
+        radius_from_center(SIZE), size=(48, 48), perspective=perspective, transfer_function=tent(2.0),
     )
     knobs = dict(classification="refined", refinement=3)
     part, whole = (stage.render(replace(scene, crop=crop), **knobs).rgba for crop in ((9, 14, 31, 27), None))

@@ -1,4 +1,4 @@
-"""Proves shaded pictures against the truth fed with colours from a formula: a field whose gradient is known.
+"""Proves shaded pictures against the truth fed with colors from a formula: a field whose gradient is known.
 
 The scalar is the squared world distance from a point, so its gradient is exact under central differences and Sobel
 weights, whatever the spacing; shells away from the faces are visible.
@@ -24,7 +24,7 @@ def shells(shade):
 
 
 def squared_distance(stage, affine, shape=(28, 25, 22)):
-    """(volume, (nz, ny, nx, 3) vectors from the centre in the volume's space)."""
+    """(volume, (nz, ny, nx, 3) vectors from the center in the volume's space)."""
     z, y, x = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in shape[::-1]), indexing="ij")
     index = np.stack((x, y, z), axis=-1) - 0.5 * (np.array(shape) - 1.0) - (0.6, -0.3, 0.2)
     outward = index @ affine[:3, :3].T
@@ -88,7 +88,7 @@ def test_sun_on_a_matt_shell(stage):
     assert found.rmse < 0.3 and found.largest < 3.0
 
 
-def test_no_light_means_plain_colours(stage):
+def test_no_light_means_plain_colors(stage):
     volume, _ = squared_distance(stage, AFFINES["cubic"])
     camera = stage.looking((70.0, -90.0, 55.0), (13.0, 12.0, 11.0), lens=110.0)
     shaded, plain = (

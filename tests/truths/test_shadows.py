@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.accuracy.lighting import VoxelLight, shading_of
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.effects.analyse import analyse
+from rle_splat.effects.analyze import analyze
 from rle_splat.effects.shadows import NEAR_SKY
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
@@ -102,7 +102,7 @@ def integrated(scene, voxels, ends, steps=3000):
 
 @pytest.mark.parametrize("along", [(0, 0, -1), (0.5, 0.3, -1), (-0.6, 0.2, 1), (1, 0.4, -0.3), (0.2, -1, 0.7)])
 def test_a_sun_through_a_homogeneous_box_is_beer_lambert(along):
-    """Post fills the box of voxel centres: the way to the face that the light comes in by tells all.  Of rays that stay
+    """Post fills the box of voxel centers: the way to the face that the light comes in by tells all.  Of rays that stay
     clear of the faces they go along: there a sheet pixel is half in the box and half out of it."""
     lit = scene_of(np.full((11, 12, 13), 0.2), SKEWED, [sun(along)])
     voxels, found = reaching(lit, "post")
@@ -140,7 +140,7 @@ def test_a_slab_is_beer_lambert_for_sun_and_point_at_any_angle(classification):
         np.testing.assert_allclose(found[middle], expected[middle], atol=3 * CODE)
 
 
-def test_a_light_in_the_midst_of_matter_reaches_by_distance():
+def test_a_light_in_the_midst_of_a_medium_reaches_by_distance():
     lit = scene_of(np.full((21, 21, 21), 0.1), None, [point((10.2, 9.7, 10.4))])
     voxels, found = reaching(lit, "post")
     away = np.linalg.norm(voxels - (10.2, 9.7, 10.4), axis=1)
@@ -156,7 +156,7 @@ LIGHTS = {
 
 
 @pytest.mark.parametrize("name", LIGHTS)
-def test_smooth_matter_takes_what_the_integral_says(name):
+def test_a_smooth_medium_takes_what_the_integral_says(name):
     rng, light = np.random.default_rng(7), LIGHTS[name]
     lit = scene_of(smooth((20, 22, 24), rng), SKEWED, [light])
     voxels, found = reaching(lit)
@@ -171,15 +171,15 @@ def test_smooth_matter_takes_what_the_integral_says(name):
 
 
 @pytest.mark.parametrize("light", [LIGHTS["sun along x"], LIGHTS["point within"]])
-def test_kernels_say_the_same_as_their_twin_on_any_number_of_threads(light):
+def test_kernels_say_the_same_as_their_reference_on_any_number_of_threads(light):
     lit = scene_of(smooth((20, 22, 24), np.random.default_rng(7)), SKEWED, [light])
     lit = replace(lit, triangles=np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 19.0, 8.0)]]))
-    _, twin = reaching(lit)
+    _, reference = reaching(lit)
     _, alone = reaching(lit, backend="numba", threads=1)
     _, both = reaching(lit, backend="numba", threads=2)
     np.testing.assert_array_equal(alone, both)
-    assert np.ptp(twin) > 0.5
-    np.testing.assert_allclose(alone, twin, atol=2.5 * CODE)
+    assert np.ptp(reference) > 0.5
+    np.testing.assert_allclose(alone, reference, atol=2.5 * CODE)
 
 
 @pytest.mark.parametrize("keep", ["inside", "outside"])
@@ -212,7 +212,7 @@ def test_shadows_do_not_depend_on_the_unit_of_length(scale):
 
 @pytest.mark.parametrize("shape", [(1, 5, 5), (5, 1, 5), (5, 5, 1), (1, 1, 1)])
 def test_a_volume_one_voxel_thick_takes_the_light_of_its_ramps(shape):
-    """A voxel that light comes straight down on lies half a voxel of its own matter deep."""
+    """A voxel that light comes straight down on lies half a voxel of its own medium deep."""
     flat = int(np.argmin(shape))  # along z, y or x
     along = np.zeros(3)
     along[2 - flat] = -1.0
@@ -318,15 +318,15 @@ def test_half_of_the_sky_is_left_on_opaque_ground_and_none_deep_in_it():
     assert abs(found[surface].mean() - (0.5 * (1 - level))) < 0.02 and found[deep].max() < 0.01
 
 
-def test_the_sky_in_thin_matter_is_the_mean_of_beer_lambert():
+def test_the_sky_in_a_thin_medium_is_the_mean_of_beer_lambert():
     thin = np.full((25, 25, 25), 0.05)
     lit = scene_of(thin, None, [sun((0, 0, -1))], volume_shadows=False, ambient_occlusion=1.0, world=(1, 1, 1))
     voxels, found = reaching(lit, "post", "ambient occlusion")
-    centre = (voxels == 12).all(axis=1)
+    center = (voxels == 12).all(axis=1)
     slices = 12 - NEAR_SKY - 0.5  # that lie before the voxel and count, the outermost by half
     lengths = np.linalg.norm(SKY_DIRECTIONS, axis=1) / np.abs(SKY_DIRECTIONS).max(axis=1)
     true = SKY_WEIGHTS @ np.exp(-0.05 * slices * lengths)
-    assert abs(found[centre][0] - true) < 2e-3
+    assert abs(found[center][0] - true) < 2e-3
 
 
 # --- what is done with it -------------------------------------------------------------------------------------------
@@ -338,8 +338,8 @@ def lit_blob(**more):
     return scene_of(field, None, [sun((0.4, 0.7, -1.0), energy=3.0)], **more)
 
 
-def test_a_voxels_colour_loses_what_its_light_loses():
-    """Of one light alone every shaded colour is its share of what it would be, with a normal or without."""
+def test_a_voxels_color_loses_what_its_light_loses():
+    """Of one light alone every shaded color is its share of what it would be, with a normal or without."""
     shaded, plain = lit_blob(), lit_blob(volume_shadows=False)
     _, share = reaching(shaded)
     colors = [classify_and_shade(scene, Quality(backend="numpy"), Clock())[1] for scene in (shaded, plain)]
@@ -358,18 +358,18 @@ def test_a_voxel_without_a_normal_keeps_the_share_of_all_light_that_arrives():
 
 
 @pytest.mark.parametrize("classification", ["pre", "post"])
-def test_kernels_shade_in_shadow_as_their_twin_does(classification):
+def test_kernels_shade_in_shadow_as_their_reference_does(classification):
     scene = lit_blob(ambient_occlusion=0.7, world=(0.2, 0.3, 0.4))
     tf = replace(scene.transfer_function, shade=Shade(0.1, 0.6, 0.3, 9.0))
     scene = replace(scene, transfer_function=tf, lights=(*scene.lights, point((30, 8, 8), energy=2e4)))
     quality = Quality(classification=classification)
-    ours, twin = (render(scene, replace(quality, backend=backend)).rgba for backend in ("numba", "numpy"))
-    assert np.abs(ours - twin).max() < 2e-3
+    ours, reference = (render(scene, replace(quality, backend=backend)).rgba for backend in ("numba", "numpy"))
+    assert np.abs(ours - reference).max() < 2e-3
     plain = render(replace(scene, volume_shadows=False, ambient_occlusion=0.0), quality).rgba
     assert np.abs(ours - plain).max() > 0.1
 
 
-def test_the_world_lights_matter_alike_from_everywhere():
+def test_the_world_lights_a_medium_alike_from_everywhere():
     scene = lit_blob(volume_shadows=False, world=(0.2, 0.5, 1.0))
     colors = [
         classify_and_shade(s, Quality(backend="numpy"), Clock())[1] for s in (scene, replace(scene, world=None))
@@ -397,7 +397,7 @@ def test_without_shadows_nothing_is_swept_and_nothing_changes(classification):
         rows = {row["name"]: row for row in rendering.report["effects"]}
         assert not rows["shadows"]["on"] and rows["shadows"]["ms"] == 0.0 == rows["ambient occlusion"]["ms"]
     lightless = replace(lit_blob(), lights=(sun((0, 0, -1), casts_shadow=False),))
-    assert analyse(lightless, quality)["shadows"].reason == "no light casts shadows"
+    assert analyze(lightless, quality)["shadows"].reason == "no light casts shadows"
 
 
 @pytest.mark.parametrize("classification", ["pre", "post"])

@@ -13,6 +13,7 @@ from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.accuracy.planner.single_rays import single_ray_steps
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.pipeline.choose_source import choose_source
 from rle_splat.pipeline.single_rays import can_trace
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
@@ -23,7 +24,7 @@ POST = Quality(classification="post", termination=1e-6)
 SIZE = (24, 24)
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.0)
 COLORS = ((0.0, 0.9, 0.3, 0.1), (0.6, 0.2, 0.8, 0.3), (1.0, 0.3, 0.4, 1.0))
-LOOKS = {
+CURVES = {
     "wide": TransferFunction("wide", None, ((0.1, 0.0), (1.0, 0.4)), COLORS, 1.0, None),
     "narrow": TransferFunction("narrow", None, ((0.4, 0.0), (0.5, 0.8), (0.6, 0.0)), COLORS, 1.0, None),
     "lit": TransferFunction("lit", None, ((0.3, 0.0), (0.6, 0.7)), COLORS, 1.0, SHADE),
@@ -53,14 +54,14 @@ BOUNDS = {"wide": 0.45, "narrow": 3.5, "lit": 1.1}
 
 
 @PROJECTIONS
-@pytest.mark.parametrize("look", LOOKS)
-def test_rays_are_the_truth_up_to_their_slabs(stage, look, perspective):
-    lights = (Light(energy=2.0, matrix_world=np.diag((1.0, -1.0, -1.0, 1.0))),) if look == "lit" else ()
+@pytest.mark.parametrize("curve", CURVES)
+def test_rays_are_the_truth_up_to_their_slabs(stage, curve, perspective):
+    lights = (Light(energy=2.0, matrix_world=np.diag((1.0, -1.0, -1.0, 1.0))),) if curve == "lit" else ()
     scene = stage.on_turntable(
-        waves(), perspective=perspective, size=SIZE, transfer_function=LOOKS[look], lights=lights, fit=0.9
+        waves(), perspective=perspective, size=SIZE, transfer_function=CURVES[curve], lights=lights, fit=0.9
     )
     coarse, fine = errors(scene, 4), errors(scene, 16)
-    assert coarse.max() < BOUNDS[look]
+    assert coarse.max() < BOUNDS[curve]
     # A quarter of the slabs' depth, a sixteenth of the error, until the table of values is seen.
     order = np.log(np.sqrt((coarse**2).mean() / (fine**2).mean())) / np.log(4.0)
     assert order > 1.7 and fine.max() < 0.25 * coarse.max() + 0.02
@@ -68,10 +69,10 @@ def test_rays_are_the_truth_up_to_their_slabs(stage, look, perspective):
 
 def test_from_an_eye_inside_and_between_clip_planes(stage):
     inside = stage.looking((8.0, 6.0, 5.0), (3.0, 9.0, 11.0), lens=24.0, clip_start=1e-3, clip_end=1e3)
-    scene = stage.before(stage.volume(waves()), inside, SIZE, transfer_function=LOOKS["wide"])
+    scene = stage.before(stage.volume(waves()), inside, SIZE, transfer_function=CURVES["wide"])
     assert errors(scene, 16).max() < 0.1
     outside = stage.looking((-20.0, -14.0, 18.0), (8.0, 7.0, 6.0), lens=60.0, clip_start=26.0, clip_end=33.0)
-    scene = stage.before(stage.volume(waves()), outside, SIZE, transfer_function=LOOKS["narrow"])
+    scene = stage.before(stage.volume(waves()), outside, SIZE, transfer_function=CURVES["narrow"])
     assert errors(scene, 16).max() < 0.3
     unclipped = replace(scene, camera=replace(outside, clip_start=0.1, clip_end=1e3))
     assert np.abs(traced(scene, 4) - traced(unclipped, 4)).max() > 0.1
@@ -82,7 +83,7 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
     field = waves().copy()
     field[3, 4, 5:9] = np.nan
     scene = stage.on_turntable(
-        field, perspective=perspective, size=SIZE, transfer_function=LOOKS["lit"], fit=0.9, headlight=True
+        field, perspective=perspective, size=SIZE, transfer_function=CURVES["lit"], fit=0.9, headlight=True
     )
     found = traced(scene, 3)
     assert (found == traced(scene, 3, replace(POST, threads=1))).all() and np.isfinite(found).all()
@@ -90,10 +91,14 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
 
 
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
-    scene = stage.on_turntable(waves(), size=SIZE, transfer_function=LOOKS["wide"])
-    assert can_trace(scene, POST) and can_trace(replace(scene, triangles=np.empty((0, 3, 3))), POST)
+    scene = stage.on_turntable(waves(), size=SIZE, transfer_function=CURVES["wide"])
+
+    def may_be_traced(quality=POST, **changed):
+        return can_trace(choose_source(replace(scene, **changed), quality))
+
+    assert may_be_traced() and may_be_traced(triangles=np.empty((0, 3, 3)))
     triangle = np.array([[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]])
-    assert not can_trace(replace(scene, triangles=triangle), POST)
-    assert not can_trace(scene, Quality(classification="pre"))
-    assert not can_trace(scene, Quality(classification="refined"))
-    assert not can_trace(replace(scene, volume=stage.volume(waves()[:1])), POST)
+    assert not may_be_traced(triangles=triangle)
+    assert not may_be_traced(Quality(classification="pre"))
+    assert not may_be_traced(Quality(classification="refined"))
+    assert not may_be_traced(volume=stage.volume(waves()[:1]))

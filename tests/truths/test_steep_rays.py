@@ -83,12 +83,12 @@ def test_the_same_with_any_number_of_threads_and_without_numba(stage, lit, persp
     found = render(scene, POST)
     one = render(scene, replace(POST, threads=1))
     assert (found.rgba == one.rgba).all() and (found.depth == one.depth).all()
-    twin = render(scene, replace(POST, backend="numpy"))
-    assert twin.report["rays"] == found.report["rays"] and found.report["rays"]["pixels"] > 50
+    reference = render(scene, replace(POST, backend="numpy"))
+    assert reference.report["rays"] == found.report["rays"] and found.report["rays"]["pixels"] > 50
     steep = steep_pixels(render(scene, without(POST)).rgba, STEEP)
-    assert np.abs(twin.rgba - found.rgba)[steep].max() < 4e-6
-    assert ((twin.depth == NO_DEPTH) == (found.depth == NO_DEPTH))[steep].all()
-    assert np.abs(twin.depth - found.depth)[steep & (found.depth != NO_DEPTH)].max() < 1e-4
+    assert np.abs(reference.rgba - found.rgba)[steep].max() < 4e-6
+    assert ((reference.depth == NO_DEPTH) == (found.depth == NO_DEPTH))[steep].all()
+    assert np.abs(reference.depth - found.depth)[steep & (found.depth != NO_DEPTH)].max() < 1e-4
 
 
 @PROJECTIONS
@@ -154,7 +154,7 @@ def test_of_noise_no_more_than_a_part_is_traced_and_a_crop_has_the_same_pixels(s
 
 
 def steep_everywhere(rgba, threshold):
-    """(H, W) bool: where neighbours differ, however many there are."""
+    """(H, W) bool: where neighbors differ, however many there are."""
     steep = np.zeros(rgba.shape[:2], bool)
     for row, column in np.ndindex(steep.shape):
         around = rgba[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2].reshape(-1, 4)
@@ -162,7 +162,7 @@ def steep_everywhere(rgba, threshold):
     return steep
 
 
-def test_steep_pixels_are_those_of_which_neighbours_differ():
+def test_steep_pixels_are_those_of_which_neighbors_differ():
     random = np.random.default_rng(3)
     for shape in ((1, 1), (1, 7), (9, 2), (33, 70)):
         rgba = random.random((*shape, 4)).astype(np.float32) ** 3

@@ -17,23 +17,23 @@ OBLIQUE = np.array(((0.9, 0.2, -0.1, 3.0), (-0.3, 1.1, 0.2, -2.0), (0.1, 0.0, 1.
 
 
 class Points:
-    """Transfer-function points without the road's own class."""
+    """Transfer-function points without the renderer's own class."""
 
     def __init__(self, opacity, color=((0.0, 1.0, 0.5, 0.25),)):
         self.opacity, self.color = opacity, color
 
 
-# Steps up and down, a plateau, a peak narrower than a voxel's change, alpha 1, and colour points of its own.
+# Steps up and down, a plateau, a peak narrower than a voxel's change, alpha 1, and color points of its own.
 HARD = Points(
     ((0.1, 0.0), (0.1, 0.3), (0.3, 0.3), (0.35, 0.0), (0.5, 0.0), (0.505, 0.8), (0.51, 0.0), (0.7, 0.0), (0.9, 1.0)),
     ((0.05, 0.9, 0.1, 0.1), (0.4, 0.1, 0.8, 0.3), (0.4, 0.3, 0.3, 0.3), (0.8, 0.2, 0.2, 1.0)),
 )
 
 
-def random_rays(count, seed=3, centre=(4.5, 4.5, 4.5), spread=3.0):
+def random_rays(count, seed=3, center=(4.5, 4.5, 4.5), spread=3.0):
     """Rays through the middle of a volume in all directions, depths not lengths; the first three along the axes."""
     random = np.random.default_rng(seed)
-    through = np.asarray(centre) + random.uniform(-spread, spread, (count, 3))
+    through = np.asarray(center) + random.uniform(-spread, spread, (count, 3))
     direction = random.standard_normal((count, 3))
     direction[:3] = np.eye(3) * (1.0, -1.0, 1.0)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
@@ -68,7 +68,7 @@ def interpolated(values, positions):
 
 def test_lengths_in_boxes_and_ellipsoids():
     """G1, G2: counted along each line in twenty thousand steps."""
-    rays = random_rays(40, centre=(4.0, 0.0, 4.0))
+    rays = random_rays(40, center=(4.0, 0.0, 4.0))
     depth = np.linspace(0.0, 60.0, 20_001)
     ball = OBLIQUE @ np.array(((2.0, 0, 0, 1.0), (0, 3.0, 0, 2.0), (0, 0, 1.5, 2.0), (0, 0, 0, 1.0)))
     length = closed_forms.box_length(rays, OBLIQUE, (-1.0, 0.0, 0.5), (3.0, 4.0, 3.5))
@@ -91,14 +91,14 @@ def test_lengths_in_boxes_and_ellipsoids():
 def test_gaussian_and_slabs():
     """G3 to G6, each the limit of Simpson's rule on its own formula."""
     rays = random_rays(20)
-    centre, width = np.array((4.0, 5.0, 4.5)), 1.3
+    center, width = np.array((4.0, 5.0, 4.5)), 1.3
 
     def blob(world):
-        sigma = 0.7 * np.exp(-0.5 * ((world - centre) ** 2).sum(axis=-1) / width**2)
+        sigma = 0.7 * np.exp(-0.5 * ((world - center) ** 2).sum(axis=-1) / width**2)
         return sigma[..., None] * np.array((0.2, 0.5, 1.0, 1.0))
 
     found = closed_forms.of_formula(blob, rays, 0.0, 60.0, 1e-11)
-    expected = closed_forms.composed(closed_forms.gaussian_tau(rays, centre, 0.7, width), (0.2, 0.5, 1.0))
+    expected = closed_forms.composed(closed_forms.gaussian_tau(rays, center, 0.7, width), (0.2, 0.5, 1.0))
     assert np.abs(found - expected).max() < 1e-10 and expected[:, 3].max() > 0.5
     slab = Rays(np.zeros((1, 3)), np.array(((0.0, 0.0, 1.0),)), np.ones(1))
 
@@ -144,10 +144,10 @@ def test_voxel_from_anywhere(degree):
 
 def test_integrator_meets_one_voxel_and_a_ramp():
     """G8 and G9 obliquely, in a sheared grid: T1 of one voxel is its tent's integral; a ramp is reproduced exactly,
-    with its colours' light."""
+    with its colors' light."""
     field = np.zeros((5, 5, 5))
     field[2, 3, 1] = 1.7
-    rays = random_rays(60, centre=(OBLIQUE @ (1.0, 3.0, 2.0, 1.0))[:3], spread=0.8)
+    rays = random_rays(60, center=(OBLIQUE @ (1.0, 3.0, 2.0, 1.0))[:3], spread=0.8)
     rgba, _ = integrate(ClassifiedMedium(field, np.ones((5, 5, 5, 3))), rays, OBLIQUE)
     tau = closed_forms.voxel_tau(rays, OBLIQUE, (1.0, 3.0, 2.0), 1.7)
     assert (tau > 0.3).sum() > 20
@@ -155,8 +155,8 @@ def test_integrator_meets_one_voxel_and_a_ramp():
     z, y, x = np.mgrid[0:8.0, 0:9.0, 0:10.0]
     constant, slope = 0.02, np.array((0.01, 0.005, 0.02))
     scalar = constant + slope[0] * x + slope[1] * y + slope[2] * z
-    rays = random_rays(60, centre=(OBLIQUE @ (4.5, 4.0, 3.5, 1.0))[:3])
-    # The road from scalar to extinction is bent; 1 - exp(-s) in many pieces is a line between them.
+    rays = random_rays(60, center=(OBLIQUE @ (4.5, 4.0, 3.5, 1.0))[:3])
+    # The curve from scalar to extinction is bent; 1 - exp(-s) in many pieces is a line between them.
     values = np.linspace(0.0, 0.4, 4001)
     curve = Points(np.stack((values, -np.expm1(-values)), axis=1))
     rgba, _ = integrate(ScalarMedium(scalar, curve, 1.0), rays, OBLIQUE)
@@ -168,14 +168,14 @@ def test_integrator_meets_one_voxel_and_a_ramp():
 def test_radial_normals():
     """G10: normals are the gradients of any radial field."""
     points = np.random.default_rng(2).uniform(-3.0, 3.0, (50, 3))
-    centre, light, h = np.array((0.3, -0.2, 0.1)), np.array((0.6, 0.0, 0.8)), 1e-5
-    normal, facing = closed_forms.radial_lambert(points, centre, light)
-    field = lambda p: -np.exp(-((p - centre) ** 2).sum(axis=-1) / 9.0)  # noqa: E731
+    center, light, h = np.array((0.3, -0.2, 0.1)), np.array((0.6, 0.0, 0.8)), 1e-5
+    normal, facing = closed_forms.radial_lambert(points, center, light)
+    field = lambda p: -np.exp(-((p - center) ** 2).sum(axis=-1) / 9.0)  # noqa: E731
     gradient = np.stack([field(points + h * e) - field(points - h * e) for e in np.eye(3)], axis=-1)
     gradient /= np.linalg.norm(gradient, axis=1)[:, None]
     assert np.abs(normal - gradient).max() < 1e-6
     assert np.abs(facing - np.abs(gradient @ light)).max() < 1e-6
-    assert not closed_forms.radial_lambert(centre, centre, light)[0].any()
+    assert not closed_forms.radial_lambert(center, center, light)[0].any()
 
 
 class Samples:
@@ -184,8 +184,8 @@ class Samples:
     def __init__(self, size):
         self.shape = (size,) * 3
 
-    def __getitem__(self, places):
-        z, y, x = (2.0 * place / (self.shape[0] - 1) - 1.0 for place in np.broadcast_arrays(*places))
+    def __getitem__(self, indices):
+        z, y, x = (2.0 * index / (self.shape[0] - 1) - 1.0 for index in np.broadcast_arrays(*indices))
         return marschner_lobb(np.stack((x, y, z), axis=-1))
 
 
@@ -240,14 +240,14 @@ def test_projection_slice(azimuth, elevation):
 
 def test_shepp_logan_by_counting():
     """G12: the sum of the ellipsoids is what is met along the line."""
-    rays = random_rays(12, centre=(0.0, 0.0, 0.0), spread=0.4)
+    rays = random_rays(12, center=(0.0, 0.0, 0.0), spread=0.4)
     depth = np.linspace(10.0, 40.0, 30_001)
     for n, tau in enumerate(closed_forms.ellipsoids_tau(rays)):
         world = rays.origin[n] + rays.step[n] * depth[:, None]
         total = np.zeros(len(depth))
-        for sigma, half_axes, centre, degrees in closed_forms.SHEPP_LOGAN:
+        for sigma, half_axes, center, degrees in closed_forms.SHEPP_LOGAN:
             c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-            off = (world - centre) @ np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+            off = (world - center) @ np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
             total += sigma * (((off / half_axes) ** 2).sum(axis=1) < 1.0)
         assert abs(total.sum() * 1e-3 * rays.length_per_depth[n] - tau) < 5e-3
         assert tau > 0.1
@@ -288,7 +288,7 @@ def test_scalar_truth_against_tiny_steps(matrix):
     """T2 with steps, plateaus, a narrow peak and alpha 1; half of the rays end inside."""
     scalar = blobs((10, 10, 10), 4, count=5, width=(1.5, 3.0)).astype(np.float64)
     scalar = scalar / scalar.max() + 0.02 * np.random.default_rng(0).random((10, 10, 10))
-    rays = random_rays(16, centre=(matrix @ (4.5, 4.5, 4.5, 1.0))[:3], spread=2.0)
+    rays = random_rays(16, center=(matrix @ (4.5, 4.5, 4.5, 1.0))[:3], spread=2.0)
     far = np.where(np.arange(16) % 2, 60.0, 23.3)
     rgba, depth = integrate(ScalarMedium(scalar, HARD, 1.3), rays, matrix, far=far)
     inverse = np.linalg.inv(matrix)
@@ -321,12 +321,12 @@ def test_truths_do_not_depend_on_the_tolerance():
 
 
 def test_shaded_post_classified_truth():
-    """Light is interpolated on its own: classified colour * light + highlight, against tiny steps."""
+    """Light is interpolated on its own: classified color * light + highlight, against tiny steps."""
     random = np.random.default_rng(6)
     scalar = blobs((9, 9, 9), 2, count=4, width=(1.5, 3.0)).astype(np.float64)
     light, highlight = random.random((9, 9, 9)), random.random((9, 9, 9, 3))
     rising = Points(((0.05, 0.0), (0.3, 0.5), (0.5, 0.1)), ((0.0, 0.9, 0.1, 0.1), (0.4, 0.1, 0.8, 0.3)))
-    rays = random_rays(10, centre=(4.0, 4.0, 4.0), spread=2.0)
+    rays = random_rays(10, center=(4.0, 4.0, 4.0), spread=2.0)
     rgba, _ = integrate(ScalarMedium(scalar, rising, 1.0, light, highlight), rays, np.eye(4))
 
     def fields(index):
@@ -362,7 +362,7 @@ def test_values_that_are_no_numbers():
 
 
 def test_extinctions_without_measure():
-    """Matter so dense that all is seen within a billionth of a voxel, and so thin that nothing is."""
+    """A medium so dense that all is seen within a billionth of a voxel, and so thin that nothing is."""
     color = np.full((4, 4, 4, 3), (0.2, 0.5, 1.0))
     rays = Rays(np.array(((1.3, 1.4, -5.0),)), np.array(((0.0, 0.0, 1.0),)), np.ones(1))
     for sigma in (1e9, 1e22):

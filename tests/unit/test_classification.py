@@ -31,7 +31,7 @@ def read_points(points, value):
 
 
 def expected(volume, tf, world_distance):
-    """(row, x, extinction, alpha, colour) of every visible voxel, one after the other."""
+    """(row, x, extinction, alpha, color) of every visible voxel, one after the other."""
     nx, ny, nz = volume.shape_xyz
     for z in range(nz):
         for y in range(ny):
@@ -71,7 +71,7 @@ def test_every_stored_type_is_classified_as_its_points_say(dtype, backend):
 
 
 @pytest.mark.parametrize("dtype", "uint8 int16 int32 float32 float64".split())
-def test_kernel_and_twin_agree_to_the_bit(dtype):
+def test_kernel_and_reference_agree_to_the_bit(dtype):
     volume = grid(dtype, (9, 13, 70), seed=8)
     one, two = (classify(volume, STEPPED, np.eye(4), backend=b) for b in BACKENDS)
     for name in LISTS:

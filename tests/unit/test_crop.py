@@ -30,7 +30,7 @@ CROPS = [
     (0, 41, WIDTH, 42),  # a row
 ]
 BACKENDS = ["numpy"] if numba is None else ["numba", "numpy"]
-LOOK = TransferFunction(
+FUNCTION = TransferFunction(
     name="crop", opacity=((0.0, 0.0), (0.05, 0.0), (1.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.1, 0.4, 1.0)),
     opacity_unit_distance=1.0,
 )
@@ -51,7 +51,7 @@ def scene_of(kind, **more):
         camera, placed = Camera(matrix, lens=4.0, clip_start=1e-3), np.eye(4)
     else:
         camera, placed = turntable(VOLUME, 37.0, 24.0, 0.9, kind == "perspective", 50.0, WIDTH, HEIGHT)
-    return Scene(VOLUME, LOOK, camera, WIDTH, HEIGHT, volume_matrix=placed, **more)
+    return Scene(VOLUME, FUNCTION, camera, WIDTH, HEIGHT, volume_matrix=placed, **more)
 
 
 def bits(array):
@@ -141,7 +141,7 @@ def test_random_crops_from_random_sides():
         camera, placed = turntable(
             VOLUME, *rng.uniform(-180, 180, 2), rng.uniform(0.3, 1.4), bool(rng.integers(2)), 60.0, WIDTH, HEIGHT
         )
-        scene = Scene(VOLUME, LOOK, camera, WIDTH, HEIGHT, volume_matrix=placed, triangles=TRIANGLES)
+        scene = Scene(VOLUME, FUNCTION, camera, WIDTH, HEIGHT, volume_matrix=placed, triangles=TRIANGLES)
         left, top = rng.integers(0, (WIDTH, HEIGHT))
         crop = (left, top, rng.integers(left + 1, WIDTH + 1), rng.integers(top + 1, HEIGHT + 1))
         assert_crops_agree(scene, Quality(sheet_density=rng.uniform(0.5, 2.0)), [crop])
@@ -161,10 +161,10 @@ def sheet_pixels(rendering):
 def test_a_crop_makes_less_sheet(monkeypatch):
     """A crop of a hundredth of the picture splats the part of the sheets that it reads, and warps that."""
     made = []
-    rasterise = mesh_depth
+    rasterize = mesh_depth
     monkeypatch.setattr(
         import_module("rle_splat.effects.mesh_occlusion"), "mesh_depth",
-        lambda *a, **k: made.append(rasterise(*a, **k)) or made[-1]
+        lambda *a, **k: made.append(rasterize(*a, **k)) or made[-1]
     )
     scene = replace(scene_of("perspective"), width=900, height=740, triangles=TRIANGLES)
     quality = Quality.preset("draft")

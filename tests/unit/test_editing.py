@@ -67,7 +67,7 @@ HIDING = shown((80, 0.0))
 WARMER = replace(FUNCTION, color=((80, 1.0, 0.1, 0.0), (250, 1.0, 0.8, 0.2)))
 LIT = dict(lights=(SUN,))
 MATT_LIT = dict(function=MATT, **LIT)
-PRE_LOOKS, PRE_VISIBLE = {"looks", "records"}, {"visible", "looks", "normals", "runs", "records"}
+PRE_PROPERTIES, PRE_VISIBLE = {"properties", "records"}, {"visible", "properties", "normals", "runs", "records"}
 POST_LIGHT = {"light", "lights"}
 POST_RELEVANT = {"relevant", "normals", "light", "lights", "runs", "scalars", "table", "bricks"}
 EDITS = {  # edited, first, stages where voxels are classified, stages where sheets are
@@ -76,14 +76,14 @@ EDITS = {  # edited, first, stages where voxels are classified, stages where she
     "camera, unlit": (dict(azimuth=24), dict(), set(), set()),
     "camera with a headlight": (dict(azimuth=24, headlight=True), dict(headlight=True), {"records"}, POST_LIGHT),
     "light": (dict(lights=(replace(SUN, energy=1.0),)), LIT, {"records"}, POST_LIGHT),
-    "coloured light": (dict(lights=(replace(SUN, color=(1.0, 0.5, 0.2)),)), LIT, {"records"}, POST_LIGHT),
+    "colored light": (dict(lights=(replace(SUN, color=(1.0, 0.5, 0.2)),)), LIT, {"records"}, POST_LIGHT),
     "shading": (MATT_LIT, LIT, {"records"}, POST_LIGHT),
     "light put out": (dict(), LIT, {"records"}, set()),
     "light lit": (LIT, dict(), {"normals", "records"}, {"normals", *POST_LIGHT}),
     "name": (dict(function=replace(FUNCTION, name="other"), **LIT), LIT, set(), set()),
-    "opacities of the same values": (dict(function=FAINTER, **LIT), LIT, PRE_LOOKS, {"table"}),
-    "opacities": (dict(function=shown((80, 0.0), (110, 0.1), (170, 0.0)), **LIT), LIT, PRE_LOOKS, {"table"}),
-    "colours": (dict(function=WARMER, **LIT), LIT, PRE_LOOKS, {"table"}),
+    "opacities of the same values": (dict(function=FAINTER, **LIT), LIT, PRE_PROPERTIES, {"table"}),
+    "opacities": (dict(function=shown((80, 0.0), (110, 0.1), (170, 0.0)), **LIT), LIT, PRE_PROPERTIES, {"table"}),
+    "colors": (dict(function=WARMER, **LIT), LIT, PRE_PROPERTIES, {"table"}),
     "fewer values shown": (dict(function=NARROWER, **LIT), LIT, PRE_VISIBLE, {"table"}),
     "steps within": (dict(function=STEPS, **LIT), LIT, PRE_VISIBLE, {"table"}),
     "two ranges within": (dict(function=SPLIT, **LIT), LIT, PRE_VISIBLE, {"table"}),
@@ -221,7 +221,7 @@ def test_the_tables_are_shared_between_lights():
 
 # How often each stage is made for two lights in turn, each under two functions of which one shows less.
 MADE = {
-    "pre": {"blocks": 1, "visible": 2, "looks": 2, "normals": 2, "runs": 2, "records": 4},
+    "pre": {"blocks": 1, "visible": 2, "properties": 2, "normals": 2, "runs": 2, "records": 4},
     "post": {
         "blocks": 1, "relevant": 1, "normals": 1, "runs": 1, "scalars": 1, "light": 2, "lights": 2, "table": 2,
         "bricks": 1,

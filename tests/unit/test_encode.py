@@ -19,7 +19,7 @@ ALL_TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data", "scanl
 
 
 def classified_from(mask, seed=0):
-    """A classified volume whose visible voxels are ``mask`` (nz, ny, nx), with random opacity and colour."""
+    """A classified volume whose visible voxels are ``mask`` (nz, ny, nx), with random opacity and color."""
     rng = np.random.default_rng(seed)
     nz, ny, nx = mask.shape
     count = int(mask.sum())

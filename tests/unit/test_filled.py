@@ -15,7 +15,7 @@ from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp
 from tests.unit.test_crop import BACKENDS, TRIANGLES, VOLUME, bits, scene_of
 
-ROAD = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
+PIPELINE = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
 CASES = {
     "post": (Quality(), {}),
     "draft": (Quality.preset("draft"), {}),
@@ -54,18 +54,18 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
             assert not some[~inside].any() and np.isinf(image.half_depth[~inside]).all()
             # Up to blocks of pixels no more than that.
             for row in range(height):
-                places = np.flatnonzero(some[row])
-                if len(places) == 0:
+                columns = np.flatnonzero(some[row])
+                if len(columns) == 0:
                     assert first[row] >= last[row]
                 else:
-                    assert places[0] - BLOCK < first[row] <= places[0] < last[row] <= places[-1] + BLOCK
+                    assert columns[0] - BLOCK < first[row] <= columns[0] < last[row] <= columns[-1] + BLOCK
             shares.append(inside.mean())
             whole.append(replace(image, filled=np.array((np.zeros(height), np.full(height, width)), np.int32)))
         for ours, theirs in zip(found, warp(whole, *others), strict=True):
             np.testing.assert_array_equal(bits(ours), bits(theirs))
         return found
 
-    monkeypatch.setattr(ROAD, "warp", everywhere)
+    monkeypatch.setattr(PIPELINE, "warp", everywhere)
     of_values = more.get("mode") in OF_VALUES
     scene = replace(scene_of(kind, **more), volume=VOLUME if of_values else DOTS)
     picture = render(scene, replace(quality, backend=backend))

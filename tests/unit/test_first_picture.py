@@ -1,4 +1,4 @@
-"""What the first picture ever has to compile: each kernel on the common road once, and none that it does not need."""
+"""What the first picture ever has to compile: each kernel of the common pipeline once, and no other."""
 
 import importlib
 import json
@@ -16,7 +16,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 ROOT = Path(__file__).resolve().parents[2]
-ROAD = """
+PIPELINE = """
 import gc, json, sys
 from dataclasses import replace
 import numpy as np
@@ -41,9 +41,9 @@ for edited in (
     replace(scene, transfer_function=replace(tf, shade=Shade(specular=0.0))),
 ):
     render(edited, Quality.preset("draft", classification=sys.argv[1]), cache=cache)
-rooms = ("rle_splat.volume", "rle_splat.classify", "rle_splat.shade", "rle_splat.encode")
+folders = ("rle_splat.volume", "rle_splat.classify", "rle_splat.shade", "rle_splat.encode")
 kernels = [k for k in gc.get_objects() if isinstance(k, numba.core.dispatcher.Dispatcher)]
-kernels = [k for k in kernels if k.py_func.__module__.startswith(rooms)]
+kernels = [k for k in kernels if k.py_func.__module__.startswith(folders)]
 outer = [k for k in kernels if not k.targetoptions.get("no_cpython_wrapper")]
 print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.signatures}))
 """
@@ -56,7 +56,7 @@ print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.sign
               "fill_row_runs", "_code_light")),
 ))
 def test_the_common_road_compiles_each_kernel_once(classification, kernels):
-    words = [sys.executable, "-c", ROAD, classification]
+    words = [sys.executable, "-c", PIPELINE, classification]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     expected = dict.fromkeys(kernels, 1)
@@ -65,13 +65,13 @@ def test_the_common_road_compiles_each_kernel_once(classification, kernels):
 
 def _said(first_ever, monkeypatch, classification, backend):
     """What is said of each step of a picture, in order."""
-    road = importlib.import_module("rle_splat.pipeline.render")
-    monkeypatch.setattr(road, "nothing_compiled_yet", lambda: first_ever)
+    pipeline = importlib.import_module("rle_splat.pipeline.render")
+    monkeypatch.setattr(pipeline, "nothing_compiled_yet", lambda: first_ever)
     volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
     camera, matrix = turntable(volume, 20, 10, width=12, height=12)
     tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=Shade())
     quality = Quality.preset("draft", classification=classification, backend=backend)
-    steps = road.render_steps(Scene(volume, tf, camera, 12, 12, matrix, headlight=True), quality)
+    steps = pipeline.render_steps(Scene(volume, tf, camera, 12, 12, matrix, headlight=True), quality)
     return [step.message for step in steps]
 
 

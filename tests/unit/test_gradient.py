@@ -45,7 +45,7 @@ def test_a_linear_field_has_its_normal_everywhere_faces_too(name, dtype, backend
 
 
 @pytest.mark.parametrize("dtype", INTEGER + FLOAT)
-def test_kernel_and_twin_agree(dtype):
+def test_kernel_and_reference_agree(dtype):
     voxels = np.random.default_rng(2).integers(0, 100, (6, 7, 8)).astype(dtype)
     one, two = (all_normals(voxels, AFFINES["sheared"], b) for b in BACKENDS)
     np.testing.assert_allclose(one, two, atol=1e-6)
@@ -63,7 +63,7 @@ def test_the_normal_does_not_know_the_scale_of_world_or_values(backend):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_neighbours_that_are_not_finite_do_no_harm(backend):
+def test_neighbors_that_are_not_finite_do_no_harm(backend):
     x = np.indices((5, 5, 5))[2].astype(np.float32)
     for bad in (np.nan, np.inf, -np.inf):
         voxels = x.copy()

@@ -108,7 +108,7 @@ def test_a_given_byte_order_stands(tmp_path):
     assert (layout.byte_order, remarks) == ("big", ())
 
 
-def test_a_file_too_large_to_be_counted_is_judged_by_its_bytes(tmp_path):
+def test_a_file_too_large_to_be_counted_is_told_by_its_bytes(tmp_path):
     """As the import dialog does it, which fills in what was guessed."""
     path = written(tmp_path / "big_head_40x32x24_uint16be.raw.gz", field(0, 900, 0.1).astype("<u2"))
     guess = guess_raw(path, limit=1000)

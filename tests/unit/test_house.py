@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# A room (a folder or a module) -> its floor.  A room imports itself and lower floors, nothing else.
+# A package or module -> its floor.  It imports itself and lower floors, nothing else.
 FLOORS = {
     "rle_splat.scene": 1,
     "rle_splat.runtime": 1.5,  # its refusals are the scene's error
@@ -38,14 +38,14 @@ FLOORS = {
     "": 13,
 }
 
-# A truth shares no code with what it judges, so accuracy sees the ground floor only.
+# A truth shares no code with what it measures, so accuracy sees the ground floor only.
 ONLY = {"rle_splat.accuracy": {"rle_splat.scene", "rle_splat.volume", "rle_splat.runtime"}}
 
 # Modules that these importers alone may use, because the extension's zip is without them.
 IMPORTERS = {"rle_splat.comparison": ("rle_splat.cli.compare",), "rle_splat.cli.compare": ()}
 
-# Packages that are not Python's own, by room or module; every other room of rle_splat has numpy alone.
-BLENDER_ROOMS = ("", "bridge", "operators", "panels")
+# Packages that are not Python's own, by package or module; every other package of rle_splat has numpy alone.
+BLENDER_PACKAGES = ("", "bridge", "operators", "panels")
 BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
@@ -84,12 +84,12 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def room_of(module: str) -> str | None:
-    """The room that a module of ours is in: the longest name in FLOORS that begins it."""
+def package_of(module: str) -> str | None:
+    """The package that a module of ours is in: the longest name in FLOORS that begins it."""
     parts = module.split(".") if module else []
     for length in range(len(parts), 0, -1):
         if ".".join(parts[:length]) in FLOORS:
-            # the package rle_splat itself, not an unknown room inside it
+            # the package rle_splat itself, not an unknown package inside it
             return ".".join(parts[:length]) if length == len(parts) or parts[:length] != ["rle_splat"] else None
     return "" if not parts else None
 
@@ -117,16 +117,16 @@ def imports_of(path: Path, source: str):
 
 
 def floor_breaks(path: Path, source: str) -> list[str]:
-    room = room_of(module_name(path))
-    if room is None:
-        return [f"{path} is in no room of the plan"]
+    package = package_of(module_name(path))
+    if package is None:
+        return [f"{path} is in no package of the plan"]
     found = []
     for imported in imports_of(path, source)[0]:
-        other = room_of(imported)
-        if other == room:
+        other = package_of(imported)
+        if other == package:
             continue
-        if other is None or FLOORS[other] >= FLOORS[room] or other not in ONLY.get(room, {other}):
-            found.append(f"{path} ({room or 'root'}) may not import {imported}")
+        if other is None or FLOORS[other] >= FLOORS[package] or other not in ONLY.get(package, {other}):
+            found.append(f"{path} ({package or 'root'}) may not import {imported}")
     return found
 
 
@@ -142,9 +142,9 @@ def zip_breaks(path: Path, source: str) -> list[str]:
 
 
 def foreign_imports(path: Path, source: str) -> list[str]:
-    room = room_of(module_name(path)) or ""
-    in_blender = room in BLENDER_ROOMS
-    allowed = BLENDERS_OWN if in_blender else THIRD_PARTY.get(module_name(path)) or THIRD_PARTY.get(room, {"numpy"})
+    package = package_of(module_name(path)) or ""
+    in_blender = package in BLENDER_PACKAGES
+    allowed = BLENDERS_OWN if in_blender else THIRD_PARTY.get(module_name(path)) or THIRD_PARTY.get(package, {"numpy"})
     return [
         f"{path} may not import {name}"
         for name in imports_of(path, source)[1]

@@ -17,6 +17,7 @@ from rle_splat.comparison.decode import decode
 from rle_splat.effects.mesh_depth import SAMPLES
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline import memory_estimate as estimate
+from rle_splat.pipeline import quick_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -118,7 +119,7 @@ def held_by_stages(scene, quality):
         sizes[stage] += size
     held = {part: sum(sizes[stage] for stage in stages) for part, stages in STAGES_OF.items()}
     if scene.volume.voxels.dtype.kind == "f":
-        held["visible"] += sizes["looks"]  # else they are a table of values, which does not grow with the voxels
+        held["visible"] += sizes["properties"]  # else they are a table of values, which does not grow with the voxels
     return held, report["memory_estimate_bytes"], report["volume"]
 
 
@@ -138,7 +139,7 @@ def test_the_parts_of_an_estimate_are_what_the_stages_hold(classification, dtype
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32))
 def test_the_quick_estimate_is_near_what_the_stages_hold(dtype):
     volume = noise(dtype=dtype)
-    quick = estimate.estimate(volume, FUNCTION, QUALITY)
+    quick = quick_estimate.estimate(volume, FUNCTION, QUALITY)
     held = held_by_stages(scene_of(volume), QUALITY)[0]
     shown = int((volume.voxels > 80).sum())
     assert quick.visible_voxels == (pytest.approx(shown, rel=0.01) if dtype == np.float32 else shown)
@@ -153,10 +154,10 @@ def test_the_quick_estimate_is_near_what_the_stages_hold(dtype):
 def test_the_estimate_of_a_histogram_is_near_the_others(dtype):
     volume = noise(dtype=dtype)
     values, counts = np.unique(volume.voxels, return_counts=True)
-    rough = estimate.estimate_from_histogram(
+    rough = quick_estimate.estimate_from_histogram(
         volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION, QUALITY, picture=1000
     )
-    quick = estimate.estimate(volume, FUNCTION, QUALITY)
+    quick = quick_estimate.estimate(volume, FUNCTION, QUALITY)
     assert rough.visible_voxels == (volume.voxels > 80).sum() and rough.volume == volume.voxels.nbytes
     assert rough.needed == pytest.approx(quick.needed, rel=0.05) and rough.picture == 1000
 
@@ -200,7 +201,7 @@ def test_the_estimate_of_a_picture_of_scalars_covers_what_it_takes(dtype, size, 
 def test_the_estimate_covers_what_single_rays_take(n, size):
     """Of a small picture they take most: so many are followed at a time."""
     if not compiled():
-        pytest.skip("the numpy twin takes more than kernels do")
+        pytest.skip("the reference implementation takes more than kernels do")
     scene, quality = scene_of(noise(n), size), Quality.preset("fine", rays=0.01, threads=2)
     render(scene, quality)  # whatever is made once
     rendering, peak = traced(lambda: render(scene, quality))
@@ -255,8 +256,8 @@ def test_the_scratch_of_a_picture_is_as_large_as_is_said(classification, monkeyp
         pytest.skip("there are no kernels without numba")
     made, counted = [], []
     monkeypatch.setattr(scratch, "_memory", lambda size: made.append(size) or np.zeros(size, np.uint8))
-    road = importlib.import_module("rle_splat.pipeline.source")
-    monkeypatch.setattr(road, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
+    source = importlib.import_module("rle_splat.pipeline.source")
+    monkeypatch.setattr(source, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
     render(scene_of(noise(32), 200), replace(QUALITY, classification=classification, warp_filter="bilinear"))
     assert scratch.SPREAD * max(counted) == pytest.approx(max(made), rel=0.001)  # but for the ends of cache lines
 
@@ -278,7 +279,7 @@ def test_the_estimate_of_three_axes_covers_what_they_take(record):
     encode_scene(scene, quality)
     stored, peak = traced(lambda: encode_scene(scene, quality))
     assert len(stored.axes) == 3
-    needed = estimate.estimate(scene.volume, FUNCTION, quality, axes=3).needed
+    needed = quick_estimate.estimate(scene.volume, FUNCTION, quality, axes=3).needed
     assert 0.9 * peak <= needed <= 1.8 * peak
 
 
@@ -356,7 +357,7 @@ def test_it_is_said_before_the_lists_are_made_and_while_they_are():
 def test_too_little_memory_is_refused_with_what_would_fit(share, axes, words, monkeypatch):
     scene = scene_of(noise())
     short_of_memory(monkeypatch, 0)
-    needed = estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=axes).needed
+    needed = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=axes).needed
     short_of_memory(monkeypatch, int(share * needed / estimate.SPARE))
     work = (lambda: encode_scene(scene, QUALITY)) if axes == 3 else (lambda: encode_scene(scene, QUALITY, (1,)))
 
@@ -413,7 +414,7 @@ def test_the_estimate_of_scalars_counts_voxels_and_axes():
 def test_what_is_said_to_fit_fits(monkeypatch):
     scene = scene_of(noise())
     short_of_memory(monkeypatch, 0)
-    needed = estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
+    needed = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
     short_of_memory(monkeypatch, int(0.66 * needed / estimate.SPARE))
     with pytest.raises(RleSplatError, match="records of 4 bytes would fit"):
         encode_scene(scene, QUALITY, (0,))
@@ -428,7 +429,7 @@ def test_what_is_said_to_fit_fits(monkeypatch):
 def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, axes, picture, monkeypatch):
     """Wherever those voxels are: here each stands alone, so that there is nothing that takes more."""
     voxels = np.broadcast_to(np.zeros((), dtype), (n, n, n))
-    volume = SimpleNamespace(shape_xyz=(n, n, n), voxels=voxels)
+    volume = SimpleNamespace(shape_xyz=(n, n, n), voxels=voxels, refinement=1)
     picture *= n  # where there is one it wants all of its axes at once
 
     def wanted(in_a_row, axes, record):
@@ -486,7 +487,7 @@ def test_what_is_kept_makes_room(monkeypatch):
 
 
 def test_solid_noise_keeps_working():
-    """Every voxel opaque and coloured by itself: no run to skip, nothing alike."""
+    """Every voxel opaque and colored by itself: no run to skip, nothing alike."""
     values = np.random.default_rng(1).integers(0, 256, (20, 22, 24)).astype(np.uint8)
     function = TransferFunction(opacity=((0, 1.0),), color=((0, 0, 0, 1), (255, 1, 1, 0)), shade=None)
     scene = scene_of(Volume(values, np.eye(4)), function=function)

@@ -33,7 +33,7 @@ LIT_LEVELS = {8: 0.1, 6: 0.2, 4: 1.3}
 
 
 def random_records(n=20001, seed=3):
-    """(n, 4) float32 and its unassociated colours; densities over nine powers of ten, the ends among them."""
+    """(n, 4) float32 and its unassociated colors; densities over nine powers of ten, the ends among them."""
     rng = np.random.default_rng(seed)
     density = (MOST_DENSITY * 10.0 ** rng.uniform(-9, 0, n)).astype(np.float32)
     density[:3] = 0.0, MOST_DENSITY, np.float32(2.0**-149)
@@ -56,7 +56,7 @@ def test_each_record_has_the_bytes_it_says(record):
 
 
 @pytest.mark.parametrize("record", SHORT)
-def test_kernel_and_twin_agree_to_the_bit(record):
+def test_kernel_and_reference_agree_to_the_bit(record):
     records, _ = random_records()
     np.testing.assert_array_equal(*(packed(record, records, backend)[0] for backend in ("numba", "numpy")))
 
@@ -74,7 +74,7 @@ def test_what_a_code_keeps(record):
     assert (np.abs(got[:, 3] - density) <= bound).all()
     assert got[0].tolist() == [0.0, 0.0, 0.0, 0.0] and got[1, 3] == pytest.approx(MOST_DENSITY, rel=1e-3)
     seen = got[:, 3] > 0.0
-    # In 8 bytes colour times density is a number of its own, good to 2^-12; in 6 and 4 a step of the colour.
+    # In 8 bytes color times density is a number of its own, good to 2^-12; in 6 and 4 a step of the color.
     error = np.abs(got[seen, :3] / got[seen, 3:] - color[seen])
     vanished = MOST_COLOR * MOST_DENSITY * 2.0**-30 / density[seen, None]
     step = {8: 2.1 * 2.0**-12 * color[seen] + vanished, 6: np.full(3, 0.51 * MOST_COLOR) / (2047, 2047, 1023),
@@ -96,9 +96,9 @@ def test_any_scale_is_met(record):
 
 
 def block(alpha):
-    """256 slices of the same thin matter; their picture's alpha is 1 - (1 - alpha)^256."""
+    """256 slices of the same thin medium; their picture's alpha is 1 - (1 - alpha)^256."""
     volume = Volume(np.full((8, 256, 8), 100, np.uint8), np.eye(4))
-    opacity = ((0, alpha), (150, alpha), (200, 1.0))  # solid matter is in the function, so codes must span it all
+    opacity = ((0, alpha), (150, alpha), (200, 1.0))  # a solid medium is in the function, so codes must span it all
     function = TransferFunction(opacity=opacity, color=((0, 1.0, 0.37, 0.61),), shade=None)
     camera, matrix = turntable(volume, 0, 0, fit=0.02, width=16, height=16)
     return Scene(volume, function, camera, 16, 16, matrix, headlight=False)
@@ -143,7 +143,8 @@ def test_pictures_of_short_records(record, view):
     memory = short.report["memory_bytes"]
     assert memory["voxel_data"] == record * short.report["volume"]["visible_voxels"]
     assert short.report["plan"]["record"] == record
-    # The same codes by kernels and by their twin.  (Their shading may round a colour to the code next to it.)
+    # The same codes by kernels and by their reference implementation.  (Their shading may round a color to the next
+    # code.)
     classified, colors = classify_and_shade(scene, QUALITY, Clock())
     axis = "xyz".index(memory["axes_held"][0])
     stored = StoredVolume({axis: encode(classified, colors, axis, record=record)}, scene.volume.affine)
@@ -191,13 +192,13 @@ def test_lights_among_the_voxels_are_measured_first():
     near = Light("POINT", energy=400000.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)))
     scene = lit_scene(10, lights=(near,))
     best = render(scene, QUALITY).rgba
-    assert best[..., :3].max() > 1.0  # brighter than any colour of the function
+    assert best[..., :3].max() > 1.0  # brighter than any color of the function
     for record in SHORT:
         short = render(scene, replace(QUALITY, record=record)).rgba
         assert np.abs(short - best).max() <= 1.5 * LIT_LEVELS[record] / 255.0 * best.max()
 
 
-def test_the_bound_of_the_colours_holds_and_is_near():
+def test_the_bound_of_the_colors_holds_and_is_near():
     scene = lit_scene(10)
     classified, _ = classify_and_shade(scene, QUALITY, Clock())
     normals = np.random.default_rng(1).normal(size=(classified.visible_voxels, 3)).astype(np.float32)

@@ -14,6 +14,7 @@ from rle_splat.classify.refined import FineVoxels, RefinedVolume, fine_block_ste
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
 from rle_splat.pipeline import memory_estimate as estimate
+from rle_splat.pipeline import quick_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
@@ -154,7 +155,7 @@ def test_blocks_bound_every_fine_voxel(dtype, refinement, backend):
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
 def test_what_is_shown_is_what_the_whole_grid_shows(dtype, refinement, backend, monkeypatch):
     """Made slab by slab and block by block, as from the whole grid at once."""
-    monkeypatch.setattr("rle_splat.classify.visible.FINE_VOXELS_AT_ONCE", 1)  # one row of blocks at a time
+    monkeypatch.setattr("rle_splat.classify.refined.FINE_VOXELS_AT_ONCE", 1)  # one row of blocks at a time
     volume = RefinedVolume(waves(dtype), FUNCTION, refinement)
     shown, blocks = _visibility(volume, backend)
     relevant = shown.relevant(blocks)
@@ -212,8 +213,8 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
     )
     toward = normals(every, volume, matrix)
     white, black = (
-        shaded_colors(ClassifiedVolume(every, np.full((1, 5), grey, np.float32), True, 1.0, 1.0), toward, falling)
-        for grey in (1.0, 0.0)
+        shaded_colors(ClassifiedVolume(every, np.full((1, 5), gray, np.float32), True, 1.0, 1.0), toward, falling)
+        for gray in (1.0, 0.0)
     )
     at = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     seen = (at // voxels.shape_xyz[1], at % voxels.shape_xyz[1], voxels.column.astype(int))
@@ -221,11 +222,11 @@ def test_light_is_interpolated_between_the_scans_voxels(specular, backend):
         np.stack([trilinear(part[:, c].reshape(nz, ny, nx), refinement)[seen] for c in range(3)], axis=1)
         for part in (white - black, black)
     ]
-    looks = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
-    classified = ClassifiedVolume(voxels, looks, False, 1.0, 1.0)
+    properties = np.tile(np.array((2.0, 0.5, 0.9, 0.6, 0.3), np.float32), (len(voxels), 1))
+    classified = ClassifiedVolume(voxels, properties, False, 1.0, 1.0)
     records = np.empty((len(voxels), 4), np.float32)
     most = light.records(classified, "extinction", RecordPositions.in_order(voxels, 0, voxels.shape_xyz[2]), records)
-    expected = looks[0, 2:] * between[0] + between[1]
+    expected = properties[0, 2:] * between[0] + between[1]
     np.testing.assert_allclose(records[:, :3] / 2.0, expected, atol=2e-6)
     assert (records[:, 3] == 2.0).all() and most == pytest.approx(expected.max(), abs=2e-6)
     assert np.ptp(expected) > 0.3 and (between[1].max() > 0.05) == (specular > 0.0)
@@ -250,7 +251,7 @@ def test_what_is_kept_is_of_one_refinement():
         assert (other.rgba == render(scene, quality).rgba).all() and (other.rgba != first.rgba).any()
 
 
-def test_a_change_of_colour_or_light_finds_no_voxels_anew():
+def test_a_change_of_color_or_light_finds_no_voxels_anew():
     cache, scene = StageCache(), scene_of(waves(), headlight=True)
     render(scene, refined_quality(), cache=cache)
     bluer = replace(scene, transfer_function=replace(FUNCTION, color=((80, 0.1, 0.3, 1.0), (250, 0.9, 0.9, 0.8))))
@@ -274,7 +275,7 @@ def noise(n=48, dtype=np.uint8):
 @pytest.mark.parametrize("headlight", (False, True))
 @pytest.mark.parametrize(("refinement", "dtype"), ((2, np.uint8), (3, np.uint8), (2, np.float32)))
 def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, monkeypatch):
-    for name in ("classify.visible", "classify.sizes"):  # as large volumes have it: some planes at a time
+    for name in ("classify.refined", "classify.sizes"):  # as large volumes have it: some planes at a time
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 16)
     scene, quality = scene_of(noise(dtype=dtype), headlight=headlight), refined_quality(refinement)
     render(scene, quality)  # whatever is made once
@@ -285,7 +286,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
     needed = report["memory_estimate_bytes"]["needed"]
     assert 0.9 * peak <= needed <= 2.0 * peak
     assert report["memory_estimate_bytes"]["volume"] == scene.volume.voxels.nbytes
-    quick = estimate.estimate(scene.volume, FUNCTION, quality, shaded=headlight)
+    quick = quick_estimate.estimate(scene.volume, FUNCTION, quality, shaded=headlight)
     assert quick.needed == pytest.approx(needed, rel=0.4) and quick.refinement == refinement
 
 
@@ -296,7 +297,7 @@ def test_the_estimate_covers_what_a_picture_takes(refinement, dtype, headlight, 
      (0.001, 16, "crop or downsample the volume")),
 )  # fmt: skip
 def test_too_fine_a_grid_is_refused_with_what_would_fit(share, record, words, monkeypatch):
-    for name in ("classify.visible", "classify.sizes"):
+    for name in ("classify.refined", "classify.sizes"):
         monkeypatch.setattr(f"rle_splat.{name}.FINE_VOXELS_AT_ONCE", 1 << 12)
     monkeypatch.setattr(sys.modules["rle_splat.encode.sizes"], "VOXELS_AT_ONCE", 1000)
     # Which is as much as the machine has cores, and more than the rest of so small a picture.
@@ -334,6 +335,6 @@ def test_rle_files_hold_the_grid_of_the_scan():
 
 
 def test_a_volume_one_voxel_thick_fills_no_box():
-    """Nothing lies between the centres of one plane of voxels: an empty picture, not a mistake."""
+    """Nothing lies between the centers of one plane of voxels: an empty picture, not a mistake."""
     volume = waves(shape=(12, 12, 1))
     assert (render(scene_of(volume), refined_quality()).rgba == 0.0).all()

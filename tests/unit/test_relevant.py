@@ -1,5 +1,5 @@
 """Which voxels matter to sheets of the scalar, against a search of every cell with the truth's own reading of transfer
-functions; kernels against their twins; and which range of values covers which."""
+functions; kernels against their reference implementations; and which range of values covers which."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ COMPILED = ("uint8", "int16", "float32", "float64")  # one of each kind: kernels
 # Below, at and beyond a block (8, 8, 32) and a word of 64 voxels; without a cell; with just one.
 SHAPES = ((9, 17, 130), (20, 9, 65), (8, 8, 32), (3, 7, 5), (9, 3, 66), (2, 2, 2), (1, 6, 9), (6, 1, 9), (6, 9, 1))
 # Stored values and opacities; where the slope is below zero all of it is mirrored.
-LOOKS = {
+CURVES = {
     "ramps": ((40, 0.0), (50, 0.5), (60, 0.0)),
     "two of them": ((20, 0.0), (23, 0.5), (26, 0.0), (70, 0.0), (71, 0.4), (72, 0.0)),
     "step up": ((50, 0.0), (50, 0.6)),
@@ -96,8 +96,8 @@ def mask_of(voxels):
 def test_kept_voxels_are_the_corners_of_the_cells_that_are_shown(dtype, slope):
     for n, shape in enumerate(SHAPES):
         volume = Volume(field(shape, dtype, n), np.eye(4), slope=slope, intercept=3.0)
-        for name in list(LOOKS)[n % 3 :: 3]:
-            tf = function(LOOKS[name], volume)
+        for name in list(CURVES)[n % 3 :: 3]:
+            tf = function(CURVES[name], volume)
             bits, counted, voxels = found(volume, tf, "numpy")
             mask = mask_of(voxels)
             np.testing.assert_array_equal(mask, searched(volume, tf), f"{name} {shape}")
@@ -118,10 +118,10 @@ def test_kept_voxels_are_the_corners_of_the_cells_that_are_shown(dtype, slope):
                 assert getattr(voxels, part).dtype == getattr(compiled[2], part).dtype
 
 
-def test_the_looks_show_something_of_the_field_and_not_all():
+def test_the_curves_show_something_of_the_field_and_not_all():
     """The premise of the test above."""
     volume = Volume(field(SHAPES[0], np.int16), np.eye(4))
-    shares = {name: mask_of(found(volume, function(look), "numpy")[2]).mean() for name, look in LOOKS.items()}
+    shares = {name: mask_of(found(volume, function(curve), "numpy")[2]).mean() for name, curve in CURVES.items()}
     assert shares.pop("all") == 1.0
     assert shares.pop("nothing") == shares.pop("nothing that there is") == 0.0
     assert all(0.02 < share < 0.98 for share in shares.values()), shares
@@ -129,7 +129,7 @@ def test_the_looks_show_something_of_the_field_and_not_all():
 
 def test_the_same_bits_from_any_number_of_threads():
     volume = Volume(field((26, 25, 70), np.uint8), np.eye(4))
-    one, two = (found(volume, function(LOOKS["ramps"]), "numba", threads)[0] for threads in (1, 2))
+    one, two = (found(volume, function(CURVES["ramps"]), "numba", threads)[0] for threads in (1, 2))
     np.testing.assert_array_equal(one, two)
 
 

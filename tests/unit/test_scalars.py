@@ -100,11 +100,11 @@ def test_three_axes_decode_to_the_voxels_and_their_values(dtype, backend):
         assert table.record == table.scalars.itemsize and (table.center == 0.0 or not own)
         found = decoded(table, table.scalars)
         assert set(found) == set(zip(*(at.tolist() for at in np.nonzero(kept)), strict=True))
-        for place, scalar in found.items():
+        for index, scalar in found.items():
             if own:
-                assert scalar == volume.voxels[place]
+                assert scalar == volume.voxels[index]
             else:  # float32 of what is left beside the middle of all values: its width, not its size, is what counts
-                assert abs(float(scalar) + table.center - stored[place]) <= 2.0**-24 * 60.5
+                assert abs(float(scalar) + table.center - stored[index]) <= 2.0**-24 * 60.5
 
 
 def test_infinite_values_are_the_functions_ends_and_nan_is_never_kept():
@@ -118,12 +118,12 @@ def test_infinite_values_are_the_functions_ends_and_nan_is_never_kept():
             scene = scene_of(volume)
             table = encoded(scene, axes=(2,))[2]
             found = decoded(table, table.scalars)
-            finite = np.clip(values, 0.0, 70.0)  # all points, those of the colour too
+            finite = np.clip(values, 0.0, 70.0)  # all points, those of the color too
             checked = 0
-            for place, scalar in found.items():
-                assert not np.isnan(values[place]) and np.isfinite(scalar)
-                if np.isinf(values[place]):
-                    assert float(scalar) + table.center == pytest.approx(slope * finite[place], abs=1e-4)
+            for index, scalar in found.items():
+                assert not np.isnan(values[index]) and np.isfinite(scalar)
+                if np.isinf(values[index]):
+                    assert float(scalar) + table.center == pytest.approx(slope * finite[index], abs=1e-4)
                     checked += 1
             assert checked > 10
 
@@ -190,7 +190,7 @@ LIT = {  # lights, shading, channels of a record
 
 
 def lit_scene(name, perspective=False, dtype=np.float32):
-    """Values with a flat stretch, where there are no normals, and a sheared, mirrored place in the world."""
+    """Values with a flat stretch, where there are no normals, and a sheared, mirrored orientation in the world."""
     lights, shade, _ = LIT[name]
     values = waves()
     values[5:9, 5:10, :6] = 60.0
@@ -215,10 +215,10 @@ def light_of(scene, **machine):
 @pytest.mark.parametrize("name", LIT)
 def test_light_on_voxels_is_that_of_the_truth(name, perspective):
     scene = lit_scene(name, perspective)
-    places, light, table = light_of(scene)
+    indices, light, table = light_of(scene)
     assert table.lights.dtype == np.uint16 and light.shape[1] == LIT[name][2]
     assert table.record == 4 + 2 * LIT[name][2]
-    true, highlight = VoxelLight(scene).light(places)
+    true, highlight = VoxelLight(scene).light(indices)
     each = 1 if light.shape[1] < 3 else 3
     parts = [(light[:, :each], true)] + ([(light[:, each:], highlight)] if light.shape[1] > each else [])
     if each == 1:  # the premise: it is white
@@ -233,7 +233,7 @@ def test_light_on_voxels_is_that_of_the_truth(name, perspective):
 
 
 @pytest.mark.parametrize("name", ("headlight", "red sun, glossy", "all of them"))
-def test_light_from_kernel_and_twin(name):
+def test_light_from_kernel_and_reference(name):
     scene = lit_scene(name, perspective=True)
     (_, one, first), (_, two, second) = (light_of(scene, backend=backend) for backend in BACKENDS)
     assert first.light_unit == second.light_unit
@@ -249,4 +249,4 @@ def test_light_of_all_axes_and_any_number_of_threads():
     for axis in (0, 1, 2):
         np.testing.assert_array_equal(alone[axis].lights, together[axis].lights)
         found = decoded(alone[axis], alone[axis].lights)
-        assert set(found) == set(z) and all((found[place] == z[place]).all() for place in z)
+        assert set(found) == set(z) and all((found[index] == z[index]).all() for index in z)

@@ -72,13 +72,13 @@ def test_runs_of_several_slices_are_added_and_what_is_beside_them_stays_zero(sha
         np.testing.assert_allclose(found[MARGIN : MARGIN + WIDTH], expected, rtol=3e-7)
         assert not found[MARGIN : MARGIN + WIDTH][~touched].any()
         assert not found[:MARGIN].any() and not found[MARGIN + WIDTH :].any()
-        places = np.flatnonzero(touched)
-        assert (reach[1] > 0) == (len(places) > 0)
-        if len(places):
-            assert (reach[0], reach[1]) == (places[0] + MARGIN, places[-1] + 1 + MARGIN)
+        columns = np.flatnonzero(touched)
+        assert (reach[1] > 0) == (len(columns) > 0)
+        if len(columns):
+            assert (reach[0], reach[1]) == (columns[0] + MARGIN, columns[-1] + 1 + MARGIN)
         # Every block of which a pixel lies within a voxel of one that was touched is marked.
         pixels = np.arange(8 * 64 * BLOCK)
-        near = np.abs((pixels - shift) / scale - places[:, None]) < 1.0
+        near = np.abs((pixels - shift) / scale - columns[:, None]) < 1.0
         blocks = near.any(axis=0).reshape(-1, BLOCK).any(axis=1)
         marked = np.unpackbits(marks.astype("<u8").view(np.uint8), bitorder="little").astype(bool)
         assert marked[blocks].all()

@@ -33,7 +33,7 @@ MATT = Shade(ambient=0, diffuse=1, specular=0, shininess=1)
 
 
 def one_voxel(position, normal, lights=(), shading=MATT, color=(1, 1, 1), backend="numba", **kwargs):
-    """Shaded colour of a single small voxel at a world position with a given normal."""
+    """Shaded color of a single small voxel at a world position with a given normal."""
     volume = Volume(np.ones((1, 1, 1), np.uint8), np.diag((1e-3, 1e-3, 1e-3, 1.0)))
     tf = TransferFunction(opacity=((0, 0.5),), color=((0, *color),))
     matrix = volume.affine.copy()
@@ -55,7 +55,7 @@ def test_measured_radiance_of_a_white_lambert_surface(backend):
     ):
         got = one_voxel(here, up, (light,), backend=backend)
         np.testing.assert_allclose(got, radiance, rtol=1e-6)
-        # Lights add up, are coloured, and two-sided surfaces do not care which way the normal points.
+        # Lights add up, are colored, and two-sided surfaces do not care which way the normal points.
         twice = one_voxel(here, np.negative(up), (light, light), color=(0.5, 0.25, 2.0), backend=backend)
         np.testing.assert_allclose(twice, 2 * radiance * np.array((0.5, 0.25, 2.0)), rtol=1e-6)
         tilted = one_voxel(here, (0.0, math.sin(1.0), math.cos(1.0)), (light,), backend=backend)

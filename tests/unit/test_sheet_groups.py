@@ -43,12 +43,12 @@ def test_whatever_the_rule_and_the_view(monkeypatch, kind, depth_rule):
     assert_same(*with_and_without(monkeypatch, scene_of(kind), replace(STRICT, depth_rule=depth_rule)))
 
 
-@pytest.mark.parametrize("color", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.2)], ids=["white", "coloured"])
+@pytest.mark.parametrize("color", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.2)], ids=["white", "colored"])
 @pytest.mark.parametrize("specular", [0.0, 0.5])
 def test_lit(monkeypatch, specular, color):
     scene = scene_of("perspective")
-    look = replace(scene.transfer_function, shade=Shade(specular=specular))
-    scene = replace(scene, transfer_function=look, lights=(Light("SUN", color, 2.0),))
+    tf = replace(scene.transfer_function, shade=Shade(specular=specular))
+    scene = replace(scene, transfer_function=tf, lights=(Light("SUN", color, 2.0),))
     assert_same(*with_and_without(monkeypatch, scene, STRICT))
 
 

@@ -33,13 +33,13 @@ def random_scene(rng, kind):
     matrix[:3, :3] = random_rotation(rng) @ np.diag(rng.uniform(0.3, 3.0, 3) * rng.choice((-1, 1), 3)) * size
     matrix[:3, :3] @= np.eye(3) + 0.3 * rng.uniform(-1, 1, (3, 3))
     matrix[:3, 3] = rng.normal(size=3) * size
-    centre = matrix[:3, :3] @ (0.5 * np.array(shape)) + matrix[:3, 3]
+    center = matrix[:3, :3] @ (0.5 * np.array(shape)) + matrix[:3, 3]
     reach = np.abs(matrix[:3, :3]).sum() * max(shape)
     placed = np.eye(4)
     placed[:3, :3] = random_rotation(rng)
     if np.linalg.det(placed[:3, :3]) < 0:
         placed[:3, 0] *= -1
-    placed[:3, 3] = centre + placed[:3, 2] * reach * rng.uniform(1.0, 4.0)
+    placed[:3, 3] = center + placed[:3, 2] * reach * rng.uniform(1.0, 4.0)
     camera = Camera(
         matrix_world=placed, type=kind, lens=rng.uniform(15, 90), ortho_scale=reach * rng.uniform(0.5, 2),
         shift_x=rng.uniform(-0.3, 0.3), shift_y=rng.uniform(-0.3, 0.3), clip_start=1e-3 * reach, clip_end=1e3 * reach,
@@ -104,7 +104,7 @@ def test_every_visible_ray_finds_its_base_plane_inside_the_window():
 
 @pytest.mark.parametrize("boxed, reach", [(True, 2), (False, 17)])
 def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_others_is_not(boxed, reach):
-    """Whatever a visible ray through the volume's matter reads lies in its row's ``seen`` columns, in windows too."""
+    """Whatever a visible ray through the volume's medium reads lies in its row's ``seen`` columns, in windows too."""
     rng = np.random.default_rng(6)
     rays, kept, held = 0, 0, 0
     for _ in range(60):
@@ -257,8 +257,8 @@ def test_depths_as_large_as_what_stands_for_none_are_told(scale, told):
         camera, matrix_world=grown @ camera.matrix_world, ortho_scale=scale * camera.ortho_scale,
         clip_start=scale * camera.clip_start, clip_end=scale * camera.clip_end,
     )
-    look = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
-    found = render(Scene(volume, look, carried, 16, 16, grown @ matrix), Quality(backend="numpy"))
+    tf = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
+    found = render(Scene(volume, tf, carried, 16, 16, grown @ matrix), Quality(backend="numpy"))
     assert found.rgba[8, 8, 3] > 0.9
     assert (found.depth[8, 8] >= NO_DEPTH) == told
     remarks = [remark for remark in found.report["remarks"] if "stand for none" in remark]

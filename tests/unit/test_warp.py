@@ -27,7 +27,7 @@ RESAMPLERS = [resample_window, resample_numpy]
 
 
 def coefficients_of(prefilter, image):
-    """Spline coefficients of an image of colour and alpha."""
+    """Spline coefficients of an image of color and alpha."""
     pixels = image.copy()
     pixels[..., 3] = 1 - pixels[..., 3]
     coefficients = np.full_like(image, np.nan)
@@ -83,7 +83,7 @@ def test_a_window_has_the_coefficients_of_the_whole(prefilter):
 
 
 def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin=(0, 0), picture_origin=(0, 0)):
-    """``image``: colour and alpha, or what the filter weighs instead."""
+    """``image``: color and alpha, or what the filter weighs instead."""
     rgba = np.full((*size, 4), np.nan, np.float32)
     depth = np.full(size, np.nan, np.float32)
     pixels = np.ascontiguousarray(image, dtype=np.float32)
@@ -99,7 +99,7 @@ def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin
 
 
 def filtered(function, image, to_sheet, name, size, **options):
-    """An image of colour and alpha through a filter, prefiltered where that belongs to it."""
+    """An image of color and alpha through a filter, prefiltered where that belongs to it."""
     prefilter = PREFILTERS[RESAMPLERS.index(function)]
     weighed = coefficients_of(prefilter, image.astype(np.float32)) if is_prefiltered(name) else image
     return run(function, weighed, to_sheet, name, size, **options)[0]
@@ -188,7 +188,7 @@ def test_depth_is_not_interpolated_across_an_edge(function):
     assert len(found) and set(np.round(found, 4)) == {4.0, 14.0}  # 2 + 0.5 * half
 
 
-def test_twins_agree():
+def test_kernels_agree_with_their_references():
     rng = np.random.default_rng(9)
     pixels = rng.random((33, 44, 4)).astype(np.float32)
     half = rng.choice([3.0, 3.5, 40.0, np.inf], size=(33, 44)).astype(np.float32)
@@ -206,7 +206,7 @@ def test_twins_agree():
     np.array([[0.9, 0.4, -500.0], [-0.4, 0.9, 7.0], [0.0, 0.0, 1.0]]),  # beside the picture
 ])  # fmt: skip
 def test_every_pixel_that_looks_into_a_sheet_is_found(to_sheet):
-    """The kernel looks only in a part of the picture, the twin everywhere; what sees nothing is left as it was."""
+    """The kernel looks only in a part of the picture, the reference everywhere; what sees nothing is left as it was."""
     pixels = np.random.default_rng(21).random((33, 44, 4)).astype(np.float32)
     half = np.full((33, 44), 5.0, np.float32)
     found = []
@@ -237,7 +237,7 @@ def test_a_window_of_a_picture_is_the_same_to_the_bit(function, name):
         row, column = np.mgrid[top:bottom, left:right] + 0.5
         u, v, w = np.tensordot(tilted, (column, row, np.ones_like(row)), axes=1)
         u, v = u / w, v / w
-        first_u, first_v = (int(max(place.min() - 3, 0)) for place in (u, v))
+        first_u, first_v = (int(max(position.min() - 3, 0)) for position in (u, v))
         part = np.s_[first_v : int(v.max()) + 5, first_u : int(u.max()) + 5]
         found = run(
             function, pixels[part], tilted, name, (bottom - top, right - left), np.ascontiguousarray(half[part]),

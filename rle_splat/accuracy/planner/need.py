@@ -70,7 +70,7 @@ def _misstated(volume, function, random) -> float:
     axis = random.choice(axes, PAIRS)
     step = axis[:, None] == np.arange(3)
     first = (random.random((PAIRS, 3)) * (shape - step)).astype(np.int64)
-    values = [volume.physical(volume.voxels[tuple(place.T)]) for place in (first, first + step)]
+    values = [volume.physical(volume.voxels[tuple(index.T)]) for index in (first, first + step)]
     low, high = (np.asarray(found, dtype=np.float64) for found in values)
     known = np.isfinite(low) & np.isfinite(high)
     low, high, axis = low[known], high[known], axis[known]

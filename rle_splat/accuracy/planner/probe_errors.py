@@ -9,7 +9,7 @@ from ...runtime.steps import Progress, portion
 from ...scene import Quality, Scene, truth_of
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
-from ...view.ray_limits import box_depths
+from ...view.ray_intervals import box_depths
 from ..lighting import shading_of
 from ..probes import TRUTH_TOLERANCE, choose_probes, error_summary, probe_errors
 from ..truths import truth, truth_steps

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.analyse import analyse, called_for
+from ...effects.analyze import analyze, called_for
+from ...pipeline.choose_source import choose_source
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
@@ -134,9 +135,9 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
         part = end * number / len(plans), end * (number + 1) / len(plans)
         drawn[name] = yield from picture_steps(scene, plan, cache, *part, "Looking at the scene", refuse_empty_view)
         frames.append((plan, drawn[name].report["stages_ms"]))
-    features, shown = features_of(scene, quality, drawn), called_for(scene, analyse(scene, quality))
+    features, shown = features_of(scene, quality, drawn), called_for(scene, analyze(scene, quality))
     session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, frames[1:])
-    if can_trace(shown, quality):
+    if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
         steps = ray_cost_steps(shown, quality, session.estimate, cache)
         session.ray_cost = yield from portion(steps, end, end, TRACING)

@@ -6,8 +6,8 @@ from ..metrics import ERRORS
 
 # What a plan's error is measured against.
 TRUTH_TEXTS = {
-    "T1": "the exact integral of the interpolated classified medium, which is what classifying voxels first promises",
-    "T2": "the exact integral of the classified interpolated scalar, which is what a ray caster shows",
+    "T1": "the exact integral of voxels that are classified, then interpolated",
+    "T2": "the exact integral of values that are interpolated, then classified",
 }
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...effects.analyse import analyse
+from ...effects.analyze import analyze
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, drain
@@ -35,7 +35,7 @@ MOST_ESCALATIONS = 3
 ACCEPTED = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
-LEFT_OUT = "pictures to a maximum error have none"  # why an effect is off, after its "off"
+LEFT_OUT = "it is not available with a maximum error"  # why an effect is off, after its "off"
 PILOTS_END = 0.2  # the fraction of the work after which the pilots end
 
 
@@ -110,7 +110,7 @@ def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]
     left_out : list of str
         Those of the two effects that the scene called for.
     """
-    effects = analyse(scene, quality)
+    effects = analyze(scene, quality)
     left_out = [name for name in SHADOW_EFFECTS if effects[name].on]
     reasons = {**scene.reasons_off, **dict.fromkeys(left_out, LEFT_OUT)}
     return replace(without_shadows(scene), reasons_off=reasons), left_out

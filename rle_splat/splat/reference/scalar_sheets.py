@@ -17,6 +17,7 @@ ONE = np.float32(1.0)
 
 def dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines, width, channels) float32: scalar and light of slice ``k``; None if nothing of it is kept."""
+    scalars = tables.scalars.array()
     channels = 1 if tables.lights is None else 1 + tables.lights.shape[1]
     dense = None
     for j in range(tables.pointers.shape[1]):
@@ -32,7 +33,7 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
             if x >= tables.width:
                 break
             count = int(tables.runs[run + 1])
-            dense[j, x : x + count, 0] = tables.scalars[voxel : voxel + count]
+            dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
             if tables.lights is not None:
                 bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
                 dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)
@@ -58,9 +59,9 @@ def _between(slices, first: int, weights) -> np.ndarray | None:
 def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
     """The first axis of ``samples`` at ``count`` sheet pixels, linearly, none beyond its ends."""
     last = len(samples) - 1
-    place = np.clip((np.arange(count) - offset) / scale, 0.0, last)
-    cell = np.clip(place.astype(np.int64), 0, max(last - 1, 0))
-    share = (place - cell).astype(np.float32).reshape(-1, *(1,) * (samples.ndim - 1))
+    position = np.clip((np.arange(count) - offset) / scale, 0.0, last)
+    cell = np.clip(position.astype(np.int64), 0, max(last - 1, 0))
+    share = (position - cell).astype(np.float32).reshape(-1, *(1,) * (samples.ndim - 1))
     after = np.minimum(cell + 1, last)
     return samples[cell] * (ONE - share) + samples[after] * share
 
@@ -133,10 +134,10 @@ def _add_depths_numpy(depth, slab, state, half):
     half[crossed] = slab[0][crossed] + part * (slab[1] - slab[0])[crossed]
 
 
-def cut_ends_numpy(limits, begin, end, here, there, least):
+def cut_ends_numpy(intervals, begin, end, here, there, least):
     """(H, W) values of the scalar where rays begin in a slab and where they end; see ``cut_slab.cut_ends``."""
-    from_, to = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
-    for into, out in zip(limits[2::2], limits[3::2]):
+    from_, to = np.maximum(begin, intervals[0]), np.minimum(end, intervals[1])
+    for into, out in zip(intervals[2::2], intervals[3::2]):
         at_front = (into <= from_) & (from_ < out)
         at_back = ~at_front & (into < to) & (to <= out)
         from_ = np.where(at_front, np.minimum(out, to), from_)
@@ -144,7 +145,7 @@ def cut_ends_numpy(limits, begin, end, here, there, least):
     counts = (here >= least) & (there >= least) & (from_ < to)
     with np.errstate(over="ignore", invalid="ignore"):
         first, last = (
-            there + (here - there) * ((place - begin) / (end - begin)).astype(np.float32) for place in (from_, to)
+            there + (here - there) * ((position - begin) / (end - begin)).astype(np.float32) for position in (from_, to)
         )
     return np.where(counts, first, there), np.where(counts, last, here)
 
@@ -160,8 +161,8 @@ def splat_scalar_sheets_numpy(
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
     leave = np.minimum(box.columns[1], box.rows[1][:, None]).astype(np.float64)
-    if rays.limits is not None:
-        enter, leave = np.maximum(enter, rays.limits[0]), np.minimum(leave, rays.limits[1])
+    if rays.intervals is not None:
+        enter, leave = np.maximum(enter, rays.intervals[0]), np.minimum(leave, rays.intervals[1])
     numbers = accumulator(len(sheets.begin))
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
@@ -188,23 +189,23 @@ def splat_scalar_sheets_numpy(
             continue
         slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
         deep = slab[1] - slab[0]
-        if rays.limits is not None:
-            deep = deep - within_holes(rays.limits, *slab)
+        if rays.intervals is not None:
+            deep = deep - within_holes(rays.intervals, *slab)
         inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
         in_slab = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet])
         if sign is not None:
-            place = first + sheets.slice_weights[sheet, 1]
-            place = place if sheets.begin[sheet] <= place <= sheets.end[sheet] else -place
-            _gather_numpy(here[..., 0], in_slab, sign, lookup[2], lookup[4], place, (enter, leave), state, half)
+            position = first + sheets.slice_weights[sheet, 1]
+            position = position if sheets.begin[sheet] <= position <= sheets.end[sheet] else -position
+            _gather_numpy(here[..., 0], in_slab, sign, lookup[2], lookup[4], position, (enter, leave), state, half)
             continue
         if sheets.kind[sheet] == OWN:
             sampled, counted, shine = _own_samples(here, lookup)
         else:
             first_value, last_value = there[..., 0], here[..., 0]
-            if rays.limits is not None:
+            if rays.intervals is not None:
                 slab_ends = sheets.begin[sheet], sheets.end[sheet]
                 first_value, last_value = cut_ends_numpy(
-                    rays.limits, *slab_ends, last_value, first_value, lookup[4]
+                    rays.intervals, *slab_ends, last_value, first_value, lookup[4]
                 )
             sampled, counted, shine = _samples_between(here, there, lookup, first_value, last_value)
         if thinning:

@@ -100,10 +100,10 @@ def fade_added_numpy(mist: MistRays, state, ahead, middle) -> None:
     state[..., :3] = ahead[..., :3] + (1.0 - share)[..., None] * added + fog
 
 
-def within_holes(limits, begin, end):
-    """How much of a slab from ``begin`` to ``end``, numbers or (H, W), lies in the holes of ``limits``."""
+def within_holes(intervals, begin, end):
+    """How much of a slab from ``begin`` to ``end``, numbers or (H, W), lies in the holes of ``intervals``."""
     gone = 0.0
-    for enter, leave in zip(limits[2::2], limits[3::2]):
+    for enter, leave in zip(intervals[2::2], intervals[3::2]):
         gone = gone + np.maximum(np.minimum(end, leave) - np.maximum(begin, enter), 0.0)
     return gone
 
@@ -121,7 +121,7 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist
     half[...] = np.inf
     n_slices = tables.pointers.shape[0]
     length = rays.lengths()
-    limits = rays.limits
+    intervals = rays.intervals
     numbers = accumulator(len(sheets.begin))
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
@@ -145,13 +145,13 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist
         samples = along.transpose(1, 0, 2).astype(numbers, copy=False)
         depth = length * np.float32(sheets.thickness[sheet])
         slab = sheets.begin[sheet], sheets.end[sheet]
-        if limits is not None:
+        if intervals is not None:
             thick = sheets.end[sheet] - sheets.begin[sheet]
             begin, end = slab
-            outside = np.maximum(limits[0] - begin, 0.0) + np.maximum(end - limits[1], 0.0)
-            outside += within_holes(limits, begin, end)
+            outside = np.maximum(intervals[0] - begin, 0.0) + np.maximum(end - intervals[1], 0.0)
+            outside += within_holes(intervals, begin, end)
             depth = depth * np.clip(1.0 - outside / thick, 0.0, 1.0).astype(np.float32)
-            slab = np.maximum(begin, limits[0]), np.minimum(end, limits[1])
+            slab = np.maximum(begin, intervals[0]), np.minimum(end, intervals[1])
         absorb = slab_numpy if additive_opacity is None else _opacity
         kept = None if mist is None else state.copy()
         composite_numpy(absorb, samples, depth.astype(numbers, copy=False), least, state, slab, half)

@@ -1,7 +1,7 @@
-"""Any edits of a scene with stages kept, P5: what is kept never outlives what it was made from.
+"""Any edits of a scene with a stage cache, P5: no result outlives what it was made from.
 
-After every edit the picture of a store of results is held against the one of a store without room, bit for bit; where
-one refuses, the other does in the same sentence.  Edits may be undone, and two scenes share parts and the store.
+After every edit the picture from a filled cache is held against the one from a cache without room, bit for bit; where
+one refuses, the other does in the same sentence.  Edits may be undone, and two scenes share parts and the cache.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
-from tests.stability.edits import EDITS, Shot, limited_blur, shots, taken_over
+from tests.stability.edits import EDITS, limited_blur, taken_over
 from tests.stability.effect_strategies import reach_of
 from tests.stability.fuzz import examples
+from tests.stability.shots import Shot, shots
 from tests.stability.strategies import field_of, rotation, stored
 from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 
@@ -35,9 +36,9 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 # which some results must be found again.
 SEARCHES = {
     "post": (20, 5, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
-    "pre": (20, 3, ("blocks", "visible", "looks", "normals", "runs", "records", "shadows")),
-    "refined": (5, 1, ("blocks", "visible", "looks", "normals", "runs", "records")),
-    "pool": (8, 1, ("visible", "looks", "nodes", "node records")),
+    "pre": (20, 3, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
+    "refined": (5, 1, ("blocks", "visible", "properties", "normals", "runs", "records")),
+    "pool": (8, 1, ("visible", "properties", "nodes", "node records")),
 }  # fmt: skip
 EDITS_IN_A_ROW, DRAGGED = 30, 4
 MOST_BYTES = 1 << 26  # more than a search's stages take
@@ -54,7 +55,7 @@ def picture(shot: Shot, cache: StageCache):
 
 
 class Editing:
-    """A scene that is edited, what it was before, and the store of its stages."""
+    """A scene that is edited, what it was before, and its stage cache."""
 
     def __init__(self, shot: Shot):
         self.cache, self.shot, self.before = StageCache(MOST_BYTES), shot, [shot]
@@ -149,10 +150,10 @@ def plenty() -> int:
 
 
 @pytest.mark.parametrize("kind", SEARCHES)
-def test_P5_what_is_kept_never_outlives_what_it_was_made_from(record, kind):
+def test_P5_no_cached_result_outlives_what_it_was_made_from(record, kind):
     REUSED.clear()
     search(kind)
-    claim = f"numbers of pictures with stages kept that are not those of an empty store, {kind}"
+    claim = f"numbers of pictures from a filled stage cache that are not those from an empty one, {kind}"
     record("P5", claim, 0, 0, "either", "whole numbers")
     if compiled():
         assert not [stage for stage in SEARCHES[kind][2] if not REUSED[stage]]
@@ -160,7 +161,7 @@ def test_P5_what_is_kept_never_outlives_what_it_was_made_from(record, kind):
 
 def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
     """A filter with negative lobes is held to the brightest light of any voxel: that of the brightest one kept, which
-    may have been kept for a wider range than is shown, let colours through that a fresh start did not."""
+    may have been kept for a wider range than is shown, let colors through that a fresh start did not."""
     wrong = reused = 0
     for number in (8, 10, 21, 24, 32):
         random = np.random.default_rng(number)

@@ -11,32 +11,33 @@ from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 NO_ROW = -1  # slot of a row whose rays are outside the box in this sheet's slab
 
 
-@inner_loop(forceinline=True)
-def end_in_box(box_columns, box_rows, limits, v, first_pixel, i):
+@inner_loop
+def interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i):
     """Where the ray of pixel ``first_pixel + i`` of row ``v`` begins and ends, along the viewing direction."""
     u = first_pixel + i
     enter, leave = max(box_columns[0, u], box_rows[0, v]), min(box_columns[1, u], box_rows[1, v])
-    if limits is not None:
-        enter, leave = max(enter, limits[0, v, u]), min(leave, limits[1, v, u])
+    if intervals is not None:
+        enter, leave = max(enter, intervals[0, v, u]), min(leave, intervals[1, v, u])
     return enter, leave
 
 
-@inner_loop(forceinline=True)
-def inside_box(box_columns, box_rows, limits, v, first_pixel, count, begin, end, lengths, deep, length_inside):
-    """Shorten the rays of one block to the part of a slab that lies in the box and within the limits."""
+@inner_loop
+def inside_box(box_columns, box_rows, intervals, v, first_pixel, count, begin, end, lengths, deep, length_inside):
+    """Shorten the rays of one block to the part of a slab that lies in the box and within their intervals."""
     length_inside[:] = np.float32(0.0)
     for i in range(count):
-        enter, leave = end_in_box(box_columns, box_rows, limits, v, first_pixel, i)
+        enter, leave = interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i)
         from_, to = max(begin, enter), min(end, leave)
         left = to - from_
-        if limits is not None:
-            for hole in range(2, limits.shape[0], 2):
-                gone = min(to, limits[hole + 1, v, first_pixel + i]) - max(from_, limits[hole, v, first_pixel + i])
+        if intervals is not None:
+            for hole in range(2, intervals.shape[0], 2):
+                into, out = intervals[hole, v, first_pixel + i], intervals[hole + 1, v, first_pixel + i]
+                gone = min(to, out) - max(from_, into)
                 left -= max(gone, 0.0)  # of a hole that has all of it nothing is left, not even a rounding
         length_inside[i] = lengths[deep + i] * np.float32(min(max(left / (end - begin), 0.0), 1.0))
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def block_at(marks, slot, b, planes, blocks, absent):
     """Where block ``b`` of a slot's scanline begins; ``absent`` where it holds nothing."""
     if (marks[slot, b // WORD] >> np.uint64(b % WORD)) & ONE_BIT == NO_BITS:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.effects.analyse import EFFECTS, analyse, called_for
+from rle_splat.effects.analyze import EFFECTS, analyze, called_for
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import compiled
@@ -19,7 +19,7 @@ CLASSIFICATIONS = ("pre", "post")
 SIZE = 32
 Z, Y, X = np.mgrid[:14, :15, :16] - 7.0
 VOLUME = Volume((90.0 - 12.0 * np.sqrt(X**2 + Y**2 + Z**2)).astype(np.float32), np.eye(4))
-LOOK = TransferFunction(
+FUNCTION = TransferFunction(
     opacity=((0.0, 0.0), (40.0, 0.5)), color=((0.0, 0.9, 0.4, 0.2), (90.0, 0.3, 0.6, 0.9)),
     shade=Shade(0.3, 0.6, 0.4, 30.0),
 )  # fmt: skip
@@ -31,13 +31,13 @@ BEHIND = BEFORE + (0.0, 200.0, 0.0)
 def scene_of(**more) -> Scene:
     camera, matrix = turntable(VOLUME, 25.0, 15.0, 1.2, True, 40.0, SIZE, SIZE)
     return Scene(**{
-        "volume": VOLUME, "transfer_function": LOOK, "camera": camera, "width": SIZE, "height": SIZE,
+        "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, **more,
     })  # fmt: skip
 
 
 def unshaded() -> TransferFunction:
-    return replace(LOOK, shade=None)
+    return replace(FUNCTION, shade=None)
 
 
 def near_plane(scene) -> Scene:
@@ -47,7 +47,7 @@ def near_plane(scene) -> Scene:
 
 
 def told(scene, name, classification="post"):
-    effect = analyse(scene, Quality(classification=classification))[name]
+    effect = analyze(scene, Quality(classification=classification))[name]
     return effect.on, effect.reason
 
 
@@ -57,19 +57,19 @@ def told(scene, name, classification="post"):
         ({}, "shading", True, "diffuse 0.6 and ambient 0.3 under a headlight"),
         ({"lights": (SUN, SUN)}, "shading", True, "diffuse 0.6 and ambient 0.3 under 2 light(s) of the scene"),
         ({"headlight": False}, "shading", False, "the scene has no light"),
-        ({"transfer_function": unshaded()}, "shading", False, "the transfer function does not shade"),
-        ({}, "lights", False, "the scene has none"),
+        ({"transfer_function": unshaded()}, "shading", False, "the transfer function has no shading"),
+        ({}, "lights", False, "the scene has no lights"),
         ({"lights": (SUN, SUN, Light(type="POINT"))}, "lights", True, "2 sun, 1 point"),
         ({"lights": (SUN,), "transfer_function": unshaded()}, "lights", False, "nothing is shaded"),
         ({}, "headlight", True, "white and parallel, along the camera's axis"),
-        ({"headlight": False}, "headlight", False, "the scene does not ask for one"),
+        ({"headlight": False}, "headlight", False, "the scene has no headlight"),
         ({"transfer_function": unshaded()}, "headlight", False, "nothing is shaded"),
         ({}, "specular", True, "specular 0.4, shininess 30"),
-        ({"transfer_function": replace(LOOK, shade=Shade(0.3, 0.6, 0.0, 30.0))}, "specular", False, "specular 0"),
+        ({"transfer_function": replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0))}, "specular", False, "specular 0"),
         ({"headlight": False}, "specular", False, "nothing is shaded"),
         ({}, "mesh occlusion", False, "the scene has no meshes"),
-        ({"triangles": BEFORE}, "mesh occlusion", True, "meshes stand in or before the volume"),
-        ({"triangles": BEHIND}, "mesh occlusion", False, "no mesh lies in or before the volume"),
+        ({"triangles": BEFORE}, "mesh occlusion", True, "meshes are in or in front of the volume"),
+        ({"triangles": BEHIND}, "mesh occlusion", False, "no mesh is in or in front of the volume"),
         ({}, "clipping", False, "a clip plane of the camera does not cut the volume"),
     ],
 )  # fmt: skip
@@ -95,7 +95,7 @@ def test_the_report_lists_the_table_in_its_order_and_prices_only_what_is_on():
 def test_a_mesh_that_no_ray_meets_is_found_off_with_what_it_took_to_look():
     aside = BEFORE + (500.0, 0.0, 0.0)
     entry = next(e for e in render(scene_of(triangles=aside)).report["effects"] if e["name"] == "mesh occlusion")
-    assert not entry["on"] and entry["reason"] == "no mesh lies in or before the volume" and entry["ms"] > 0.0
+    assert not entry["on"] and entry["reason"] == "no mesh is in or in front of the volume" and entry["ms"] > 0.0
 
 
 # What has an effect, and what has never heard of it.
@@ -103,7 +103,7 @@ PAIRS = {
     "shading": (scene_of(), scene_of(transfer_function=unshaded())),
     "lights": (scene_of(lights=(SUN,)), scene_of()),
     "headlight": (scene_of(lights=(SUN,)), scene_of(lights=(SUN,), headlight=False)),
-    "specular": (scene_of(), scene_of(transfer_function=replace(LOOK, shade=Shade(0.3, 0.6, 0.0, 30.0)))),
+    "specular": (scene_of(), scene_of(transfer_function=replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0)))),
     "mesh occlusion": (scene_of(triangles=BEFORE), scene_of()),
     "clipping": (near_plane(scene_of()), scene_of()),
 }
@@ -142,10 +142,10 @@ def test_forcing_on_what_the_scene_lacks_takes_a_stated_default():
     assert told(replace(dark, effects={"shading": True}), "shading") == (
         True, "by hand: diffuse 0.75 and ambient 0.25 under a headlight",
     )  # fmt: skip
-    usual = scene_of(transfer_function=replace(LOOK, shade=Shade()))
+    usual = scene_of(transfer_function=replace(FUNCTION, shade=Shade()))
     forced = replace(dark, effects={"shading": True})
     assert np.array_equal(render(forced).rgba.view(np.uint32), render(usual).rgba.view(np.uint32))
-    matt = scene_of(transfer_function=replace(LOOK, shade=Shade(0.3, 0.6, 0.0, 30.0)), effects={"specular": True})
+    matt = scene_of(transfer_function=replace(FUNCTION, shade=Shade(0.3, 0.6, 0.0, 30.0)), effects={"specular": True})
     assert told(matt, "specular") == (True, "by hand: specular 0.2, shininess 30")
     assert told(scene_of(effects={"clipping": True}), "clipping")[0]
 
@@ -154,7 +154,7 @@ def test_forcing_on_what_the_scene_lacks_takes_a_stated_default():
     ("more", "sentence"),
     [
         ({"effects": {"mesh occlusion": True}}, "mesh occlusion is turned on by hand, but the scene has no meshes"),
-        ({"effects": {"lights": True}}, "lights is turned on by hand, but the scene has none"),
+        ({"effects": {"lights": True}}, "lights is turned on by hand, but the scene has no lights"),
         ({"effects": {"glitter": True}}, "There is no effect called 'glitter'; choose mode, gradient opacity"),
         ({"effects": {"shading": False, "specular": True}}, "specular is turned on by hand, but nothing is shaded"),
     ],
@@ -168,13 +168,13 @@ def test_what_the_scene_was_made_without_has_the_reason_that_it_was_given():
     reasons = {"motion blur": "the camera depends on a driver", "shading": "never said of what is on"}
     given, plain = scene_of(reasons_off=reasons), scene_of()
     for quality in (Quality(), Quality.preset("fine", classification="post")):
-        effects = analyse(given, quality)
+        effects = analyze(given, quality)
         assert (effects["motion blur"].on, effects["motion blur"].reason) == (False, reasons["motion blur"])
-        assert effects["shading"] == analyse(plain, quality)["shading"] and effects["shading"].on
+        assert effects["shading"] == analyze(plain, quality)["shading"] and effects["shading"].on
         found, still = render(given, quality), render(plain, quality)
         assert np.array_equal(found.rgba, still.rgba) and found.report["rays"] == still.report["rays"]
     with pytest.raises(RleSplatError, match="motion blur is turned on by hand, but the camera depends on a driver"):
-        analyse(replace(given, effects={"motion blur": True}), Quality())
+        analyze(replace(given, effects={"motion blur": True}), Quality())
 
 
 def test_effects_are_forced_by_true_or_false_alone():
@@ -184,10 +184,10 @@ def test_effects_are_forced_by_true_or_false_alone():
 
 def test_what_is_left_has_lost_what_is_off_and_is_left_alone_the_second_time():
     scene = scene_of(lights=(SUN,), triangles=BEHIND, transfer_function=unshaded())
-    left = called_for(scene, analyse(scene, Quality()))
+    left = called_for(scene, analyze(scene, Quality()))
     assert left.lights == () and left.triangles is None and not left.headlight
-    again = called_for(left, analyse(left, Quality()))
-    assert analyse(again, Quality()).on == analyse(scene, Quality()).on == ()
+    again = called_for(left, analyze(left, Quality()))
+    assert analyze(again, Quality()).on == analyze(scene, Quality()).on == ()
 
 
 def test_a_rle_file_says_that_its_light_is_baked():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color
+from rle_splat.classify.lookup_table import MOST, lookup_table
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.classify.value_table import MOST, value_table
 from rle_splat.volume.volume import Volume
 
 DISTANCE = 2.5
@@ -35,7 +35,7 @@ def true(tf, volume, values):
     return np.concatenate((sigma[:, None] * color, sigma[:, None]), axis=1)
 
 
-LOOKS = {
+CURVES = {
     "ramps": ((20, 0.0), (50, 0.6), (90, 0.1), (120, 0.0)),
     "steps on numbers": ((30, 0.0), (30, 0.5), (60, 0.5), (60, 0.1), (61, 0.1), (61, 0.0)),
     "steps between numbers": ((30.5, 0.0), (30.5, 0.5), (60.2, 0.5), (60.2, 0.0)),
@@ -48,36 +48,36 @@ LOOKS = {
 }
 
 
-@pytest.mark.parametrize("look", LOOKS)
+@pytest.mark.parametrize("curve", CURVES)
 @pytest.mark.parametrize("dtype", (np.uint8, np.int8, np.uint16, np.int16, np.float32))
-def test_whole_numbers_get_what_the_function_says(dtype, look):
+def test_whole_numbers_get_what_the_function_says(dtype, curve):
     """Exactly, to float32; and the same from a little beside, so that rounding never chooses another."""
     whole = np.dtype(dtype).kind != "f"
     values = np.arange(-128, 256) if np.dtype(dtype).kind != "u" else np.arange(0, 256)
     values = values[values < 128] if dtype == np.int8 else values
     for slope, intercept in ((1.0, 0.0), (-1.0, 3.0), (0.5, -20.0)):
         grid = volume(dtype, slope, intercept)
-        points = [(grid.physical(value), alpha) for value, alpha in LOOKS[look]]
+        points = [(grid.physical(value), alpha) for value, alpha in CURVES[curve]]
         tf = function(*(points if slope > 0.0 else points[::-1]))
-        table = value_table(grid, tf, (values[0], values[-1]), DISTANCE)
+        table = lookup_table(grid, tf, (values[0], values[-1]), DISTANCE)
         right = true(tf, grid, values)
         if whole:
             little = min(1e-4, 0.4 / table.rate)
             for aside in (0.0, little, -little):
                 np.testing.assert_allclose(looked_up(table, values + aside), right, rtol=2e-6, atol=1e-12)
         else:
-            off = np.abs(looked_up(table, values) - right)[~np.isin(values, [v for v, _ in LOOKS[look]])]
+            off = np.abs(looked_up(table, values) - right)[~np.isin(values, [v for v, _ in CURVES[curve]])]
             assert off.max() < 0.02
         assert table.entries.dtype == np.float32 and len(table.entries) <= MOST + 2
         assert not table.entries[-1].any() and np.isfinite(table.entries).all()
 
 
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
-@pytest.mark.parametrize("look", ("ramps", "narrow", "opaque", "low end"))
-def test_between_numbers_too(look, dtype):
+@pytest.mark.parametrize("curve", ("ramps", "narrow", "opaque", "low end"))
+def test_between_numbers_too(curve, dtype):
     """From one entry to the next opacity changes by a 1/500 at most, so the nearest is off by half of that."""
-    grid, tf = volume(dtype), function(*LOOKS[look], color=((0, 1, 1, 1),))
-    table = value_table(grid, tf, (0, 255), DISTANCE)
+    grid, tf = volume(dtype), function(*CURVES[curve], color=((0, 1, 1, 1),))
+    table = lookup_table(grid, tf, (0, 255), DISTANCE)
     values = np.random.default_rng(1).uniform(0.0, 255.0, 20000)
     alpha, right = (-np.expm1(-DISTANCE * found[:, 3]) for found in (looked_up(table, values), true(tf, grid, values)))
     assert np.abs(alpha - right).max() < 1.1e-3
@@ -90,11 +90,11 @@ def test_no_whole_number_lies_where_two_entries_meet(dtype):
     for span in (1, 2, 3, 255, 1000, 1025, 4096, 20001, 65535):
         for entries in (0, 100, 1024, 5000):
             first = 0 if dtype == np.uint16 else -32768
-            table = value_table(volume(dtype), function((first, 0.3),), (first, first + span), DISTANCE, entries)
-            places = (np.arange(first, first + span + 1) - table.origin) * table.rate
-            beside = np.abs(places - np.rint(places))
+            table = lookup_table(volume(dtype), function((first, 0.3),), (first, first + span), DISTANCE, entries)
+            positions = (np.arange(first, first + span + 1) - table.origin) * table.rate
+            beside = np.abs(positions - np.rint(positions))
             assert beside.min() > 0.49 * min(table.rate, 1.0)
-            assert (places >= 0.0).all() and (places < len(table.entries) - 1).all()
+            assert (positions >= 0.0).all() and (positions < len(table.entries) - 1).all()
 
 
 def test_a_step_of_whole_numbers_is_where_it_is():
@@ -103,7 +103,7 @@ def test_a_step_of_whole_numbers_is_where_it_is():
     for dtype, last in ((np.uint8, 255), (np.int16, 1023), (np.uint16, 1023)):
         for step in (1.0, 77.0, 100.5, 254.99, 255.0):
             tf = function((step, 0.0), (step, 0.5), color=((0, 1, 1, 1),))
-            table = value_table(volume(dtype), tf, (0, last), DISTANCE)
+            table = lookup_table(volume(dtype), tf, (0, last), DISTANCE)
             before, on = np.ceil(step) - 1, np.ceil(step)
             little = min(1e-4, 0.4 / table.rate)
             found = looked_up(table, [at + aside for at in (before, on) for aside in (-little, 0.0, little)])[:, 3]
@@ -118,7 +118,7 @@ def test_it_converges_with_its_size(dtype):
     values = np.random.default_rng(2).uniform(0.0, 60000.0, 20000)
     right, errors = true(tf, grid, values), []
     for entries in (50, 100, 200, 400, 800):
-        table = value_table(grid, tf, (0, 60000), DISTANCE, entries)
+        table = lookup_table(grid, tf, (0, 60000), DISTANCE, entries)
         assert 0.8 * entries < len(table.entries) < 1.3 * entries
         errors.append(np.sqrt(((looked_up(table, values) - right) ** 2).mean()))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -127,9 +127,9 @@ def test_it_converges_with_its_size(dtype):
 
 def test_nothing_is_shown_where_the_function_shows_nothing():
     """Below, above and between what is shown, and what stands for voxels that are not kept."""
-    tf = function(*LOOKS["far apart"])
+    tf = function(*CURVES["far apart"])
     for dtype in (np.int16, np.float32):
-        table = value_table(volume(dtype), tf, (-200.0, 200.0), DISTANCE)
+        table = lookup_table(volume(dtype), tf, (-200.0, 200.0), DISTANCE)
         values = np.concatenate(([-1e9, -3e38, 1e30, 3e38], np.linspace(-200, -100.5), np.linspace(-79.5, 79.5),
                                  np.linspace(100.5, 200)))  # fmt: skip
         assert not looked_up(table, values).any()
@@ -140,8 +140,8 @@ def test_nothing_is_shown_where_the_function_shows_nothing():
 def test_what_is_not_kept_is_transparent_whatever_is_shown(dtype):
     """The number that stands for voxels which are not kept, and any share of it, is below all that is shown, also where
     the function shows all values down to minus infinity."""
-    for points in (LOOKS["low end"], LOOKS["constant"]):
-        table = value_table(volume(dtype), function(*points), (0.0, 200.0), DISTANCE)
+    for points in (CURVES["low end"], CURVES["constant"]):
+        table = lookup_table(volume(dtype), function(*points), (0.0, 200.0), DISTANCE)
         missing = -3e38 * 2.0 ** -np.arange(0.0, 25.0)
         assert (missing < table.low).all()
         assert not looked_up(table, missing).any() and looked_up(table, (0.0, 10.0))[:, 3].all()
@@ -151,27 +151,27 @@ def test_ranges_of_one_value_and_of_none():
     """V11: nothing is divided by a width of zero."""
     for dtype in (np.uint8, np.float32, np.float64):
         for value in (0.0, 37.0, 100.0):
-            for look in ("ramps", "constant", "steps on numbers"):
-                grid, tf = volume(dtype), function(*LOOKS[look])
+            for curve in ("ramps", "constant", "steps on numbers"):
+                grid, tf = volume(dtype), function(*CURVES[curve])
                 with np.errstate(all="raise"):
-                    table = value_table(grid, tf, (value, value), DISTANCE)
+                    table = lookup_table(grid, tf, (value, value), DISTANCE)
                 np.testing.assert_allclose(looked_up(table, [value]), true(tf, grid, [value]), rtol=2e-6)
-        hidden = value_table(volume(dtype), function((500, 0.0), (600, 0.5)), (0.0, 100.0), DISTANCE)
+        hidden = lookup_table(volume(dtype), function((500, 0.0), (600, 0.5)), (0.0, 100.0), DISTANCE)
         assert not hidden.entries.any() and hidden.most_color == 0.0
         assert not looked_up(hidden, np.linspace(-1e3, 1e3)).any()
 
 
-def test_opaque_matter_is_capped_and_distances_count():
+def test_an_opaque_medium_is_capped_and_distances_count():
     grid, tf = volume(), function((0, 0.0), (100, 1.0), color=((0, 1, 1, 1),))
-    near, far = (value_table(grid, tf, (0, 200), distance) for distance in (0.5, 5.0))
+    near, far = (lookup_table(grid, tf, (0, 200), distance) for distance in (0.5, 5.0))
     assert near.entries[:, 3].max() == pytest.approx(TAU_CAP / 0.5, rel=1e-6)
     np.testing.assert_allclose(near.entries, 10.0 * far.entries, rtol=1e-6)
 
 
-def test_the_brightest_colour_is_of_what_is_shown():
+def test_the_brightest_color_is_of_what_is_shown():
     color = ((0, 9.0, 9.0, 9.0), (50, 0.2, 0.5, 0.1), (100, 0.1, 0.1, 0.8), (200, 7.0, 7.0, 7.0))
     for dtype in (np.uint8, np.float32):
-        table = value_table(volume(dtype), function((50, 0.0), (60, 0.5), (100, 0.0), color=color), (0, 255), DISTANCE)
+        table = lookup_table(volume(dtype), function((50, 0.0), (60, 0.5), (100, 0.0), color=color), (0, 255), DISTANCE)
         assert table.most_color == pytest.approx(0.8, abs=0.02)
         seen = table.entries[:, 3] > 0.0
         assert (table.entries[seen, :3].max(axis=1) <= table.most_color * table.entries[seen, 3] * (1 + 1e-6)).all()

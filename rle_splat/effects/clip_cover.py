@@ -1,4 +1,4 @@
-"""What clip objects leave of each voxel, for the shadows that it casts: what is cut away casts none."""
+"""The share of each voxel that clip objects keep, for shadows: what is cut away casts none."""
 
 from __future__ import annotations
 
@@ -11,9 +11,19 @@ AT_ONCE = 1 << 20  # voxels looked at together
 
 
 def cover(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix) -> np.ndarray:
-    """(m,) float32 how much of each voxel every clip keeps, 0 to 1: a cut within half a voxel of it leaves a part.
+    """The share of each voxel that all clip objects keep.
 
-    ``matrix``: (4, 4) index to world.
+    Parameters
+    ----------
+    clips : tuple of Clip
+    voxels : VisibleVoxels
+    matrix : (4, 4) ndarray of float64
+        Voxel index (x, y, z) to world.
+
+    Returns
+    -------
+    (m,) ndarray of float32
+        0 to 1; between them where a cut is within half a voxel of the voxel center.
     """
     ny, left = voxels.shape_xyz[1], np.ones(len(voxels), np.float32)
     for first in range(0, len(voxels), AT_ONCE):

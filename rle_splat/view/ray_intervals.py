@@ -35,7 +35,7 @@ def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, 
     return float(depths.min()), float(depths.max())
 
 
-def ray_limits(
+def ray_intervals(
     plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0), *,
     backend: str = "auto", threads: int = 0,
 ) -> np.ndarray:
@@ -60,24 +60,24 @@ def ray_limits(
         Begin and end of each ray, voxels along the viewing direction.
     """
     columns, rows = _along_and_across(plane)
-    limits = np.empty((2, plane.height, plane.width), np.float32)
+    intervals = np.empty((2, plane.height, plane.width), np.float32)
     if layer is not None:
         layer = read_only(np.ascontiguousarray(layer, np.float32))
     if compiled(backend):
         picture = plane.view.width - 1.0, plane.view.height - 1.0
-        arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, limits)
+        arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, intervals)
         with parallel_call(threads):
-            limit_rays(plane.height, arguments)
-        return limits
+            find_intervals(plane.height, arguments)
+        return intervals
     at_zero, per_voxel = (columns[n] + rows[n][:, None] for n in (3, 4))
     end = np.full(at_zero.shape, furthest)
     if layer is not None:
         end = np.minimum(end, _sampled(layer, first_pixel, *_picture_positions(plane, columns, rows)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        limits[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
+        intervals[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
     sideways = ~(per_voxel > 0.0)  # never visible: the ray runs across or against the camera's axis
-    limits[0][sideways], limits[1][sideways] = -MOST, MOST
-    return limits
+    intervals[0][sideways], intervals[1][sideways] = -MOST, MOST
+    return intervals
 
 
 def _along_and_across(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
@@ -101,22 +101,22 @@ def _along_and_across(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
 
 
 @kernel
-def limit_rays(height, arguments):
-    """Kernel of ``ray_limits`` for rows [0, ``height``); ``arguments``: of ``_limit_rows``."""
-    share_out(_limit_rows, height, arguments)
+def find_intervals(height, arguments):
+    """Kernel of ``ray_intervals`` for rows [0, ``height``); ``arguments``: of ``_interval_rows``."""
+    share_out(_interval_rows, height, arguments)
 
 
 @inner_loop
-def _limit_rows(
-    begin, end, columns, rows, nearest, furthest, layer, left, top, last_column, last_row, limits
+def _interval_rows(
+    begin, end, columns, rows, nearest, furthest, layer, left, top, last_column, last_row, intervals
 ):
-    """Ray intervals of rows [begin, end), to ``limits`` (2, H, W).
+    """Ray intervals of rows [begin, end), to ``intervals`` (2, H, W).
 
     ``columns``, ``rows``: of ``_along_and_across``. ``layer``: (h, w) float32 or None, whose first pixel is at column
     ``left`` and row ``top`` of a picture with the last column ``last_column`` and the last row ``last_row``.
     """
     for v in range(begin, end):
-        for u in range(limits.shape[2]):
+        for u in range(intervals.shape[2]):
             at_zero, per_voxel = columns[3, u] + rows[3, v], columns[4, u] + rows[4, v]
             stop = furthest
             if layer is not None:
@@ -128,16 +128,16 @@ def _limit_rows(
             if per_voxel > 0.0:
                 first = min(max((nearest - at_zero) / per_voxel, -MOST), MOST)
                 last = min(max((stop - at_zero) / per_voxel, -MOST), MOST)
-            limits[0, v, u], limits[1, v, u] = first, last
+            intervals[0, v, u], intervals[1, v, u] = first, last
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _within(position, last):
     """Coordinate of the picture from the center of its first pixel, clamped to its sides; 0 for NaN."""
     return 0.0 if position != position else min(max(position - 0.5, 0.0), last)
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def _sample(layer, left, top, column, row):
     """Kernel of ``_sampled``, for one position."""
     c, r = int(column), int(row)
@@ -151,15 +151,15 @@ def _sample(layer, left, top, column, row):
     return np.float64(layer[int(row + 0.5) - top, int(column + 0.5) - left])
 
 
-def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) -> np.ndarray:
+def within_box(plane: BasePlane, shape_xyz, intervals: np.ndarray | None = None) -> np.ndarray:
     """Ray intervals inside the box of the voxel centers.
 
     Parameters
     ----------
     plane : BasePlane
     shape_xyz : (nx, ny, nz)
-    limits : (2, H, W) ndarray of float32 or None
-        Ray intervals, changed in place; None for unlimited rays.
+    intervals : (2, H, W) ndarray of float32 or None
+        Ray intervals, changed in place; None for whole rays.
 
     Returns
     -------
@@ -167,19 +167,19 @@ def within_box(plane: BasePlane, shape_xyz, limits: np.ndarray | None = None) ->
         Begin and end of each ray, voxels along the viewing direction.
     """
     ends = np.sort((0.0, plane.sign * (shape_xyz[plane.axis] - 1.0)))
-    if limits is None:
-        limits = np.empty((2, plane.height, plane.width), np.float32)
-        limits[0], limits[1] = ends
-    np.clip(limits, *ends, out=limits)
-    columns, rows = box_limits(plane, shape_xyz)
+    if intervals is None:
+        intervals = np.empty((2, plane.height, plane.width), np.float32)
+        intervals[0], intervals[1] = ends
+    np.clip(intervals, *ends, out=intervals)
+    columns, rows = box_intervals(plane, shape_xyz)
     for sides in (columns[:, None, :], rows[:, :, None]):
-        np.maximum(limits[0], sides[0], out=limits[0])
-        np.minimum(limits[1], sides[1], out=limits[1])
-    return limits
+        np.maximum(intervals[0], sides[0], out=intervals[0])
+        np.minimum(intervals[1], sides[1], out=intervals[1])
+    return intervals
 
 
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom) of the picture's pixels at which ``ray_limits`` reads a layer for this plane."""
+    """(left, top, right, bottom) of the picture's pixels at which ``ray_intervals`` reads a layer for this plane."""
     column, row = _picture_positions(plane, *_along_and_across(plane))
     return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
 
@@ -214,7 +214,7 @@ def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
     return np.where(smooth, linear, nearest)
 
 
-def box_limits(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
+def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     """Ray intervals inside the box of the voxel centers, by column and by row.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What is kept between frames: content keys, eviction by bytes, and jobs that are all or nothing."""
+"""The stage cache: content keys, eviction by bytes, and jobs that are all or nothing."""
 
 import pytest
 

@@ -21,15 +21,15 @@ NONE, SOME, NO_MORE = range(3)
 
 
 @inner_loop
-def bound_blocks(limits, top_row, rows, bounds):
+def bound_blocks(intervals, top_row, rows, bounds):
     """Bound the ray intervals of each block of each row of a band, and of the whole band, which is the last row.
 
-    ``limits``: (2 + 2 holes, H, W), of ``arguments.Rays``; None for no limits, and nothing is written.
+    ``intervals``: (2 + 2 holes, H, W), of ``arguments.Rays``; None for whole rays, and nothing is written.
     Out: ``bounds`` (BAND + 1, 6, blocks) float32, voxels along the viewing direction, by the numbers above.
     """
-    if limits is None:
+    if intervals is None:
         return
-    width = limits.shape[2]
+    width = intervals.shape[2]
     for b in range(bounds.shape[2]):
         pixels = range(b * BLOCK, min(b * BLOCK + BLOCK, width))
         band_first, band_last = MOST, -MOST
@@ -37,34 +37,34 @@ def bound_blocks(limits, top_row, rows, bounds):
             v = top_row + r
             first, last, all_begun, none_ended = MOST, -MOST, -MOST, MOST
             for u in pixels:
-                begin, end = limits[0, v, u], limits[1, v, u]
+                begin, end = intervals[0, v, u], intervals[1, v, u]
                 if begin < end:
                     first, last = min(first, begin), max(last, end)
                 all_begun, none_ended = max(all_begun, begin), min(none_ended, end)
             hole, hole_end = MOST, -MOST
-            for number in range(2, limits.shape[0], 2):
+            for number in range(2, intervals.shape[0], 2):
                 for u in pixels:
-                    if limits[number, v, u] < limits[number + 1, v, u]:
-                        hole, hole_end = min(hole, limits[number, v, u]), max(hole_end, limits[number + 1, v, u])
+                    if intervals[number, v, u] < intervals[number + 1, v, u]:
+                        hole, hole_end = min(hole, intervals[number, v, u]), max(hole_end, intervals[number + 1, v, u])
             bounds[r, FIRST, b], bounds[r, LAST, b] = first, last
             bounds[r, ALL_BEGUN, b], bounds[r, NONE_ENDED, b] = all_begun, none_ended
             bounds[r, HOLE, b], bounds[r, HOLE_END, b] = hole, hole_end
             band_first, band_last = min(band_first, first), max(band_last, last)
         bounds[BAND, FIRST, b], bounds[BAND, LAST, b] = band_first, band_last
         bounds[BAND, HOLE, b], bounds[BAND, HOLE_END, b] = MOST, -MOST
-        for number in range(2, limits.shape[0], 2):
+        for number in range(2, intervals.shape[0], 2):
             hole, hole_end = -MOST, MOST
             for v in range(top_row, top_row + rows):
                 for u in pixels:
-                    if limits[0, v, u] < limits[1, v, u]:
-                        hole, hole_end = max(hole, limits[number, v, u]), min(hole_end, limits[number + 1, v, u])
+                    if intervals[0, v, u] < intervals[1, v, u]:
+                        hole, hole_end = max(hole, intervals[number, v, u]), min(hole_end, intervals[number + 1, v, u])
             if hole_end - hole > bounds[BAND, HOLE_END, b] - bounds[BAND, HOLE, b]:
                 bounds[BAND, HOLE, b], bounds[BAND, HOLE_END, b] = hole, hole_end
 
 
 @inner_loop
 def reached_blocks(bounds, begin, far, alive, reached):
-    """The blocks of a band with a ray within its limits somewhere between ``begin`` and ``far``.
+    """The blocks of a band with a ray within its interval somewhere between ``begin`` and ``far``.
 
     ``bounds``: of ``bound_blocks``.  ``alive``: (words,) a bit for each block that is not opaque yet.  Out:
     ``reached``, likewise, those of them that are reached.  Returns NONE or SOME, or NO_MORE where no block ever will.
@@ -84,31 +84,31 @@ def reached_blocks(bounds, begin, far, alive, reached):
     return found
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def is_outside(bounds, r, b, begin, end):
-    """Whether no ray of a block of a row is within its limits anywhere in a slab."""
+    """Whether no ray of a block of a row is within its interval anywhere in a slab."""
     return end <= bounds[r, FIRST, b] or begin >= bounds[r, LAST, b]
 
 
-@inner_loop(forceinline=True)
+@inner_loop
 def is_shortened(bounds, r, b, begin, end):
-    """Whether any ray of a block of a row is outside its limits somewhere in a slab."""
+    """Whether any ray of a block of a row is outside its interval somewhere in a slab."""
     inside = begin >= bounds[r, ALL_BEGUN, b] and end <= bounds[r, NONE_ENDED, b]
     return not inside or (bounds[r, HOLE, b] < end and bounds[r, HOLE_END, b] > begin)
 
 
-@inner_loop(forceinline=True)
-def count_live(limits, live, bounds, r, b, end, state, at, least, v, first_pixel, count):
+@inner_loop
+def count_live(intervals, live, bounds, r, b, end, state, at, least, v, first_pixel, count):
     """How many pixels of a block go on behind a slab: those that are not opaque and whose ray has not ended.
 
     ``live``: how many are not opaque.  ``state[at:]``: the block; ``least``: transmittance at which a pixel is opaque.
-    ``end``: of the slab.  ``limits``, ``bounds``: see ``bound_blocks``.
+    ``end``: of the slab.  ``intervals``, ``bounds``: see ``bound_blocks``.
     """
-    if limits is None:
+    if intervals is None:
         return live
     if bounds[r, NONE_ENDED, b] > end:
         return live
     live = 0
     for i in range(count):
-        live += state[at + TRANSMITTANCE + i] >= least and limits[1, v, first_pixel + i] > end
+        live += state[at + TRANSMITTANCE + i] >= least and intervals[1, v, first_pixel + i] > end
     return live

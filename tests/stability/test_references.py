@@ -1,7 +1,7 @@
-"""Kernels and their numpy twins, K1 to K7: what once set them apart, and what may.
+"""Kernels and their reference implementations, K1 to K7: what once set them apart, and what may.
 
-The searches of scenes compare both ray by ray (``twins.Splat.judged``); each reason that they gave for a ray that is
-not the same has a case here, where it is either gone or held to what it can do, against a closed form.
+The searches of scenes compare both ray by ray (``references.Splat.differences``); each cause that they found of a ray
+that differs has a case here, where it is either gone or held to what it can do, against a closed form.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from rle_splat.runtime.jit import compiled
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
 from rle_splat.volume.volume import Volume
-from tests.stability.scenes import BACKENDS, EXACT, from_above, matter, sheets, turned, unlike
+from tests.stability.references import NUDGE, STEPS, Splat, by_stages, tables_apart
+from tests.stability.scenes import BACKENDS, EXACT, from_above, sheets, transfer, turned, unlike
 from tests.stability.strategies import smooth_field
-from tests.stability.twins import NUDGE, STEPS, Splat, by_stages, tables_apart
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="kernels are what is compared")
 VALUE_IS_OPACITY = ((0.0, 0.0), (1.0, 1.0))
@@ -42,7 +42,7 @@ def finer(scene, times: int):
     return replace(scene, width=times * scene.width, height=times * scene.height)
 
 
-def places(splat) -> tuple[np.ndarray, np.ndarray]:
+def positions(splat) -> tuple[np.ndarray, np.ndarray]:
     """Where the sheet pixels of parallel rays down z lie among columns and rows of voxels."""
     plane = splat.given["plane"]
     sizes = plane.width, plane.height
@@ -58,22 +58,24 @@ def moved(splat, along: float) -> Splat:
 
 @pytest.mark.parametrize("kernel", ("nearest", "gaussian"))
 def test_K1_rays_on_the_step_where_a_footprint_ends(record, width, kernel):
-    """Where a box ends, halfway between two voxels, or a Gaussian is cut, kernels and twin took different sides, as one
-    divided and the other multiplied by an inverse: now both reckon the place of a ray by the same rounded steps."""
+    """Where a box ends, halfway between two voxels, or a Gaussian is cut, kernels and reference implementation took
+    different sides, as one divided and the other multiplied by an inverse: now both compute the position of a ray by
+    the same rounded steps."""
     opacities = np.random.default_rng(1).uniform(0.05, 0.9, (3, 8, 9))
     on_steps = 0
     for times in FINER:
-        scene = finer(from_above(opacities, matter(VALUE_IS_OPACITY)), times)
+        scene = finer(from_above(opacities, transfer(VALUE_IS_OPACITY)), times)
         splat = splat_of(scene, kernel=kernel, sheet_density=1.0)
         steps = 0.5 if kernel == "nearest" else 0.0
-        x, y = places(splat)
-        on_steps += sum(int((abs((place + steps + 0.5) % 1.0 - 0.5) < 1e-12).sum()) for place in (x, y))
-        told = splat.judged()
+        x, y = positions(splat)
+        on_steps += sum(int((abs((position + steps + 0.5) % 1.0 - 0.5) < 1e-12).sum()) for position in (x, y))
+        told = splat.differences()
         unlike = told.ends + told.edges + told.odd
-        record("K1", f"rays that kernels and twin have on other sides of a step, {kernel}", unlike, 0, width)
+        claim = f"rays on different sides of a step in kernels and reference implementation, {kernel}"
+        record("K1", claim, unlike, 0, width)
         if kernel != "nearest":
             continue
-        depth = np.pad(-np.log1p(-opacities).sum(axis=0), 1)  # no matter around
+        depth = np.pad(-np.log1p(-opacities).sum(axis=0), 1)  # nothing around
         row, column = (np.clip(np.floor(p + 0.5).astype(int) + 1, 0, n + 1) for p, n in ((y, 8), (x, 9)))
         off = abs(splat.image.pixels[..., 3] - np.exp(-depth[np.ix_(row, column)])).max()
         record("K1", "error of the transmittance of the voxel that a ray is in", off, 5e-7, width)
@@ -95,7 +97,7 @@ def coded(numbers, channel: int, size: int, backend: str = "numba"):
 
 @pytest.mark.parametrize("size", STEPS)
 def test_K2_a_number_on_the_middle_between_two_codes(record, size):
-    """Two numbers a rounding apart may have different codes, of which there is no getting rid: neighbours at least, and
+    """Two numbers a rounding apart may have different codes, of which there is no getting rid: neighbors at least, and
     the same number has the same code from both.  The middles are found by halving, from the codes alone."""
     for channel, step in zip((0, 3), STEPS[size], strict=True):
         low = np.random.default_rng(size).uniform(0.1, 0.9, CODED).astype(np.float32).view(np.int32)
@@ -109,7 +111,7 @@ def test_K2_a_number_on_the_middle_between_two_codes(record, size):
         jump = 0.0
         for side in (low, high):
             one, two = (coded(side.view(np.float32), channel, size, backend)[0] for backend in BACKENDS)
-            claim = "codes of one number that differ between kernels and twin"
+            claim = "codes of one number that differ between kernels and reference implementation"
             record("K2", claim, unlike(one, two), 0, "either", WHOLE)
             jump = coded(side.view(np.float32), channel, size)[1] - jump
         jump = jump / (1.0 if channel == 0 else high.view(np.float32))
@@ -120,11 +122,12 @@ def test_K2_a_number_on_the_middle_between_two_codes(record, size):
 @pytest.mark.parametrize("size", STEPS)
 def test_K2_lit_records_are_a_code_apart_at_most(record, size):
     volume = Volume(smooth_field((24, 24, 24), np.random.default_rng(2)), np.eye(4))
-    scene = replace(turned(volume, matter(VALUE_IS_OPACITY, shade=Shade())), headlight=True)
+    scene = replace(turned(volume, transfer(VALUE_IS_OPACITY, shade=Shade())), headlight=True)
     plan = Quality(classification="pre", record=size)
     one, two = (splat_of(scene, plan, backend=backend).given["encoded"] for backend in BACKENDS)
     unlike_tables, _ = tables_apart(one, two)
-    record("K2", "tables of lit matter that differ between kernels and twin", unlike_tables, 0, "either", WHOLE)
+    claim = "tables of lit media that differ between kernels and reference implementation"
+    record("K2", claim, unlike_tables, 0, "either", WHOLE)
     (ours, theirs), (of_color, of_density) = (one.decoded(), two.decoded()), STEPS[size]
     kept = ours[:, 3] > 0.0
     assert (kept == (theirs[:, 3] > 0.0)).all()
@@ -133,25 +136,25 @@ def test_K2_lit_records_are_a_code_apart_at_most(record, size):
     record("K2", f"densities of lit records apart, in steps of a code, {size} bytes", off.max(), 1.01, "either", CODES)
     shares = [each[:, :3] / each[:, 3:] for each in (ours, theirs)]
     off = abs(shares[0] - shares[1]).max() / (of_color * one.most_color)
-    record("K2", f"colours of lit records apart, in steps of a code, {size} bytes", off, 1.01, "either", CODES)
+    record("K2", f"colors of lit records apart, in steps of a code, {size} bytes", off, 1.01, "either", CODES)
 
 
 def test_K3_a_ray_that_ends_a_sheet_sooner(record):
     """Behind four sheets transmittances are a rounding apart, and rays end at the larger of the two: one goes on."""
     alphas, ended = np.linspace(0.2, 0.6, 64), 0
     front = np.tile(alphas, (4, 2, 1))
-    scene = from_above(np.concatenate((np.full((3, 2, 64), 0.5), front)), matter(VALUE_IS_OPACITY))
-    behind = [sheets(from_above(front, matter(VALUE_IS_OPACITY)), backend)[0, :, 3] for backend in BACKENDS]
+    scene = from_above(np.concatenate((np.full((3, 2, 64), 0.5), front)), transfer(VALUE_IS_OPACITY))
+    behind = [sheets(from_above(front, transfer(VALUE_IS_OPACITY)), backend)[0, :, 3] for backend in BACKENDS]
     apart = np.flatnonzero(behind[0] != behind[1])[:5]
     exact = 1.0 - (1.0 - alphas) ** 4 * 0.5**3
     for n in apart:
         least = float(max(pixel[n] for pixel in behind))
         splat = splat_of(scene, termination=least)
-        told = splat.judged()
+        told = splat.differences()
         ended += told.ends
         claim = "rays that one of the two ended sooner, beyond what the plan's termination allows"
         record("K3", claim, told.odd, 0, "float32", HALF)
-        for image in (splat.image.pixels, splat.by_twin()):
+        for image in (splat.image.pixels, splat.by_reference()):
             u, v = (-o for o in splat.given["plane"].origin)
             off = (exact[n] - image[v, u + n, :3]).max() / least
             record("K3", "error of either, in units of T_min", off, 1.0 + 1e-4, "float32", HALF)
@@ -162,24 +165,24 @@ BEYOND = (0.0, 1e-9, 1e-8, 3e-8, 1e-7, 3e-7, 1e-6)  # voxels
 
 
 @pytest.mark.parametrize("dense", (1.0, 1e6, 1e14))
-def test_K4_a_ray_that_touches_the_end_of_matter_dense_beyond_measure(record, width, dense):
+def test_K4_a_ray_that_touches_the_end_of_a_medium_dense_beyond_measure(record, width, dense):
     """Of the last ten-millionth of a voxel a ray may see all or nothing: shares of voxels are float32.  Either is what
     a ray sees that is moved by 2^-22 of a voxel."""
-    function = matter(((0.0, 1.0),), distance=1.0 / dense)
+    function = transfer(((0.0, 1.0),), distance=1.0 / dense)
     splat, seen = splat_of(finer(from_above(np.ones((3, 5, 6)), function), 7), sheet_density=1.0), 0
     for beyond in (*BEYOND, *(-b for b in BEYOND)):
         for end in (0.0, 1.0 / 7.0):  # sheet pixels lie at sevenths of a voxel
             ray = moved(splat, end + beyond)
-            told, (x, y) = ray.judged(), places(ray)
+            told, (x, y) = ray.differences(), positions(ray)
             seen += told.edges
-            claim = "rays at the end of dense matter that the twin has otherwise by more than so moved"
+            claim = "rays at the end of a dense medium that differ by more than the reference implementation's so moved"
             record("K4", claim, told.odd, 0, width)
             inside = (y > 0.01) & (y < 3.99)
             shares = [np.clip(np.minimum(x + 1.0, 6.0 - x) + side, 0.0, 1.0) for side in (-NUDGE, NUDGE)]
             most, least = (np.exp(-3.0 * DEPTH_OF_ONE * dense * share) for share in shares)
-            for image in (ray.image.pixels, ray.by_twin()):
-                clear = image[inside][..., 3]
-                off = np.maximum(least - clear, clear - most).max()
+            for image in (ray.image.pixels, ray.by_reference()):
+                transmittance = image[inside][..., 3]
+                off = np.maximum(least - transmittance, transmittance - most).max()
                 record("K4", "transmittance beyond that of rays moved by 2^-22 of a voxel", off, 1e-6, width)
     assert seen > 0 or dense == 1.0
 
@@ -188,22 +191,23 @@ def test_K5_a_value_on_the_edge_of_an_entry_of_the_table(record, width):
     """A constant that float32 rounds to either side of an entry: where the function is a peak a thousand of its
     roundings wide, an entry is a level and more.  Either is what a value shows that is 2^-22 of itself further."""
     value, half, seen = 104.5415, 5e-3, 0
-    function = matter(((value - half, 0.0), (value, 1.0), (value + half, 0.0)), distance=30.0)
+    function = transfer(((value - half, 0.0), (value, 1.0), (value + half, 0.0)), distance=30.0)
     for more in np.arange(0.0, 4e-3, 5e-4):
         voxels = np.full((4, 7, 8), value + more, np.float32)
         voxels[0, 0, 0] = value - 2.0 * half  # so that the table has a range
         plan = Quality(classification="post", depth_rule="slice", sheet_density=1.0)
         splat = splat_of(finer(from_above(voxels, function), 7), plan)
-        told, (x, y), stored = splat.judged(), places(splat), float(voxels[1, 1, 1])
+        told, (x, y), stored = splat.differences(), positions(splat), float(voxels[1, 1, 1])
         seen += told.edges
-        record("K5", "rays whose value the twin looks up otherwise by more than so turned", told.odd, 0, width)
+        claim = "rays that differ by more than the reference implementation's of values so moved"
+        record("K5", claim, told.odd, 0, width)
         unsure = NUDGE * stored + 1.0 / splat.given["table"].rate
         near = np.array([max(abs(stored - value) - unsure, 0.0), abs(stored - value) + unsure])
         most, least = (1.0 - np.clip(1.0 - near[::-1] / half, 0.0, 1.0 - 2.0**-24)) ** (3.0 / 30.0)
         inside = np.ix_((y > 1.01) & (y < 5.99), (x > 1.01) & (x < 6.99))
-        for image in (splat.image.pixels, splat.by_twin()):
-            clear = image[inside][..., 3]
-            off = np.maximum(least - clear, clear - most).max()
+        for image in (splat.image.pixels, splat.by_reference()):
+            transmittance = image[inside][..., 3]
+            off = np.maximum(least - transmittance, transmittance - most).max()
             claim = "transmittance beyond that of values 2^-22 of themselves and an entry further"
             record("K5", claim, off, 1e-6, width)
     assert seen > 0
@@ -212,24 +216,24 @@ def test_K5_a_value_on_the_edge_of_an_entry_of_the_table(record, width):
 @pytest.mark.parametrize("kernel", ("bspline2", "bspline3", "gaussian"))
 def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(record, width, kernel):
     """float32 knows what is left of an opacity of one to 2^-24 of it, and the power of a short length makes that large.
-    Either is what matter shows that is 2^-22 of itself denser or thinner."""
+    Either is what a medium shows that is 2^-22 of itself denser or thinner."""
     seen, power = 0, 1.0 / 16.0
-    function = matter(((0.0, 1.0),), distance=1.0 / power)
+    function = transfer(((0.0, 1.0),), distance=1.0 / power)
     for times in FINER:
         splat = splat_of(
             finer(from_above(np.ones((5, 7, 8)), function), times), kernel=kernel, sheet_density=1.0, model="opacity",
             depth_rule="midpoint-1",
         )
-        told, (x, y) = splat.judged(), places(splat)
+        told, (x, y) = splat.differences(), positions(splat)
         seen += told.edges
-        claim = "rays through opacities of one that the twin has otherwise by more than matter so grown"
+        claim = "rays through opacities of one that differ by more than the reference implementation's so much denser"
         record("K6", claim, told.odd, 0, width)
         if kernel == "bspline2":  # of the first and the last sheet half, and four of nearly one
             inside = np.ix_((y > 1.51) & (y < 4.49), (x > 1.51) & (x < 5.49))
             most, least = (0.5**2 * left**4 for left in (2.0**-24, 2.0**-22 + 2.0**-24))
-            for image in (splat.image.pixels, splat.by_twin()):
-                clear = image[inside][..., 3]
-                off = np.maximum(most**power - clear, clear - least**power).max()
+            for image in (splat.image.pixels, splat.by_reference()):
+                transmittance = image[inside][..., 3]
+                off = np.maximum(most**power - transmittance, transmittance - least**power).max()
                 record("K6", "transmittance beyond that of opacities from 1 - 2^-24 to 1 - 2^-22", off, 1e-6, width)
     assert seen > 0
 
@@ -239,20 +243,21 @@ EDGE = 12  # voxels of each column, from the first, that a mesh lies behind
 
 def test_K7_rays_past_a_silhouette_that_end_as_those_before_it(record, width):
     """What lies behind a mesh's silhouette is a second picture, and what ends in it as in the first is taken from
-    there: rays that nobody had given it to splat were held against the twin's as if its kernels had made them."""
+    there: rays that nobody had given it to splat were held against the reference's as if its kernels had made them."""
     share, (before, slices) = 0.3, (3, 6)
     (left, right), (low, high), z = (-50.0, 50.0), (-50.0, EDGE - 0.5), slices - before - 0.5
     corners = np.array(((left, low, z), (right, low, z), (right, high, z), (left, high, z)))
     scene = from_above(
-        np.full((slices, 30, 20), share), matter(VALUE_IS_OPACITY), triangles=corners[[(0, 1, 2), (0, 2, 3)]]
+        np.full((slices, 30, 20), share), transfer(VALUE_IS_OPACITY), triangles=corners[[(0, 1, 2), (0, 2, 3)]]
     )
     _, splats, _ = by_stages(scene, EXACT)
     filled, kinds = 0, set()
     for splat, side in zip(splats, (REACH + 1, -REACH - 1), strict=True):  # past the edge, and short of it
-        told, (x, y) = splat.judged(), places(splat)
+        told, (x, y) = splat.differences(), positions(splat)
         filled += int((splat.image.pixels != splat.pixels).any(axis=-1).sum())
         unlike = told.ends + told.edges + told.odd
-        record("K7", "rays of either picture that kernels and twin have otherwise", unlike, 0, width)
+        claim = "rays of either picture that differ between kernels and reference implementation"
+        record("K7", claim, unlike, 0, width)
         inside = np.ix_((y > -0.01) & (y < 29.01), (x > -0.01) & (x < 19.01))
         ends = y[inside[0].ravel()] < EDGE + side
         kinds |= set(ends)

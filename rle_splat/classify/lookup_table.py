@@ -24,7 +24,7 @@ ROUNDING = 1e-6  # rounding error of float32 sums, relative to the largest value
 
 
 @dataclass(frozen=True, eq=False)
-class ValueTable:
+class LookupTable:
     """Lookup table of a transfer function.
 
     Attributes
@@ -68,7 +68,7 @@ class ValueTable:
         return self.entries.nbytes + self.sums.nbytes
 
 
-def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> ValueTable:
+def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> LookupTable:
     """Make the lookup table of a transfer function.
 
     Parameters
@@ -84,7 +84,7 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
 
     Returns
     -------
-    ValueTable
+    LookupTable
     """
     shown = (np.clip(positive_intervals(pieces(tf.opacity)), -1e300, 1e300) - volume.intercept) / volume.slope
     least, most = (float(end) for end in value_range)
@@ -92,7 +92,7 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     slack = ROUNDING * max(abs(least), abs(most))
     if not first <= last:  # no stored value is visible
         nothing = np.zeros((2, 4), np.float32)
-        return ValueTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, -math.inf, math.inf, 0.0)
+        return LookupTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, -math.inf, math.inf, 0.0)
     first, last, nearest, furthest = _within_reach(volume, tf, first, last)
     wanted = entries or _entries_for(tf, abs(volume.slope) * (last - first))
     if volume.voxels.dtype.kind in "iu":
@@ -115,15 +115,15 @@ def value_table(volume, tf, value_range, distance: float, entries: int = 0) -> V
     sums = np.zeros((count + 1, 4))
     np.cumsum(made[:count], axis=0, dtype=np.float64, out=sums[1:])
     sums, below = sums.astype(np.float32), least - slack - 1e-6
-    return ValueTable(made, sums, first - 0.5 / rate, rate, below, low, high, nearest, furthest, most_color)
+    return LookupTable(made, sums, first - 0.5 / rate, rate, below, low, high, nearest, furthest, most_color)
 
 
-def extinction_of(table: ValueTable, stored, kind, infinite=()) -> np.ndarray:
+def extinction_of(table: LookupTable, stored, kind, infinite=()) -> np.ndarray:
     """Extinction of stored values.
 
     Parameters
     ----------
-    table : ValueTable
+    table : LookupTable
     stored : (m,) ndarray
         Stored values; those of 8- and 16-bit types may be unsigned bit patterns.
     kind : dtype
@@ -147,7 +147,7 @@ def extinction_of(table: ValueTable, stored, kind, infinite=()) -> np.ndarray:
     return found
 
 
-def _looked_up(table: ValueTable, values) -> np.ndarray:
+def _looked_up(table: LookupTable, values) -> np.ndarray:
     """(n,) float32 extinction of stored values (n,) float64."""
     shown = (values >= table.low) & (values <= table.high)
     entry = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate

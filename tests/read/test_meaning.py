@@ -1,4 +1,4 @@
-"""What is known of a file's values without being stated, and the first look that follows."""
+"""What is known of a file's values without being stated, and the first transfer function that follows."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_a_nifti_of_hounsfield_units_is_ct_too(tmp_path):
 
 
 @pytest.mark.parametrize("bone", [True, False])
-def test_a_first_look_leaves_the_table_out(bone):
+def test_the_first_transfer_function_leaves_the_table_out(bone):
     volume = Volume(body(bone), np.eye(4), value_unit="HU", modality="CT")
     function, _ = default_transfer_function(volume)
     assert function.alpha_at(volume.physical(volume.voxels[:, 52:])).max() == 0.0
@@ -75,7 +75,7 @@ def test_a_first_look_leaves_the_table_out(bone):
     ("MR", "MR TOF", "mr-angiography"), (None, "mrbrain", "mr-head"), (None, "ct_abdomen", "ct-bone"),
     (None, "sub-01_flair", "mr-brain"), (None, "bonsai", None),
 ])  # fmt: skip
-def test_modality_and_body_part_choose_the_look(modality, name, choice):
+def test_modality_and_body_part_choose_the_preset(modality, name, choice):
     z, y, x = np.mgrid[-1:1:24j, -1:1:24j, -1:1:24j]
     ball = np.clip(1000 * (1.2 - np.sqrt(x * x + y * y + z * z)), 0, 1200).astype(np.int16)
     reason = default_transfer_function(Volume(ball, np.eye(4), modality=modality, name=name))[1]

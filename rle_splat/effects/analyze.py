@@ -48,10 +48,18 @@ EFFECTS: dict[str, Kind] = {
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of a scene: whether it is on, and why, as words behind "on" or "off".
+    """The state of an effect in a scene.
 
-    ``by_hand``: what the scene's overrides force it to be; None where the scene itself decides.  ``tried``: whether a
-    stage has worked on it before it was found to change nothing.
+    Attributes
+    ----------
+    name : str
+    on : bool
+    reason : str
+        Why, as words behind "on" or "off".
+    by_hand : bool or None
+        The state that the scene's overrides force; None where the scene decides.
+    tried : bool
+        Whether a stage has worked on it before it was found to change nothing.
     """
 
     name: str
@@ -68,7 +76,12 @@ class Effect:
 
 @dataclass(frozen=True)
 class EffectSet:
-    """Every effect of the table, in its order, as one scene has them."""
+    """The state of every effect in one scene, in the order of EFFECTS.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+    """
 
     effects: tuple[Effect, ...]
 
@@ -84,12 +97,34 @@ class EffectSet:
         return tuple(effect.name for effect in self.effects if effect.on)
 
     def found_off(self, name: str, reason: str) -> EffectSet:
-        """The same set with an effect off that a stage has found to change nothing."""
+        """The same set with an effect off that a stage has found to change nothing.
+
+        Parameters
+        ----------
+        name : str
+        reason : str
+
+        Returns
+        -------
+        EffectSet
+        """
         found = replace(self[name], on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
 
     def fitted(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
-        """The quality that the effects which are on can be rendered by, and sentences on why it is another."""
+        """The quality that the effects which are on can be rendered with.
+
+        Parameters
+        ----------
+        scene : Scene
+        quality : Quality
+
+        Returns
+        -------
+        quality : Quality
+        remarks : tuple of str
+            Sentences on what was changed, and why.
+        """
         remarks = []
         for effect in self.effects:
             kind = EFFECTS[effect.name]
@@ -99,9 +134,17 @@ class EffectSet:
         return quality, tuple(dict.fromkeys(remark for remark in remarks if remark))
 
     def report(self, clock: Clock) -> list[dict]:
-        """JSON-ready rows: name, on, reason and ms, the milliseconds of its own work.
+        """Rows for the report.
 
-        0 where it is off; None for an effect within another's work, which has the time of both.
+        Parameters
+        ----------
+        clock : Clock
+
+        Returns
+        -------
+        list of dict
+            With name, on, reason and ms, the milliseconds of the effect's own work: 0 where it is off; None for an
+            effect within another's work, which has the time of both.
         """
         return [
             {"name": effect.name, "on": effect.on, "reason": effect.reason, "ms": _milliseconds(effect, clock)}
@@ -117,18 +160,45 @@ def _milliseconds(effect: Effect, clock: Clock) -> float | None:
 
 
 def check_overrides(overrides) -> dict[str, bool]:
-    """The overrides of a scene, name -> forced on or off; a RleSplatError for a name that no effect has."""
+    """Check the overrides of a scene.
+
+    Parameters
+    ----------
+    overrides : mapping of str to bool
+        Name of an effect to the state that it is forced to.
+
+    Returns
+    -------
+    dict of str to bool
+
+    Raises
+    ------
+    RleSplatError
+        For a name that no effect has.
+    """
     for name in overrides:
         if name not in EFFECTS:
             raise RleSplatError(f"There is no effect called {name!r}; choose {', '.join(EFFECTS)}.")
     return dict(overrides)
 
 
-def analyse(scene: Scene, quality: Quality) -> EffectSet:
-    """Which effects a scene calls for, and why.
+def analyze(scene: Scene, quality: Quality) -> EffectSet:
+    """Find which effects a scene calls for, and why.
 
-    ``scene.effects`` overrides: raises RleSplatError for an effect there is none of, and for one that is forced on
-    where the scene gives nothing to do it with.
+    Parameters
+    ----------
+    scene : Scene
+        ``scene.effects`` overrides what it calls for.
+    quality : Quality
+
+    Returns
+    -------
+    EffectSet
+
+    Raises
+    ------
+    RleSplatError
+        If an override names no effect, or forces one on that the scene lacks something for.
     """
     overrides = check_overrides(scene.effects)
     left, found = _without_forced_off(scene, overrides), []
@@ -152,7 +222,18 @@ def analyse(scene: Scene, quality: Quality) -> EffectSet:
 
 
 def called_for(scene: Scene, effects: EffectSet) -> Scene:
-    """The scene with the effects that are off removed, and those that are on by hand added."""
+    """The scene with the effects that are off removed, and those that are on by hand added.
+
+    Parameters
+    ----------
+    scene : Scene
+    effects : EffectSet
+        Of this scene.
+
+    Returns
+    -------
+    Scene
+    """
     left = _without_forced_off(scene, {effect.name: effect.by_hand for effect in effects})
     for effect in effects:
         kind = EFFECTS[effect.name]

@@ -1,8 +1,8 @@
-"""Kernels held against their numpy twins, stage by stage and ray by ray, and what may set them apart.
+"""Kernels held against their reference implementations, stage by stage and ray by ray, and what may set them apart.
 
 Both splat each base plane from the same tables, and warp the same sheets, so that what differs is seen where it comes
-from.  A ray may be had otherwise for a reason of a closed list only, which is looked for in that ray: ``Splat.judged``.
-Each reason has a case of its own in test_twins.py.
+from.  A ray may differ for one of a closed list of causes only, each of which is looked for in that ray:
+``Splat.differences``.  Each cause has a case of its own in test_references.py.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ SPLATS = {
 # No ray is known better than to this part of a voxel, and no value than to this part of the largest: shares of voxels
 # are float32.
 NUDGE = 2.0**-22
-ROUNDING = 2.0**-20  # of colour and transmittance: so much to begin with, and a sixteenth more for each sheet
+ROUNDING = 2.0**-20  # of color and transmittance: so much to begin with, and a sixteenth more for each sheet
 END = 2.0**-20  # of the transmittance at which a ray ends, for each sheet
-# A code's step, of the largest colour and of the density itself, by the bytes of a record (encode/records.py).
+# A code's step, of the largest color and of the density itself, by the bytes of a record (encode/records.py).
 STEPS = {8: (2.0**-11, 2.0**-11), 6: (1 / 1023, 2.0**-11), 4: (1 / 127, 4.8e-3)}
 ALMOST = 1e-4  # as good as the same, of what a moved ray shows
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """How many rays kernels and twin have otherwise by more than roundings: ``ends`` and ``edges``, with a cause, and
-    ``odd`` ones without."""
+class Differences:
+    """How many rays differ by more than roundings between kernels and reference implementation: ``ends`` and ``edges``
+    with a cause, ``odd`` without."""
 
     ends: int
     edges: int
@@ -49,7 +49,7 @@ class Judgement:
 class Splat:
     """One base plane's: what ``steps`` was ``given``, by name, and the ``image`` that it made.
 
-    ``most``: largest channel of an unassociated colour.  ``pixels``: of the image as it was made; a far layer's is
+    ``most``: largest channel of an unassociated color.  ``pixels``: of the image as it was made; a far layer's is
     filled in afterwards with rays that it was not given."""
 
     steps: object
@@ -61,11 +61,11 @@ class Splat:
     def __post_init__(self):
         self.pixels = self.image.pixels.copy()
 
-    def by_twin(self, along=0.0, across=0.0, turn=0.0, grow=0.0) -> np.ndarray:
-        """(H, W, 4) colour and transmittance that the twin makes of it.
+    def by_reference(self, along=0.0, across=0.0, turn=0.0, grow=0.0) -> np.ndarray:
+        """(H, W, 4) color and transmittance that the reference makes of it.
 
         ``along``, ``across``: voxels by which its rays are moved.  ``turn``: part of the largest number by which the
-        values move that the table of values begins and ends at.  ``grow``: part of itself by which matter grows."""
+        values move that the lookup table begins and ends at.  ``grow``: share of itself that extinction gains."""
         plane, given = self.given["plane"], dict(self.given)
         given["quality"] = replace(given["quality"], backend="numpy")
         given["plane"] = replace(plane, offset=plane.offset + np.array((along, across)) * plane.scale)
@@ -77,20 +77,20 @@ class Splat:
         with np.errstate(all="ignore"):
             return drain(self.steps(**given)).pixels
 
-    def judged(self) -> Judgement:
-        """Why rays of the twin are not the kernels'.
+    def differences(self) -> Differences:
+        """Why rays of the reference implementation differ from the kernels'.
 
         An end: the transmittance was within its roundings of that at which rays end, so that one of the two went on;
         what it saw then is no more than that much of the brightest.  An edge: moved by NUDGE, looked up as far from its
-        value, or through matter that is denser by as much, the twin's own ray changes by half the difference or more:
-        each sheet may fall to its own side."""
+        value, or through a medium that is denser by as much, the reference implementation's own ray changes by half the
+        difference or more: each sheet may fall to its own side."""
         weight = 1.0 / np.array([max(self.most, 1.0)] * 3 + [1.0])
-        kernels, twin = self.pixels, self.by_twin()
-        apart = (abs(kernels.astype(np.float64) - twin) * weight).max(axis=-1)
+        kernels, reference = self.pixels, self.by_reference()
+        apart = (abs(kernels.astype(np.float64) - reference) * weight).max(axis=-1)
         sheets = len(self.image.base_plane.sheets)
         odd = apart > ROUNDING * (1.0 + sheets / 16.0)
         least = max(self.given["quality"].termination, OPAQUE)
-        ended = np.maximum(kernels[..., 3], twin[..., 3])
+        ended = np.maximum(kernels[..., 3], reference[..., 3])
         end = odd & (ended < least) & (ended >= least * (1.0 - END * sheets)) & (apart <= least * (1.0 + ALMOST))
         odd &= ~end
         edge = np.zeros_like(odd)
@@ -100,15 +100,15 @@ class Splat:
                 moved += [{"grow": NUDGE}, {"grow": -NUDGE}]
             elif self.steps is scalar_splat_steps:
                 moved += [{"turn": side * NUDGE / part} for side in (-1, 1) for part in (1, 2, 4, 8)]
-            among = [self.by_twin(**how) for how in moved]
-            change = np.max([abs(image - twin) * weight for image in among], axis=(0, 3))
+            among = [self.by_reference(**how) for how in moved]
+            change = np.max([abs(image - reference) * weight for image in among], axis=(0, 3))
             edge = odd & (apart <= 2.0 * change + ALMOST)
             odd &= ~edge
-        return Judgement(int(end.sum()), int(edge.sum()), int(odd.sum()))
+        return Differences(int(end.sum()), int(edge.sum()), int(odd.sum()))
 
 
 def _turned(encoded, table, turn: float):
-    """A value table that is looked up a little beside the value."""
+    """A lookup table that is looked up a little beside the value."""
     ends = {name: getattr(table, name) for name in ("origin", "low", "high", "nearest", "furthest")}
     numbers = [*(end - encoded.center for end in ends.values()), *encoded.scalars.astype(np.float64)]
     most = max(abs(number) for number in numbers if abs(number) < 1e37)
@@ -151,11 +151,11 @@ def by_stages(scene, quality, kept=None):
 
 
 def warps_apart(warps) -> float:
-    """Largest difference between a warp's picture and its twin's of the same sheets, colour by the brightest."""
+    """Largest difference of warped pictures of the same sheets, kernel and reference, color by the brightest."""
     worst = 0.0
     for images, (view, region, quality, most), (rgba, _) in warps:
-        twin, _ = warp(images, view, region, replace(quality, backend="numpy"), most)
-        off = abs(rgba.astype(np.float64) - twin) / np.array([max(most, 1.0)] * 3 + [1.0])
+        reference, _ = warp(images, view, region, replace(quality, backend="numpy"), most)
+        off = abs(rgba.astype(np.float64) - reference) / np.array([max(most, 1.0)] * 3 + [1.0])
         worst = max(worst, float(off.max(initial=0.0)))
     return worst
 

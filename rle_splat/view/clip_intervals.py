@@ -14,7 +14,7 @@ from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from .base_plane import BasePlane
-from .ray_limits import MOST
+from .ray_intervals import MOST
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +33,17 @@ class Cuts:
     holes: tuple = ()
 
 
-def clip_limits(
-    plane: BasePlane, cuts: Cuts, limits: np.ndarray | None = None, backend: str = "auto", threads: int = 0
+def clip_intervals(
+    plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = None, backend: str = "auto", threads: int = 0
 ) -> np.ndarray:
-    """Limit ray intervals to what clip objects leave.
+    """Shorten ray intervals to what clip objects leave.
 
     Parameters
     ----------
     plane : BasePlane
     cuts : Cuts
-    limits : (2, H, W) ndarray of float32 or None
-        Ray intervals as of ``ray_limits``; None for unlimited rays.
+    intervals : (2, H, W) ndarray of float32 or None
+        Ray intervals as of ``ray_intervals``; None for whole rays.
     backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
@@ -55,27 +55,27 @@ def clip_limits(
         is left. Then follow begin and end of each hole that any ray has. Holes of a ray do not overlap. A ray without
         a hole stores an empty interval (begin = end).
     """
-    if limits is None:
-        limits = np.empty((2, plane.height, plane.width), np.float32)
-        limits[0], limits[1] = -MOST, MOST
+    if intervals is None:
+        intervals = np.empty((2, plane.height, plane.width), np.float32)
+        intervals[0], intervals[1] = -MOST, MOST
     sides, bodies = np.concatenate((cuts.kept, *cuts.holes)), np.cumsum((len(cuts.kept), *map(len, cuts.holes)))
     crossings = _crossings(plane, sides)
     if not compiled(backend):
-        return _limits_numpy(crossings, bodies, limits)
-    found = np.empty((2 * len(bodies), *limits.shape[1:]), np.float32)
+        return _clip_numpy(crossings, bodies, intervals)
+    found = np.empty((2 * len(bodies), *intervals.shape[1:]), np.float32)
     has_hole = np.zeros((plane.height, len(bodies)), np.bool_)
     with parallel_call(threads):
-        _limit_rows(*crossings, bodies, np.ascontiguousarray(limits), found, has_hole)
+        _clip_rows(*crossings, bodies, np.ascontiguousarray(intervals), found, has_hole)
     return found[np.repeat(np.append(True, has_hole.any(axis=0)[1:]), 2)] if len(bodies) > 1 else found
 
 
-def what_is_left(plane: BasePlane, limits: np.ndarray, reach: int) -> tuple[BasePlane, np.ndarray] | None:
+def what_is_left(plane: BasePlane, intervals: np.ndarray, reach: int) -> tuple[BasePlane, np.ndarray] | None:
     """Reduce a plane to the window outside which no ray has anything left.
 
     Parameters
     ----------
     plane : BasePlane
-    limits : (2 + 2 holes, H, W) ndarray of float32
+    intervals : (2 + 2 holes, H, W) ndarray of float32
         Ray intervals of the plane.
     reach : int
         Sheet pixels to keep around rays that have something left.
@@ -85,13 +85,13 @@ def what_is_left(plane: BasePlane, limits: np.ndarray, reach: int) -> tuple[Base
     (BasePlane, ndarray) or None
         The window and its ray intervals; None if nothing is left.
     """
-    some = limits[0] < limits[1]
+    some = intervals[0] < intervals[1]
     columns, rows = (np.flatnonzero(some.any(axis=axis)) for axis in (0, 1))
     if not len(rows):
         return None
     window = plane.part((columns[0], rows[0]), (columns[-1], rows[-1]), reach)
     u, v = (new - old for new, old in zip(window.origin, plane.origin))
-    return window, limits[:, v : v + window.height, u : u + window.width]
+    return window, intervals[:, v : v + window.height, u : u + window.width]
 
 
 def _crossings(plane: BasePlane, sides: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -111,15 +111,15 @@ def _crossings(plane: BasePlane, sides: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 @kernel
-def _limit_rows(column_rate, column_zero, row_rate, row_zero, bodies, limits, found, has_hole):
-    """Kernel of ``clip_limits``.
+def _clip_rows(column_rate, column_zero, row_rate, row_zero, bodies, intervals, found, has_hole):
+    """Kernel of ``clip_intervals``.
 
     ``bodies``: end of each body in the list of sides; the first body is kept, the others are holes. Writes ``found``
     (2 bodies, H, W) float32 and ``has_hole`` (H, bodies), the holes that any ray of a row has.
     """
     share_out(
-        _limit_some, limits.shape[1],
-        (column_rate, column_zero, row_rate, row_zero, bodies, limits, found, has_hole),
+        _clip_some, intervals.shape[1],
+        (column_rate, column_zero, row_rate, row_zero, bodies, intervals, found, has_hole),
     )  # fmt: skip
 
 
@@ -130,16 +130,16 @@ def _held(position):
 
 
 @kernel(inner=True, exact=True)
-def _limit_some(first_row, last_row, column_rate, column_zero, row_rate, row_zero, bodies, limits, found, has_hole):
-    """``_limit_rows`` for rows [first_row, last_row)."""
-    width, holes = limits.shape[2], bodies.size - 1
+def _clip_some(first_row, last_row, column_rate, column_zero, row_rate, row_zero, bodies, intervals, found, has_hole):
+    """``_clip_rows`` for rows [first_row, last_row)."""
+    width, holes = intervals.shape[2], bodies.size - 1
     begin, end = np.empty((1 + holes, width)), np.empty((1 + holes, width))
     for v in range(first_row, last_row):
         side = 0
         for body in range(1 + holes):
             for u in range(width):
-                begin[body, u] = limits[0, v, u] if body == 0 else -np.inf
-                end[body, u] = limits[1, v, u] if body == 0 else np.inf
+                begin[body, u] = intervals[0, v, u] if body == 0 else -np.inf
+                end[body, u] = intervals[1, v, u] if body == 0 else np.inf
             while side < bodies[body]:
                 down_rate, down_zero = row_rate[side, v], row_zero[side, v]
                 for u in range(width):
@@ -201,9 +201,9 @@ def _take_holes(into, out, has_hole):
         into[0, u], out[0, u] = begin, end
 
 
-def _limits_numpy(crossings, bodies, limits) -> np.ndarray:
-    """Reference implementation of ``_limit_rows``, without the holes that no ray has."""
-    begin, end = (limit.astype(np.float64) for limit in limits)
+def _clip_numpy(crossings, bodies, intervals) -> np.ndarray:
+    """Reference implementation of ``_clip_rows``, without the holes that no ray has."""
+    begin, end = (bound.astype(np.float64) for bound in intervals)
     ways = [_stretch_within(*(part[first:last] for part in crossings)) for first, last in zip((0, *bodies), bodies)]
     begin, end = np.maximum(begin, ways[0][0]), np.minimum(end, ways[0][1])
     holes = np.empty((0, 2, *begin.shape))

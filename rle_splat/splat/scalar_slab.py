@@ -1,0 +1,191 @@
+"""One block of pixels of one slab of the scalar: looked up, classified, cut to its ray intervals, composited."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.bits import lowest_bit
+from ..runtime.jit import inner_loop
+from ..view.depth_rules import OWN
+from .cut_slab import cut_ends
+from .half_depth import half_way
+from .interval_blocks import count_live, is_outside, is_shortened
+from .mist_block import copy_colors, fade_added
+from .pixel_block import BLOCK, TRANSMITTANCE
+from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
+from .rays_in_box import inside_box, interval_in_box
+from .scalar_block import classify_spans, classify_values, composite_classified, look_between, look_up
+from .sheet_row import note_half_depth
+from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
+
+LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
+NO_SHARE = np.float32(0.0)  # of the second of two scanlines
+
+
+class Samples(NamedTuple):
+    """A block of one sheet: ``samples`` of the scanlines that begin at ``upper`` and ``lower``, and the fraction
+    ``down`` (float32) towards the latter."""
+
+    samples: np.ndarray
+    upper: int
+    lower: int
+    down: np.float32
+
+
+class Pixels(NamedTuple):
+    """A block of the intermediate image: number ``b`` in row ``r`` of the band, ``count`` pixels of row ``v`` from
+    ``first`` on."""
+
+    r: int
+    b: int
+    v: int
+    first: int
+    count: int
+
+
+@inner_loop
+def plane_count(light):
+    """Numbers that a sheet holds of a pixel."""
+    return 1 + len(light.matt) + len(light.gloss) + len(light.thinning)
+
+
+@inner_loop
+def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
+    """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
+    _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
+    sheet, upper, lower, down = here
+    before, upper_before, lower_before, down_before = there
+    samples, entries, spans, shares = block.samples, block.entries, block.spans, block.shares
+    if kind == OWN:
+        return look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
+    if intervals is not None:
+        if is_shortened and cut_ends(
+            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
+            upper_before, lower_before, down_before, least, samples,
+        ):
+            return look_between(
+                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
+                rate, last, entries, spans, shares,
+            )
+    return look_between(
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest, furthest,
+        origin, rate, last, entries, spans, shares,
+    )
+
+
+@inner_loop
+def _classify(lookup, seen, block):
+    """Extinction times color, and extinction, of a block's entries, to ``block.samples``."""
+    if seen & 255 > seen >> 8:
+        classify_values(lookup.table, block.entries, block.samples)
+    else:
+        block.samples[:] = np.float32(0.0)
+    if seen >> 8 > 0:
+        classify_spans(lookup.sums, block.spans, block.shares, block.samples)
+
+
+@inner_loop
+def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, half):
+    """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by intervals."""
+    if not cut:
+        note_half_depth(
+            block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
+            block.samples,
+        )
+        return
+    parts = block.samples
+    halved = half_way(block.before, state, to + TRANSMITTANCE, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
+    while halved != NO_BITS:
+        i = lowest_bit(halved)
+        halved &= halved - ONE_BIT
+        from_, behind = interval_in_box(box.columns, box.rows, intervals, pixels.v, pixels.first, i)
+        from_, behind = max(begin, from_), min(end, behind)
+        half[pixels.v, pixels.first + i] = from_ + parts[i] * (behind - from_)
+
+
+@inner_loop
+def _composite_classified(
+    intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+):  # fmt: skip
+    """Composite a classified block; how many of its pixels are not opaque."""
+    r, b, v, first_pixel, count = pixels
+    state, to = rows.state, 4 * BLOCK * (r * rows.bright.shape[1] + b)
+    sheet, upper, lower, down = here
+    before, upper_before, lower_before, down_before = there
+    if mist is not None:
+        copy_colors(state, to, block.colors)
+    found = composite_classified(
+        block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
+        medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,
+    )
+    if mist is not None:
+        fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
+    bright = found >> 8
+    if bright != rows.bright[r, b]:
+        rows.bright[r, b] = bright
+        _note_half_depth(cut, medium.box, intervals, begin, end, state, to, pixels, block, half)
+    return count_live(intervals, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
+
+
+@inner_loop
+def composite_slab(
+    intervals, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
+    block, half,
+):  # fmt: skip
+    """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
+    are not opaque.
+
+    ``intervals``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
+    ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet and the one before.
+    """
+    _, box, lookup, light, _, _, _, _, _ = medium
+    r, b, v, first_pixel, count = pixels
+    shortened = False
+    if intervals is not None:
+        if is_outside(rows.bounds, r, b, begin, end):
+            return LIVE
+        shortened = is_shortened(rows.bounds, r, b, begin, end)
+    seen = 0
+    if sign is None:
+        seen = _look_up(intervals, lookup, kind, shortened, begin, end, here, there, pixels, block)
+        if seen == 0:
+            return LIVE
+    at = BLOCK * (r * rows.bright.shape[1] + b)
+    length, deep = rows.length, at
+    whole = begin >= max(box.blocks[1, b], row.enter) and end <= min(box.blocks[2, b], row.leave)
+    cut = shortened or not whole
+    if cut:
+        inside_box(
+            box.columns, box.rows, intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside
+        )
+        length, deep = block.length_inside, 0
+    sheet, upper, lower, down = here
+    if sign is not None:
+        position = sheets.first_slice[number] + sheets.slice_weights[number, 1]
+        gather_values(
+            sheet, upper, lower, down, sign, lookup.origin, lookup.least, length, deep, thickness, rows.state, 4 * at,
+            sheet_depth(position, begin, end), cut, box.columns, box.rows, intervals, v, first_pixel, count,
+            block.samples, half,
+        )
+        return LIVE
+    if len(light.thinning) > 0:
+        before, upper_before, lower_before, down_before = there
+        last = (plane_count(light) - 1) * BLOCK
+        thin_slab(
+            sheet, upper, lower, down, before, upper_before, lower_before, down_before, last, block.shares, length,
+            deep, block.length_inside,
+        )
+        length, deep = block.length_inside, 0
+    if absorbs is not None:
+        add_depths(
+            lookup.table, lookup.sums, block.entries, block.spans, block.shares, seen, length, deep, thickness,
+            rows.state, 4 * at, begin, end, cut, box.columns, box.rows, intervals, v, first_pixel, count, block.before,
+            half,
+        )
+        return LIVE
+    _classify(lookup, seen, block)
+    return _composite_classified(
+        intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+    )
