@@ -15,7 +15,7 @@ from ...volume.volume import PATIENT, Volume
 from ..header import checked_frame, frame_remark
 from . import elements
 from .discovery import Found, find_pictures
-from .grouping import Group, chosen, groups_of, has_geometry
+from .grouping import ENOUGH_SLICES, Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
 from .refusals import damaged, segmentation_alone
@@ -120,7 +120,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         if (series, frame, spacing) != (None, None, None):
             raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
-    group = chosen(groups_in(found), series, group_title)
+    groups = groups_in(found)
+    group = chosen(groups, series, group_title)
     number = checked_frame(path, frame, len(group.frames))
     stack = group.stack(number - 1, spacing)
     pictures = group.frames[number - 1]
@@ -137,7 +138,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames),
         remarks=(
-            *_broken_remark(found.broken), *group.remarks, *_remarks(group, stack, mapping, padded),
+            *_broken_remark(found.broken), *(_left_out_remark(groups, group) if series is None else ()),
+            *group.remarks, *_remarks(group, stack, mapping, padded),
             *frame_remark(number, len(group.frames), group.axis),
         ),
     )  # fmt: skip
@@ -210,6 +212,15 @@ def _broken_remark(broken) -> tuple:
         return ()
     names = ", ".join(broken[:3]) + (" and others" if len(broken) > 3 else "")
     return (f"{len(broken)} damaged DICOM file{'s were' if len(broken) > 1 else ' was'} left out: {names}.",)
+
+
+def _left_out_remark(groups, group: Group) -> tuple:
+    """The remark on groups that were not taken, and are no localizers."""
+    count = sum(1 for other in groups if other is not group and not other.localizer)
+    if not count:
+        return ()
+    were = "was" if count == 1 else "were"
+    return (f"{count} other series with fewer than {ENOUGH_SLICES} slices {were} left out; --series chooses one.",)
 
 
 def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
