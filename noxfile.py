@@ -19,7 +19,7 @@ from devtools import docs as documentation
 from devtools import fuzzing, mutations, real_blender, testing, uv
 from devtools import gallery as pictures
 from devtools.build import build as build_zips
-from devtools.environments import CORE, ensure, ensure_bench
+from devtools.environments import CORE, JUDGES, ensure, ensure_bench
 from devtools.places import ROOT, Failure, clean_environ, say
 from devtools.wheels import TAG_PATTERNS
 
@@ -130,6 +130,12 @@ def bench(parser, words) -> int:
 def accuracy(parser, words) -> int:
     """Measure what accuracy costs in time, for its page; arguments go to the benchmark."""
     return _benchmarks("accuracy", *words)
+
+
+@job
+def judges(parser, words) -> int:
+    """Compare DICOM readers on phantoms whose values say where they lie; arguments go to the comparison."""
+    return run(ensure(JUDGES), "-m", "benchmarks.dicom_readers", *words)
 
 
 @job

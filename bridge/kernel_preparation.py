@@ -12,16 +12,15 @@ compile at once is there once.
 from __future__ import annotations
 
 import atexit
-import os
 import subprocess
 import sys
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 
 import bpy
 
 from ..rle_splat.pipeline.prepare import is_needed
+from ..rle_splat.runtime import child_python
 from ..rle_splat.runtime.jit import cache_folder
 from . import prepare_process
 from .canvas import redraw
@@ -110,12 +109,7 @@ def _is_wanted() -> bool:
     """Whether there is anything to prepare, a Python to do it, and the user's consent."""
     addon = bpy.context.preferences.addons.get(EXTENSION)
     allowed = addon is not None and addon.preferences is not None and addon.preferences.prepare_kernels
-    return allowed and is_needed() and is_python(sys.executable)
-
-
-def is_python(program: str) -> bool:
-    """Whether a program is a Python by its name: in Blender ``sys.executable`` is its own, where it has one."""
-    return Path(program).stem.lower().startswith("python")
+    return allowed and is_needed() and child_python.is_python(sys.executable)
 
 
 def start() -> subprocess.Popen:
@@ -133,19 +127,13 @@ def start() -> subprocess.Popen:
 
 
 def command(folder: Path) -> list[str]:
-    """-P keeps the script's folder, whose modules are ours, out of the names that Python imports; -s what the user
-    has installed for another Python."""
     script = Path(prepare_process.__file__)
-    return [sys.executable, "-P", "-s", str(script), EXTENSION, str(script.parents[1]), str(folder)]
+    return child_python.command(script, EXTENSION, str(script.parents[1]), str(folder))
 
 
 def environ() -> dict[str, str]:
-    """Blender's own, RLE_SPLAT_CACHE with it, so that both take the same folder; Python's variables, which Blender
-    does not read, left out, and the folders that Blender has numba and numpy from as PYTHONPATH."""
-    found = (find_spec(name) for name in ("numba", "llvmlite", "numpy"))
-    folders = dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found)
-    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    return {**own, "PYTHONPATH": os.pathsep.join(folders)}
+    """Blender's own, RLE_SPLAT_CACHE with it, so that both take the same folder."""
+    return child_python.environ("numba", "llvmlite", "numpy")
 
 
 def describe(seconds: float | None) -> str:

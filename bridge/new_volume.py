@@ -4,6 +4,7 @@ import os
 
 import bpy
 
+from ..rle_splat.read.formats import format_of
 from . import box, linked, source_options, source_paths, volumes
 from .facts import write_facts
 from .settings import scene_scale_of
@@ -35,7 +36,9 @@ def add_volume(context, path: str, volume, options, transfer_function, at_cursor
     remark : str
         What of the transfer function could not be stored exactly, or "".
     """
-    name = os.path.basename(os.path.normpath(path)).split(".")[0] or "Volume"
+    kind = format_of(path)
+    named = volume.name if kind is not None and kind.names_volume else os.path.basename(os.path.normpath(path))
+    name = named.split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
     source_options.copy(options, properties)

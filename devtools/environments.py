@@ -51,6 +51,7 @@ class Environment:
 
 CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt", "tbb.txt"))
 BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", PYTHONS, ("bench.txt",))
+JUDGES = Environment("other readers of DICOM", ENVIRONMENTS / "judges", PYTHONS, ("judges.txt",))
 SAMPLE = Environment("sample", ENVIRONMENTS / "sample", PYTHONS, ("sample.txt",))
 BPY = {
     version: Environment(f"bpy {version}", ENVIRONMENTS / f"bpy-{version}", (python,), (f"bpy-{version}.txt",))

@@ -8,6 +8,8 @@ import numpy as np
 
 from ..pipeline.memory_estimate import picture_bytes
 from ..pipeline.quick_estimate import estimate, likely_sides
+from ..read.dicom.grouping import SeveralSeries
+from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
 from ..volume.histogram import histogram, percentiles
@@ -48,17 +50,43 @@ def run(args) -> None:
 
     with ProgressLine(args.progress) as line:
         given_function = read_transfer_function(args)
-        volume = read_input(args, line)
-        line.show(None, "counting values")
-        choice = choose_transfer_function(args, volume, given_function)
-        line.show(None, "counting visible voxels")
-        report = describe(volume, choice)
+        try:
+            volume = read_input(args, line)
+        except SeveralSeries as several:
+            if args.series is not None:
+                raise
+            report, lines_of = describe_series(several), series_lines
+        else:
+            line.show(None, "counting values")
+            choice = choose_transfer_function(args, volume, given_function)
+            line.show(None, "counting visible voxels")
+            report, lines_of = describe(volume, choice), text_lines
         report["command"] = "info"
         report["input"] = str(args.volume)
         with whole_files(outputs) as parts:
             if args.json:
                 write_report(parts[0], report)
-    print("\n".join(text_lines(report)))
+    print("\n".join(lines_of(report)))
+
+
+def describe_series(several: SeveralSeries) -> dict:
+    """The report of a place that holds several series: what each is, without its free text."""
+    names = ("number", "modality", "body_part", "slices", "size", "spacing", "frames", "axis", "localizer", "problem")
+    rows = []
+    for number, (group, title) in enumerate(zip(several.groups, several.titles), 1):
+        info = series_info(group, number)
+        rows.append({**{name: getattr(info, name) for name in names}, "title": title})
+    return {"series": rows}
+
+
+def series_lines(report: dict) -> list[str]:
+    """The report of several series as lines of text."""
+    found = [str(report["input"])]
+    for row in report["series"]:
+        found.append(f"  series {row['number']:<5}{row['title']}")
+        if row["problem"]:
+            found.append(f"  {'odd':<12}{row['problem']}")
+    return [*found, "Choose one with --series N."]
 
 
 def describe(volume, choice) -> dict:

@@ -85,6 +85,8 @@ class Format:
         file back; None if the format cannot be written.
     lost : callable or None
         ``lost(volume) -> list of str``: sentences on what the written file does not store.
+    names_volume : bool
+        Whether the reader names the volume by what it is, so that file names, which may name a patient, are not used.
     is_dropped : bool
         Whether Blender offers the format for files that are dropped into its window.
     """
@@ -98,6 +100,7 @@ class Format:
     reads_folder: Callable | None = None
     write_steps: Callable | None = None
     lost: Callable | None = None
+    names_volume: bool = False
     is_dropped: bool = True
 
     @property

@@ -10,12 +10,15 @@ import os
 import secrets
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.volume import Volume
+from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
+from .dicom.refusals import no_images
 from .format import MEANING_OPTIONS, Format, head_of
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
@@ -33,6 +36,11 @@ FORMATS = (
         "raw", (".raw", ".raw.gz", ".bin", ".bin.gz", ".dat", ".dat.gz"),
         "bare voxels, x fastest, any number type and byte order, gzip if the name ends in .gz",
         (*LAYOUT_OPTIONS, "spacing", "unit"), read_raw_steps, write_steps=write_raw_steps, lost=lost_in_raw,
+    ),
+    Format(
+        "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
+        ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
+        names_volume=True,
     ),
     Format(
         "OpenVDB", (".vdb",), "one grid of numbers of an OpenVDB file, with its transform and background",
@@ -69,6 +77,7 @@ FORMATS = (
     ),
 )  # fmt: skip
 RAW = FORMATS[0]
+FILES_COUNTED = 20_000  # of a folder without images
 OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.all_options))
 
 
@@ -106,7 +115,7 @@ def _chosen(path: Path, given: dict) -> Format:
         raise RleSplatError(f"There is no file {path}; check the path.")
     chosen = format_of(path)
     if chosen is None and path.is_dir():
-        raise RleSplatError(f"{path} is a folder; give a volume file ({', '.join(suffixes())}).")
+        raise no_images(path, sum(1 for file in islice(path.rglob("*"), FILES_COUNTED) if file.is_file()))
     if "shape" in given and format_named(path) in (None, RAW):
         chosen = RAW
     if chosen is None:

@@ -176,7 +176,7 @@ def test_switched_off_in_the_preferences_the_process_ends(ahead, addon):
     ("/usr/bin/blender", False), ("", False)])
 def test_only_a_python_is_started(ahead, program, known):
     """Where Blender has none of its own, ``sys.executable`` may be anything."""
-    assert ahead.is_python(program) == known
+    assert ahead.child_python.is_python(program) == known
 
 
 @pytest.mark.parametrize(("seconds", "words"), [

@@ -91,7 +91,7 @@ def test_bad_files_are_refused_in_a_sentence_and_change_nothing(nifti, refused, 
     nifti.write_bytes(content[:-40])
     before = len(bpy.data.objects)
     refused(bpy.ops.rle_splat.import_volume, "breaks off", filepath=str(nifti))
-    refused(bpy.ops.rle_splat.import_volume, "is a folder", filepath=str(tmp_path))
+    refused(bpy.ops.rle_splat.import_volume, "holds no medical images", filepath=str(tmp_path))
     assert len(bpy.data.objects) == before
 
 

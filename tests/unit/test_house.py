@@ -51,6 +51,9 @@ THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "OpenImageIO", "nibabel", "nrrd", "tifffile"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
+    "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
+    "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
+    "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},
 }
 
 # What the Extensions platform refuses, or we do: threads, code from text, the network, other programs.
@@ -62,6 +65,8 @@ FORBIDDEN_MODULES = {
 EXCEPTIONS = {
     # Kernels are compiled ahead by Blender's own Python: numba holds the window up, which no timer can help.
     "bridge.kernel_preparation": {"subprocess"},
+    # A damaged frame can end the process that decodes it.
+    "rle_splat.read.dicom.decoders": {"subprocess"},
 }
 FORBIDDEN_CALLS = {"eval", "exec", "compile", "__import__"}
 

@@ -1,0 +1,173 @@
+"""Decoding compressed frames in child processes, so that a damaged frame cannot end or block this one.
+
+The children's answers come through files that no process waits for: on Windows, too, nothing here blocks, and work can
+be cancelled at any time.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from ...runtime import child_python
+from ..header import lacking
+from . import decode_child
+from .refusals import Refused, damaged_frame
+
+SLOTS = 2  # orders that a child has at once
+MOST_CHILDREN = 4
+SECONDS, SECONDS_PER_MEGAPIXEL = 10.0, 5.0  # a child that takes longer for a frame hangs; measured: 0.1 s a megapixel
+POLL, PATIENCE = 0.001, 0.03  # seconds between looks, and until the caller is told that nothing came
+# Codec -> the package that has it, and what needs it.
+PACKAGES = {
+    "openjpeg": ("pylibjpeg-openjpeg", "JPEG 2000 DICOM"),
+    "libjpeg": ("pylibjpeg-libjpeg", "JPEG DICOM"),
+}
+
+
+@dataclass(frozen=True)
+class Order:
+    """One frame to decode: its number for the caller, its file, its number there, its fragments in the file."""
+
+    index: int
+    path: Path
+    frame: int
+    codec: str
+    fragments: tuple
+
+
+def decoded_frames(orders, limit: int):
+    """Generator: decode frames.
+
+    Parameters
+    ----------
+    orders : sequence of Order
+    limit : int
+        Largest number of bytes of a decoded frame.
+
+    Yields
+    ------
+    (Order, bytes) or None
+        Frames in the order in which they are ready; None when none is, a few times in 0.2 s.
+
+    Raises
+    ------
+    Refused
+        If a frame cannot be decoded.
+    """
+    if not orders:
+        return
+    if not child_python.is_python(sys.executable or ""):
+        raise Refused(
+            "Compressed DICOM files are decoded by a Python of their own, which this Blender lacks; convert the files "
+            "to uncompressed ones."
+        )
+    for codec in dict.fromkeys(order.codec for order in orders):
+        if find_spec(codec) is None:
+            raise lacking(*PACKAGES[codec])
+    waiting = list(reversed(orders))
+    count = min(MOST_CHILDREN, os.cpu_count() or 1, -(-len(orders) // SLOTS))
+    seconds = SECONDS + SECONDS_PER_MEGAPIXEL * limit / 1e6
+    children = []
+    try:
+        with tempfile.TemporaryDirectory(prefix="rle-splat-", ignore_cleanup_errors=True) as folder:
+            try:
+                for number in range(count):
+                    children.append(_Child(Path(folder), number, limit, seconds))
+                yield from _run(children, waiting, len(orders))
+            finally:
+                for child in children:
+                    child.end()
+    except OSError as problem:
+        raise Refused(
+            f"Compressed files cannot be decoded: {problem.strerror or 'no process can be started'}."
+        ) from None
+
+
+def _run(children, waiting: list, left: int):
+    """Generator, as ``decoded_frames``: hand out orders from the end of ``waiting`` until ``left`` came back."""
+    last = time.monotonic()
+    while left:
+        came = False
+        for child in children:
+            while waiting and child.free:
+                child.give(waiting.pop())
+            for answer in child.answers():
+                left -= 1
+                came = True
+                yield answer
+        now = time.monotonic()
+        if came:
+            last = now
+        elif now - last > PATIENCE:
+            last = now
+            yield None
+        else:
+            time.sleep(POLL)
+
+
+class _Child:
+    """A child process, the files through which it answers, and the orders that it has."""
+
+    def __init__(self, folder: Path, number: int, limit: int, seconds: float):
+        self.limit, self.seconds = limit, seconds
+        self.at_work: dict[int, Order] = {}
+        self.given = 0.0
+        self.rest = b""
+        paths = [folder / f"{number}.{kind}" for kind in ("pixels", "answers")]
+        flags = subprocess.CREATE_NO_WINDOW if sys.platform == "win32" else 0
+        with open(paths[0], "wb") as pixels, open(paths[1], "wb") as answers:
+            self.process = subprocess.Popen(
+                child_python.command(decode_child.__file__), env=child_python.environ("numpy", *PACKAGES),
+                stdin=subprocess.PIPE, stdout=pixels, stderr=answers, creationflags=flags,
+            )  # fmt: skip
+        self.pixels, self.reports = (open(path, "rb", buffering=0) for path in paths)
+        for path in paths:
+            with suppress(OSError):  # Windows removes them with their folder
+                path.unlink()
+
+    @property
+    def free(self) -> bool:
+        return len(self.at_work) < SLOTS
+
+    def give(self, order: Order) -> None:
+        slot = next(slot for slot in range(SLOTS) if slot not in self.at_work)
+        if not self.at_work:
+            self.given = time.monotonic()
+        self.at_work[slot] = order
+        places = " ".join(f"{offset} {length}" for offset, length in order.fragments)
+        path = os.fsencode(order.path).hex()
+        with suppress(OSError):  # of a child that ended; answers() tells
+            self.process.stdin.write(f"{order.codec} {slot} {self.limit} {path} {places}\n".encode("ascii"))
+            self.process.stdin.flush()
+
+    def answers(self):
+        """Generator: (order, bytes) of what has been decoded since the last call."""
+        ended = self.process.poll() is not None  # asked first: what it wrote before its end is read below
+        *lines, self.rest = (self.rest + self.reports.read()).split(b"\n")
+        for line in lines:
+            slot, count = (int(word) for word in line.split())
+            order = self.at_work.pop(slot)
+            self.given = time.monotonic()
+            if count < 0:
+                raise damaged_frame(order.path, order.frame)
+            self.pixels.seek(slot * self.limit)
+            yield order, self.pixels.read(count)
+        if self.at_work and (ended or time.monotonic() - self.given > self.seconds):
+            order = next(iter(self.at_work.values()))
+            raise damaged_frame(order.path, order.frame)
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        with suppress(OSError):  # a pipe that nobody reads any more
+            self.process.stdin.close()
+        self.pixels.close()
+        self.reports.close()

@@ -1,0 +1,212 @@
+"""Which files a path stands for, and the pictures in them. The content of a file decides, not its suffix."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...runtime.steps import Progress, mapped, within
+from ..header import library
+from . import elements as read
+from .pictures import is_segmentation, picture_steps
+from .refusals import Damaged, Refused, damaged, no_images
+
+MOST_FILES = 20_000
+MOST_KEPT = 10_000  # files and pictures; 3.4 kB each, measured
+YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
+
+
+_kept: dict = {}  # path -> (what changes when the file does, its pictures)
+_count = [0]  # of files and pictures that were kept since the last clearing
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a path holds.
+
+    Attributes
+    ----------
+    pictures : tuple of pictures.Picture
+    refused : tuple of Refused
+        Of DICOM files that hold no usable picture.
+    broken : tuple of str
+        Names of DICOM files that cannot be parsed.
+    others : int
+        Number of files that are not DICOM.
+    series : str
+        Hash of the series of the file that the path names; "" if it names several.
+    segmentation : elements.Elements or None
+        The path's file, if it is a DICOM SEG.
+    """
+
+    pictures: tuple
+    refused: tuple
+    broken: tuple
+    others: int
+    series: str = ""
+    segmentation: read.Elements | None = None
+
+
+def find_pictures(path):
+    """Generator of Progress: find the pictures that a path stands for.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, searched with its folders; a DICOMDIR; a multi-frame file; or any one file of a series, which stands
+        for its folder.
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    Refused
+        If there is no usable picture, or the named file holds none.
+    """
+    path = Path(path)
+    yield Progress(0.0, f"Looking for images in {path.name}")
+    library("pydicom", "pydicom", "DICOM")
+    if path.is_dir():
+        found = yield from _scan((yield from _files_below(path)))
+        return _checked(found, path)
+    own = _kept_pictures(path)
+    if not own:
+        parsed = yield from _parsed(path)
+        if parsed is not None and parsed.is_directory:
+            found = yield from _scan((yield from _directory_files(parsed)))
+            return _checked(found, path)
+        if parsed is not None and read.quietly(is_segmentation, parsed):
+            return Found((), (), (), 0, segmentation=parsed)
+        own = yield from _pictures(parsed)
+        if own is None:
+            raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
+        _keep(path, own)
+    series = own[0].series.key
+    if own[0].storage.frames > 1:
+        return Found(own, (), (), 0, series)
+    siblings = sorted(other for other in path.parent.iterdir() if other.is_file())[:MOST_FILES]
+    found = yield from _scan(siblings)
+    mine = tuple(picture for picture in found.pictures if picture.series.key == series)
+    return Found(mine, (), found.broken, found.others, series)
+
+
+def _files_below(folder: Path):
+    """Generator: files of a folder and its folders, sorted; hidden ones and those of macOS's archives left out."""
+    found = []
+    for here, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and name != "__MACOSX")
+        found += [Path(here, name) for name in sorted(names) if not name.startswith(".")]
+        if len(found) > MOST_FILES:
+            raise Refused(
+                f"{folder.name} holds more than {MOST_FILES} files; choose the folder of one study or series."
+            )
+        yield Progress(0.0, f"Looking for images in {folder.name}")
+    return found
+
+
+def _scan(paths):
+    """Generator of Progress: read the headers of files; returns Found."""
+    pictures, refused, broken, others = [], [], [], 0
+    for i, path in enumerate(paths):
+        try:
+            own = _kept_pictures(path)
+            if own is None:
+                own = yield from _pictures((yield from _parsed(path)))
+                _keep(path, own or ())
+            others += not own
+            pictures += own or ()
+        except Damaged:
+            broken.append(path.name)
+        except Refused as problem:
+            refused.append(problem)
+        if i % YIELD_FILES == 0 or pictures:
+            yield Progress(i / len(paths), f"Reading headers: {i} of {len(paths)} files")
+    return Found(tuple(pictures), tuple(refused), tuple(broken), others)
+
+
+def _parsed(path: Path):
+    """Generator of Progress: the elements of one file; None if it is not DICOM."""
+    doing = Progress(0.0, f"Reading the header of {path.name}")
+    return (yield from mapped(read.read_elements(path), lambda _: doing))
+
+
+def _stamp(path: Path) -> tuple | None:
+    """What changes when a file does."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
+def _kept_pictures(path: Path) -> tuple | None:
+    """The pictures of a file that was read before and has not changed, () if it has none; None if it must be read."""
+    stamp, pictures = _kept.get(path, (None, None))
+    return pictures if stamp is not None and stamp == _stamp(path) else None
+
+
+def _keep(path: Path, pictures: tuple) -> None:
+    """Keep the pictures of a file, so that the next frame of a series in time is found without reading headers."""
+    _count[0] += 1 + len(pictures)
+    if _count[0] > MOST_KEPT:
+        _kept.clear()
+        _count[0] = 1 + len(pictures)
+    _kept[path] = (_stamp(path), pictures)
+
+
+def _pictures(found: read.Elements | None):
+    """Generator of Progress: the pictures of a parsed file; None if it is none of DICOM's images."""
+
+    def sort_out():
+        if found is None or found.is_directory:
+            return None
+        return (yield from picture_steps(found))
+
+    try:
+        steps = within(sort_out(), read.quiet)
+        return (yield from mapped(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
+    except read.problems():
+        raise damaged(found.path) from None
+
+
+def _directory_files(found: read.Elements):
+    """Generator: files that a DICOMDIR lists and that exist."""
+    files = []
+    for record in found.frames:
+        names = read.quietly(read.texts, record, "ReferencedFileID")
+        file = _listed(found.path.parent, names) if names else None
+        if file is not None:
+            files.append(file)
+        yield Progress(0.0, f"Reading {found.path.name}")
+    if not files:
+        raise Refused(f"The files that {found.path.name} lists are not beside it; choose the folder that holds them.")
+    return files
+
+
+def _listed(folder: Path, names) -> Path | None:
+    """The file that a DICOMDIR names below its folder, in any case of letters; None if it is not there."""
+    for name in names:
+        if name in ("", ".", "..") or "/" in name or "\\" in name:
+            return None
+        inner = folder / name
+        if not inner.exists():
+            same = (
+                [other for other in folder.iterdir() if other.name.lower() == name.lower()] if folder.is_dir() else []
+            )
+            inner = same[0] if same else inner
+        folder = inner
+    return folder if folder.is_file() else None
+
+
+def _checked(found: Found, path: Path) -> Found:
+    """Refuse a path without pictures, by the reason that fits."""
+    if found.pictures:
+        return found
+    if found.broken:
+        raise damaged(found.broken[0])
+    if found.refused:
+        raise found.refused[0]
+    raise no_images(path, found.others)

@@ -1,0 +1,250 @@
+"""Reading a DICOM series as a volume, slice by slice into the final array."""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from ...runtime.memory import bytes_text, refuse_beyond
+from ...runtime.steps import Progress, part
+from ...scene import RleSplatError
+from ...volume.volume import PATIENT, Volume
+from ..header import checked_frame, frame_remark
+from . import elements
+from .discovery import Found, find_pictures
+from .grouping import ENOUGH_SLICES, Group, chosen, groups_of, has_geometry
+from .pictures import check_size
+from .pixels import stored_planes, voxel_hash
+from .refusals import damaged, segmentation_alone
+from .segmentation import read_segmentation_steps
+from .stacking import Stack
+from .titles import group_title, volume_name
+from .values import (
+    between,
+    common_dtype,
+    common_mapping,
+    lower_padding,
+    lowest_real,
+    padding_of,
+    physical,
+)  # fmt: skip
+
+FILES_LOOKED_AT = 2000  # 0.1 s; before reading begins nothing can be canceled
+HEADERS = 0.2  # share of the time that finding pictures takes
+
+
+def recognizes_dicom(head) -> bool:
+    """Whether a file is DICOM, from its ``format.Head``."""
+    return elements.is_dicom_head(head.stored)
+
+
+def reads_dicom_folder(path) -> bool:
+    """Whether a folder holds a DICOM file, in it or in its folders, among the first FILES_LOOKED_AT."""
+    for file in islice(Path(path).rglob("*"), FILES_LOOKED_AT):
+        try:
+            if file.is_file() and elements.is_dicom(file):
+                return True
+        except OSError:
+            continue
+    return False
+
+
+def series_steps(path):
+    """Generator of Progress: find the series at a path, for a chooser.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, a DICOMDIR, or any one file, which stands for its series in its folder.
+
+    Returns
+    -------
+    list of grouping.Group
+        The number of a series, from 1, is its place in this list. ``titles`` describes them.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no usable picture.
+    """
+    found = yield from find_pictures(path)
+    if found.segmentation is not None:
+        raise segmentation_alone(path)
+    return groups_in(found)
+
+
+def groups_in(found: Found) -> list[Group]:
+    """The groups of the pictures that were found."""
+    hashes = {}
+
+    def same_voxels(a, b) -> bool:
+        for picture in (a, b):
+            if id(picture) not in hashes:
+                hashes[id(picture)] = voxel_hash(picture)
+        return hashes[id(a)] == hashes[id(b)] != ""
+
+    return groups_of(found.pictures, same_voxels)
+
+
+def read_dicom_steps(path, series=None, frame=None, spacing=None):
+    """Generator of Progress: read a DICOM series.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, a DICOMDIR, a multi-frame file, or any one file of a series. A segmentation (DICOM SEG) is read as a
+        label map.
+    series : int or None
+        Number of the series, from 1, where there are several.
+    frame : int or None
+        Number of the frame, from 1, of a series in time.
+    spacing : (sx, sy, sz) or None
+        Distances between voxels in mm, for files that do not say where they lie.
+
+    Returns
+    -------
+    Volume
+        In patient space (LPS millimeters) if the files say where they lie. Stored integers are kept, with one slope
+        and intercept; where these differ between slices, the values become float32.
+
+    Raises
+    ------
+    RleSplatError
+        If the path holds no volume, or several and none is chosen.
+    """
+    found = yield from part(find_pictures(path), 0.0, HEADERS)
+    if found.segmentation is not None:
+        if (series, frame, spacing) != (None, None, None):
+            raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
+        return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
+    groups = groups_in(found)
+    group = chosen(groups, series, group_title)
+    number = checked_frame(path, frame, len(group.frames))
+    stack = group.stack(number - 1, spacing)
+    pictures = group.frames[number - 1]
+    if found.broken and stack.kind != "even":  # a damaged file may well be one of the slices that are missing
+        raise damaged(found.broken[0])
+    for storage in {picture.storage.path: picture.storage for picture in pictures}.values():
+        check_size(storage)
+    mapping = common_mapping(pictures)
+    voxels, padded = yield from part(_voxel_steps(pictures, stack, mapping), HEADERS, 1.0)
+    slope, intercept = mapping or (1.0, 0.0)
+    first = pictures[0]
+    return Volume(
+        voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
+        value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
+        space=PATIENT if has_geometry(first) else None, frames=len(group.frames),
+        remarks=(
+            *_broken_remark(found.broken), *(_left_out_remark(groups, group) if series is None else ()),
+            *group.remarks, *_remarks(group, stack, mapping, padded),
+            *frame_remark(number, len(group.frames), group.axis),
+        ),
+    )  # fmt: skip
+
+
+def _voxel_steps(pictures, stack: Stack, mapping):
+    """Generator of Progress: the voxels (slices, rows, columns) of a stack, and how many padding voxels were lowered.
+
+    The files' slices are read into the end of the final array, and missing ones are then interpolated from its begin
+    on, so that no second array is needed.
+    """
+    storage = pictures[0].storage
+    dtype = common_dtype(pictures) if mapping else np.dtype(np.float32)
+    shape = (stack.slices, storage.rows, storage.columns)
+    needed = math.prod(shape) * dtype.itemsize
+    what = f"{storage.columns} x {storage.rows} x {stack.slices} voxels"
+    yield Progress(0.0, f"Reading {what}, {bytes_text(needed)}")
+    refuse_beyond(needed, f"{what} need", "choose a smaller series")
+    voxels = np.empty(shape, dtype=dtype)
+    apart = not _fits_in_place(stack, len(pictures))
+    if apart:
+        refuse_beyond(2 * needed, f"{what} with irregular distances need", "choose a smaller series")
+    read = np.empty((len(pictures), *shape[1:]), dtype=dtype) if apart else voxels[stack.slices - len(pictures) :]
+    padded = yield from part(_stored_steps(pictures, read, mapping), 0.0, 0.9, f"Reading {what}")
+    for k in range(stack.slices if stack.kind != "even" else 0):
+        j, weight = int(stack.below[k]), float(stack.weight[k])
+        voxels[k] = between(read[j], read[j + 1], weight) if weight > 0.0 else read[j]
+        yield Progress(0.9 + 0.1 * k / stack.slices, "Filling missing slices")
+    return voxels, padded
+
+
+def _fits_in_place(stack: Stack, count: int) -> bool:
+    """Whether no slice of the grid is written before the file's slices that later ones need have been used."""
+    return bool(np.all(np.arange(stack.slices) <= stack.slices - count + stack.below))
+
+
+def _stored_steps(pictures, target: np.ndarray, mapping):
+    """Generator of Progress: decode pictures into ``target``; returns how many padding voxels were lowered."""
+    done, lowest, paddings = 0, None, {}
+    has_padding = any(padding_of(picture) is not None for picture in pictures)
+    for answer in stored_planes(pictures):
+        yield Progress(done / len(pictures), "")
+        if answer is None:
+            continue
+        i, plane = answer
+        picture = pictures[i]
+        padding = padding_of(picture)
+        if mapping is None:
+            plane = physical(plane, picture.slope, picture.intercept)
+            if padding is not None:
+                ends = physical(np.array(padding), picture.slope, picture.intercept)
+                padding = (ends.min(), ends.max())
+        target[i] = plane
+        if padding is not None:
+            paddings[i] = padding
+        if has_padding:
+            here = lowest_real(plane, padding)
+            lowest = here if lowest is None or (here is not None and here < lowest) else lowest
+        done += 1
+    lowered = 0
+    for i, padding in paddings.items() if lowest is not None else ():
+        if padding[1] > lowest:
+            lowered += lower_padding(target[i], padding, lowest)
+            yield Progress(1.0, "")
+    return lowered
+
+
+def _broken_remark(broken) -> tuple:
+    if not broken:
+        return ()
+    names = ", ".join(broken[:3]) + (" and others" if len(broken) > 3 else "")
+    return (f"{len(broken)} damaged DICOM file{'s were' if len(broken) > 1 else ' was'} left out: {names}.",)
+
+
+def _left_out_remark(groups, group: Group) -> tuple:
+    """The remark on groups that were not taken, and are no localizers."""
+    count = sum(1 for other in groups if other is not group and not other.localizer)
+    if not count:
+        return ()
+    were = "was" if count == 1 else "were"
+    return (f"{count} other series with fewer than {ENOUGH_SLICES} slices {were} left out; --series chooses one.",)
+
+
+def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
+    """Sentences about what is odd."""
+    series, found = group.first.series, []
+    if stack.kind == "missing":
+        numbers = [str(k + 1) for k in stack.filled]
+        names = ", ".join(numbers[:8]) + (" and others" if len(numbers) > 8 else "")
+        found.append(f"{len(numbers)} slices are missing and were interpolated: number {names} of {stack.slices}.")
+    elif stack.kind == "irregular":
+        found.append(
+            f"The {group.slices} slices lie at irregular distances and were resampled to {stack.slices} slices, "
+            f"{np.linalg.norm(stack.affine[:3, 2]):.4g} mm apart."
+        )
+    if stack.off_line > 0.01:
+        found.append(f"Slices are up to {stack.off_line:.3f} mm off a straight line.")
+    if not has_geometry(group.first):
+        found.append("The files do not say where the slices lie; their order is that of their numbers.")
+    if mapping is None:
+        found.append("Slices have different scales of values; the values were converted to float32.")
+    if series.odd_values:
+        found.append("The files hold a table of values (Modality LUT), which is not applied.")
+    if series.inverted:
+        found.append("Low values are meant to be shown bright (MONOCHROME1); the values are unchanged.")
+    if padded:
+        found.append(f"{padded} voxels outside the scan were set to its lowest value.")
+    return tuple(found)

@@ -1,0 +1,457 @@
+"""Which pictures belong together: series, frames in time, copies, localizers, and the sentences that refuse."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pydicom")
+
+from pydicom.dataset import Dataset
+from pydicom.encaps import encapsulate
+from pydicom.fileset import FileSet
+from pydicom.uid import MPEG2MPML, generate_uid
+
+from rle_splat.read.dicom import discovery
+from rle_splat.read.dicom.reader import series_steps
+from rle_splat.read.dicom.titles import series_info, thumbnail
+from rle_splat.read.formats import format_of, read_volume
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import RleSplatError
+
+from . import dicom_phantoms as phantoms
+
+GEOMETRIES = phantoms.geometries()
+AXIAL = GEOMETRIES["axial"]
+SLICES = len(AXIAL.positions)
+
+
+def error_of(volume, axis: int = 2, more: float = 0.0) -> float:
+    return phantoms.worst_error(volume.physical(volume.voxels) - more, volume.affine, axis)
+
+
+def refusal(path, **options) -> str:
+    with pytest.raises(RleSplatError) as caught:
+        read_volume(path, **options)
+    text = str(caught.value)
+    assert phantoms.PERSON not in text
+    return text
+
+
+def frames_of(folder: Path, tag: str, values) -> None:
+    """One series in which each slice is there once for each value of a tag; values 100 t higher at time t."""
+    series = generate_uid()
+    for time, value in enumerate(values):
+        raised = phantoms.Encoding(intercepts=(-100.0 * time,))  # stored values are higher, intercepts are set to 0
+
+        def change(dataset, i, value=value):
+            setattr(dataset, tag, value)
+            dataset.RescaleIntercept = 0
+
+        phantoms.write_classic(folder, AXIAL, encoding=raised, series=series, change=change, first=time * SLICES)
+
+
+@pytest.mark.parametrize(
+    ("tag", "values", "odd"),
+    [
+        ("TemporalPositionIdentifier", (3, 1, 2), False),
+        ("TriggerTime", (0, 350.5, 700), False),
+        ("EchoTime", (2.5, 5, 7.5), True),
+        ("DiffusionBValue", (0.0, 500.0, 1000.0), True),
+        ("AcquisitionNumber", (1, 2, 3), False),
+        ("AcquisitionTime", ("095959.5", "100000.25", "100001"), False),
+        ("ImageType", (["ORIGINAL", "PRIMARY", "M"], ["ORIGINAL", "PRIMARY", "P"]), True),
+    ],
+)
+def test_frames_are_told_apart(tmp_path: Path, tag: str, values, odd: bool):
+    frames_of(tmp_path, tag, values)
+    for number, time in enumerate(np.argsort(np.array(values[:3])) if tag != "ImageType" else (0, 1), 1):
+        volume = read_volume(tmp_path, frame=number)
+        assert volume.frames == len(values) and volume.voxels.shape[0] == SLICES
+        assert error_of(volume, more=100.0 * time) <= 0.05 + 1e-6
+        assert any("not in time" in remark for remark in volume.remarks) == odd
+    assert "1 to" in refusal(tmp_path, frame=len(values) + 1)
+
+
+def test_frames_of_an_enhanced_object(tmp_path: Path):
+    path = phantoms.write_enhanced(tmp_path / "a", GEOMETRIES["oblique"], times=3)
+    for number in (1, 2, 3):
+        volume = read_volume(path, frame=number)
+        assert volume.frames == 3 and error_of(volume, more=100.0 * (number - 1)) <= 0.05 + 1e-6
+
+
+def test_frames_without_a_slice_are_left_out(tmp_path: Path):
+    frames_of(tmp_path, "TemporalPositionIdentifier", (1, 2, 3))
+    sorted(tmp_path.iterdir())[-1].unlink()
+    volume = read_volume(tmp_path)
+    assert volume.frames == 2 and any("lack slices" in remark for remark in volume.remarks)
+
+
+def test_acquisitions_that_overlap_are_volumes(tmp_path: Path):
+    """Two neighboring regions of one series that share two slices."""
+    series = generate_uid()
+    for number, begin in ((1, 0), (2, 5)):
+        steps = (begin + np.arange(7)) * 1.5
+        region = phantoms.geometry("region", (1, 0, 0), (0, 1, 0), steps)
+
+        def change(dataset, i, number=number):
+            dataset.AcquisitionNumber = number
+
+        phantoms.write_classic(tmp_path, region, series=series, change=change, first=100 * number)
+    assert "There are 2 series" in refusal(tmp_path)
+    for number in (1, 2):
+        volume = read_volume(tmp_path, series=number)
+        assert volume.voxels.shape[0] == 7 and error_of(volume) <= 0.05 + 1e-6
+
+
+def test_headers_are_read_once_until_a_file_changes(tmp_path: Path, monkeypatch):
+    """So that the next frame of a long series in time is there at once."""
+    frames_of(tmp_path, "TemporalPositionIdentifier", (1, 2))
+    parsed = []
+    read = discovery.read.read_elements
+    monkeypatch.setattr(discovery.read, "read_elements", lambda path: parsed.append(path) or read(path))
+    assert error_of(read_volume(tmp_path, frame=1)) <= 0.05 + 1e-6 and len(parsed) == 2 * SLICES
+    assert error_of(read_volume(tmp_path, frame=2), more=100.0) <= 0.05 + 1e-6 and len(parsed) == 2 * SLICES
+    changed = sorted(tmp_path.iterdir())[3]
+    dataset = phantoms.read(changed)
+    dataset.RescaleIntercept = 50
+    dataset.save_as(changed)
+    assert any(
+        "different scales" in remark for frame in (1, 2) for remark in read_volume(tmp_path, frame=frame).remarks
+    )
+    assert parsed[2 * SLICES :] == [changed]
+    monkeypatch.setattr(discovery, "MOST_KEPT", 3)
+    shutil.copytree(tmp_path, tmp_path.parent / "elsewhere")
+    assert read_volume(tmp_path.parent / "elsewhere").frames == 2 and len(discovery._kept) <= 3
+
+
+def test_slices_that_nothing_tells_apart_are_refused(tmp_path: Path):
+    frames_of(tmp_path, "InstanceCreationTime", ("101010", "101011"))
+    assert "tells them apart" in refusal(tmp_path)
+
+
+def test_copies_are_left_out(tmp_path: Path):
+    paths = phantoms.write_classic(tmp_path / "a", AXIAL)
+    shutil.copy(paths[2], tmp_path / "copy of 3")
+    (tmp_path / "b").mkdir()
+    shutil.copy(paths[5], tmp_path / "b" / "x.dcm")
+    volume = read_volume(tmp_path)
+    assert volume.voxels.shape[0] == SLICES and error_of(volume) <= 0.05 + 1e-6
+    assert any("2 pictures are copies" in remark for remark in volume.remarks)
+
+
+def test_a_series_copied_with_new_names_is_one(tmp_path: Path):
+    series = generate_uid()
+    phantoms.write_classic(tmp_path, AXIAL, series=series)
+    phantoms.write_classic(tmp_path, AXIAL, series=series, first=50)
+    volume = read_volume(tmp_path)
+    assert volume.voxels.shape[0] == SLICES and any("copies" in remark for remark in volume.remarks)
+
+
+def test_a_localizer_is_left_out(tmp_path: Path):
+    series = generate_uid()
+    phantoms.write_classic(tmp_path, AXIAL, series=series)
+
+    def change(dataset, i):
+        dataset.ImageType = ["ORIGINAL", "PRIMARY", "LOCALIZER"]
+
+    phantoms.write_classic(tmp_path, GEOMETRIES["coronal"], series=series, change=change, first=100)
+    assert error_of(read_volume(tmp_path)) <= 0.05 + 1e-6
+    assert error_of(read_volume(tmp_path, series=2)) <= 0.05 + 1e-6  # it can be asked for
+
+
+def test_other_pictures_that_are_left_out_are_told(tmp_path: Path):
+    phantoms.write_classic(tmp_path, AXIAL)
+    phantoms.write_classic(tmp_path, phantoms.geometry("one", (1, 0, 0), (0, 0, -1), [0.0]), first=90)
+    volume = read_volume(tmp_path)
+    assert error_of(volume) <= 0.05 + 1e-6
+    assert volume.remarks == ("1 other series with fewer than 3 slices was left out; --series chooses one.",)
+    assert "single picture" in refusal(tmp_path, series=2)
+
+
+def two_series(folder: Path) -> None:
+    def change(dataset, i):
+        dataset.SeriesNumber = 8
+
+    phantoms.write_classic(folder / "a", AXIAL)
+    phantoms.write_classic(folder / "b", GEOMETRIES["tilt, even steps"], change=change)
+
+
+def test_several_series_are_listed(tmp_path: Path):
+    two_series(tmp_path)
+    text = refusal(tmp_path)
+    assert "--series N" in text and "1 is CT HEAD, 36 x 33, 9 slices, 0.6 x 0.6 x 1.5 mm; 2 is CT" in text
+    assert read_volume(tmp_path, series=1).affine[1, 2] == 0.0
+    assert read_volume(tmp_path, series=2).affine[1, 2] > 0.4
+    assert "There is no series 3" in refusal(tmp_path, series=3)
+
+
+def test_one_file_stands_for_its_series(tmp_path: Path):
+    series = [generate_uid(), generate_uid()]
+    axial = phantoms.write_classic(tmp_path, AXIAL, series=series[0])
+    tilted = phantoms.write_classic(tmp_path, GEOMETRIES["tilt, even steps"], series=series[1], first=100)
+    assert read_volume(axial[4]).affine[1, 2] == 0.0
+    assert read_volume(tilted[4]).affine[1, 2] > 0.4
+
+
+def test_a_folder_of_orientations(tmp_path: Path):
+    series = generate_uid()
+    phantoms.write_classic(tmp_path, AXIAL, series=series)
+    phantoms.write_classic(tmp_path, GEOMETRIES["sagittal"], series=series, first=100)
+    assert "There are 2 series" in refusal(tmp_path)
+    for number in (1, 2):
+        assert error_of(read_volume(tmp_path, series=number)) <= 0.05 + 1e-6
+
+
+def test_parallel_stacks_in_one_series(tmp_path: Path):
+    """Two slabs side by side, as of two table positions, are two volumes."""
+    series = generate_uid()
+    phantoms.write_classic(tmp_path, AXIAL, series=series)
+    beside = phantoms.geometry("beside", (1, 0, 0), (0, 1, 0), np.arange(7) * 2.0, origin=(40.0, 4.1, 21.7))
+    phantoms.write_classic(tmp_path, beside, series=series, first=100)
+    shapes = {read_volume(tmp_path, series=number).voxels.shape[0] for number in (1, 2)}
+    assert shapes == {SLICES, 7}
+
+
+def test_a_directory_file(tmp_path: Path):
+    phantoms.write_classic(tmp_path / "in", AXIAL)
+    files = FileSet()
+    for path in (tmp_path / "in").iterdir():
+        files.add(path)
+    files.write(tmp_path / "disc")
+    shutil.rmtree(tmp_path / "in")
+    assert error_of(read_volume(tmp_path / "disc" / "DICOMDIR")) <= 0.05 + 1e-6
+    shutil.rmtree(next(path for path in (tmp_path / "disc").iterdir() if path.is_dir()))
+    assert "not beside it" in refusal(tmp_path / "disc" / "DICOMDIR")
+
+
+def test_the_chooser(tmp_path: Path):
+    two_series(tmp_path)
+    groups = drain(series_steps(tmp_path))
+    first, second = (series_info(group, number) for number, group in enumerate(groups, 1))
+    assert (first.modality, first.body_part, first.slices, first.size) == ("CT", "HEAD", SLICES, (36, 33))
+    np.testing.assert_allclose(first.spacing, (0.6, 0.6, 1.5), atol=1e-6)
+    assert second.spacing[2] > 1.5 and (first.frames, first.problem) == (1, "")
+    picture = thumbnail(groups[1])
+    assert picture.dtype == np.uint8 and picture.shape == (33, 36)
+
+
+@pytest.mark.parametrize(
+    ("steps", "slices", "word"),
+    [
+        ([0.0, 3.0], 2, ""),
+        ([0, 1, 2, 3, 7, 8], 9, "3 slices are missing and were interpolated: number 5, 6, 7 of 9"),
+        ([0, 2, 5, 7, 9], 10, "5 slices are missing"),  # the step is half of the smallest distance
+        ([0, 1.004, 2, 2.998, 4], 5, ""),  # within a hundredth of a step
+        ([0, 1, 2.2, 3], 5, "irregular distances and were resampled to 5 slices, 0.7537 mm apart"),
+        ([30.0, 31.0, 31.03, 33.0, 48.0], 40, "irregular"),  # at most eight times the files' slices
+        ([0.0, 20.0, 39.0, 39.02, 39.05], 40, "irregular"),  # dense at the end: not in place
+    ],
+)
+def test_distances(tmp_path: Path, steps, slices: int, word: str):
+    where = phantoms.geometry("steps", (1, 0, 0), (0, 1, 0), steps, shear=(0.1, 0.0))
+    phantoms.write_classic(tmp_path, where)
+    volume = read_volume(tmp_path)
+    assert volume.voxels.shape[0] == slices and word in " ".join(volume.remarks) and bool(word) == bool(volume.remarks)
+    assert error_of(volume) <= 0.1 + 1e-6
+
+
+def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path):
+    """RT dose: one position, and the offset of each frame along the normal."""
+    where = GEOMETRIES["oblique"]
+    steps = np.arange(SLICES) * 1.5
+
+    def change(dataset):
+        for name in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
+            delattr(dataset, name)
+        dataset.SOPClassUID, dataset.Modality, dataset.DoseUnits = "1.2.840.10008.5.1.4.1.1.481.2", "RTDOSE", "GY"
+        dataset.ImagePositionPatient = [f"{value:.6f}" for value in where.positions[0]]
+        dataset.ImageOrientationPatient = [f"{value:.10f}" for value in (*where.row, *where.column)]
+        dataset.PixelSpacing, dataset.DoseGridScaling = list(where.spacing), 0.5
+        dataset.GridFrameOffsetVector = steps.tolist()
+
+    encoding = phantoms.Encoding(slopes=(0.5,))
+    path = phantoms.write_enhanced(tmp_path / "a.dcm", where, encoding=encoding, change=change, shuffled=False)
+    volume = read_volume(path)
+    assert error_of(volume) <= 0.03 and (volume.value_unit, volume.slope) == ("Gy", 0.5)
+
+
+def test_slices_of_several_types(tmp_path: Path):
+    """Signed and unsigned slices, some of 32 bits, in one series."""
+    series = generate_uid()
+    thirds = [AXIAL.positions[i::3] for i in range(3)]
+    encodings = (
+        phantoms.PLAIN,
+        phantoms.Encoding(signed=True),
+        phantoms.Encoding(allocated=32, stored=32, signed=True),
+    )
+    for number, (positions, encoding) in enumerate(zip(thirds, encodings)):
+        where = phantoms.Geometry("third", AXIAL.row, AXIAL.column, AXIAL.spacing, positions)
+        phantoms.write_classic(tmp_path, where, encoding=encoding, series=series, first=100 * number)
+    volume = read_volume(tmp_path)
+    assert volume.voxels.dtype == np.int32 and volume.voxels.shape[0] == SLICES and error_of(volume) <= 0.05 + 1e-6
+
+
+def test_files_without_preamble_and_meta(tmp_path: Path):
+    for path in phantoms.write_classic(
+        tmp_path, AXIAL, encoding=phantoms.with_syntax(phantoms.PLAIN, "1.2.840.10008.1.2")
+    ):
+        data = path.read_bytes()
+        length = int.from_bytes(data[140:144], "little")
+        path.write_bytes(data[144 + length :])
+    assert error_of(read_volume(tmp_path)) <= 0.05 + 1e-6
+
+
+@pytest.mark.parametrize("value", [3000, -5, 0])
+@pytest.mark.parametrize("slopes", [(1.0,), (0.5, 0.25)])
+def test_padding_above_the_lowest_value_becomes_it(tmp_path: Path, value: int, slopes):
+    """Padding that is higher than the lowest real value would be seen; lower padding is kept."""
+    encoding = phantoms.Encoding(signed=True, slopes=slopes, intercepts=(2100.0,))
+
+    def change(dataset, i):
+        dataset.PixelPaddingValue = value
+        dataset["PixelPaddingValue"].VR = "SS"
+
+    def spoil(words):
+        words[0, :3] = np.int16(value).view(np.uint16)
+        return words
+
+    written = encoding.words
+    object.__setattr__(encoding, "words", lambda values, i: spoil(written(values, i)))
+    phantoms.write_classic(tmp_path, AXIAL, axis=0, encoding=encoding, change=change)
+    volume = read_volume(tmp_path)
+    found = volume.physical(volume.voxels)
+    real = found[:, 1:]
+    for k in range(SLICES):
+        stated = value * slopes[k % len(slopes)] + 2100.0
+        np.testing.assert_allclose(found[k, 0, :3], min(stated, real.min()), atol=1e-3)
+    assert phantoms.worst_error(real, volume.affine, 0) <= 0.05 + 1e-3
+
+
+@pytest.mark.parametrize(
+    "begin", [[8, 0, 0, 0], [8, 5, 8, 0], [8, 24, 6, 0, 900, 901, 902], [2, 0, 0, 0], [2048, 2048]]
+)
+@pytest.mark.parametrize("dtype", ["<u2", ">u2", "u1"])
+def test_raw_voxels_are_not_taken_for_dicom(tmp_path: Path, begin, dtype: str):
+    values = np.zeros(64, np.uint16)
+    values[: len(begin)] = begin
+    path = tmp_path / "a.raw"
+    path.write_bytes(values.astype(dtype).tobytes())
+    assert format_of(path).name == "raw"
+
+
+class TestBadInput:
+    def test_a_folder_without_images(self, tmp_path: Path):
+        (tmp_path / "notes.txt").write_text("nothing")
+        assert refusal(tmp_path).endswith(
+            "holds no medical images, only 1 other file; choose the folder of the series."
+        )
+
+    def test_one_slice(self, tmp_path: Path):
+        where = phantoms.geometry("one", (1, 0, 0), (0, 1, 0), [0.0])
+        phantoms.write_classic(tmp_path, where)
+        assert "single picture" in refusal(tmp_path)
+
+    def test_no_positions(self, tmp_path: Path):
+        def change(dataset, i):
+            del dataset.ImagePositionPatient
+
+        phantoms.write_classic(tmp_path, AXIAL, change=change)
+        assert "--spacing" in refusal(tmp_path)
+        volume = read_volume(tmp_path, spacing=(0.6, 0.6, 1.5))
+        assert volume.space is None and volume.voxels.shape == (SLICES, phantoms.ROWS, phantoms.COLUMNS)
+        differences = np.diff(volume.voxels.astype(int), axis=0)
+        assert np.all(differences == 15)  # in the order of their numbers
+
+    def test_spacing_that_would_be_lost(self, tmp_path: Path):
+        phantoms.write_classic(tmp_path, AXIAL)
+        assert "leave out --spacing" in refusal(tmp_path, spacing=(1, 1, 1))
+
+    def test_slices_on_a_curve(self, tmp_path: Path):
+        bent = phantoms.geometry("bent", (1, 0, 0), (0, 1, 0), np.arange(9) * 1.5)
+        bent.positions[:, 1] += 0.2 * (np.arange(9) - 4.0) ** 2
+        phantoms.write_classic(tmp_path, bent)
+        assert "straight line" in refusal(tmp_path)
+
+    @pytest.mark.parametrize("row", [(0, 0, 0), (1, 1, 0), (0, 1, 0)])
+    def test_singular_directions(self, tmp_path: Path, row):
+        def change(dataset, i):
+            dataset.ImageOrientationPatient = [*row, 0, 1, 0]
+
+        phantoms.write_classic(tmp_path, AXIAL, change=change)
+        assert "perpendicular" in refusal(tmp_path)
+
+    def test_slices_in_one_plane(self, tmp_path: Path):
+        flat = phantoms.geometry("flat", (1, 0, 0), (0, 1, 0), np.arange(9) * 1.5)
+        flat.positions[:, 0] = np.arange(9)
+        flat.positions[:, 2] = 5.0
+        phantoms.write_classic(tmp_path, flat)
+        assert "one plane" in refusal(tmp_path)
+
+    @pytest.mark.parametrize("length", [100, 640])
+    @pytest.mark.parametrize("syntax", [phantoms.NATIVE[1], phantoms.RLELossless, phantoms.JPEG2000Lossless])
+    def test_a_file_that_breaks_off(self, tmp_path: Path, length: int, syntax: str):
+        encoding = phantoms.with_syntax(phantoms.PLAIN, syntax)
+        paths = phantoms.write_classic(tmp_path, GEOMETRIES["oblique"], encoding=encoding)
+        paths[3].write_bytes(paths[3].read_bytes()[:-length])
+        text = refusal(tmp_path)
+        assert paths[3].name in text and ("breaks off" in text or "damaged" in text)
+
+    @pytest.mark.parametrize(
+        ("changes", "word"),
+        [
+            ({"SamplesPerPixel": 3, "PhotometricInterpretation": "RGB"}, "color"),
+            ({"PhotometricInterpretation": "PALETTE COLOR"}, "color"),
+            ({"ImageType": ["ORIGINAL", "PRIMARY", "M", "MOSAIC"]}, "dcm2niix"),
+            ({"BitsAllocated": 12}, "damaged"),
+            ({"Rows": 0}, "damaged"),
+            ({"BitsStored": 40}, "damaged"),
+            ({"Rows": 60000, "Columns": 60000}, "breaks off"),
+            ({"NumberOfFrames": 2**31 - 1}, "damaged"),
+        ],
+    )
+    def test_other_pictures(self, tmp_path: Path, changes, word: str):
+        def change(dataset, i):
+            for name, value in changes.items():
+                setattr(dataset, name, value)
+
+        phantoms.write_classic(tmp_path, AXIAL, change=change)
+        assert word in refusal(tmp_path)
+
+    def test_a_color_frame_in_gray_clothes(self, tmp_path: Path):
+        """A codestream of three components under a header of one is refused before a decoder sees it."""
+        from openjpeg.utils import encode_array
+
+        encoding = phantoms.with_syntax(phantoms.PLAIN, phantoms.JPEG2000Lossless)
+        paths = phantoms.write_classic(tmp_path, AXIAL, encoding=encoding)
+        color = encode_array(np.zeros((phantoms.ROWS, phantoms.COLUMNS, 3), np.uint8), photometric_interpretation=1)
+        small = encode_array(np.zeros((32, 32), np.uint16))
+        for data, word in ((color, "color"), (small, "32 x 32")):
+            dataset = phantoms.read(paths[2])
+            dataset.PixelData = encapsulate([data])
+            dataset.save_as(paths[2])
+            assert word in refusal(tmp_path)
+
+    @pytest.mark.parametrize(
+        ("modality", "kind", "word"),
+        [
+            ("RTSTRUCT", "1.2.840.10008.5.1.4.1.1.481.3", "contours"),
+            ("SR", "1.2.840.10008.5.1.4.1.1.88.11", "report"),
+            ("ECG", "1.2.840.10008.5.1.4.1.1.9.1.1", "waveform"),
+        ],
+    )
+    def test_other_objects(self, tmp_path: Path, modality: str, kind: str, word: str):
+        dataset = Dataset()
+        dataset.SOPClassUID, dataset.SOPInstanceUID, dataset.Modality = kind, generate_uid(), modality
+        dataset.PatientName = phantoms.PERSON
+        phantoms.save(dataset, tmp_path / "a.dcm")
+        assert word in refusal(tmp_path) and word in refusal(tmp_path / "a.dcm")
+
+    def test_a_video(self, tmp_path: Path):
+        path = phantoms.write_enhanced(tmp_path / "a.dcm", AXIAL)
+        dataset = phantoms.read(path)
+        dataset.file_meta.TransferSyntaxUID = MPEG2MPML
+        dataset.PixelData = encapsulate([b"not decoded"])
+        dataset.save_as(path)
+        assert "video" in refusal(path)
