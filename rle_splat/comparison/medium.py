@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume
-from ..effects.analyze import analyze, called_for
+from ..effects.analyze import analyzed
 from ..encode.store import StoredVolume
 from ..pipeline.scan_source import classify_and_shade
 from ..runtime.steps import Clock
@@ -104,7 +104,7 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
         )
     if not scene.volume.holds_values:
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
-    scene = called_for(scene, analyze(scene, quality))
+    scene = analyzed(scene, quality)[1]
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()

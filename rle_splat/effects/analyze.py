@@ -200,6 +200,24 @@ def analyze(scene: Scene, quality: Quality) -> EffectSet:
     RleSplatError
         If an override names no effect, or forces one on that the scene lacks something for.
     """
+    return analyzed(scene, quality)[0]
+
+
+def analyzed(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
+    """Find which effects a scene calls for, and remove the others.
+
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+
+    Returns
+    -------
+    EffectSet
+        As ``analyze`` returns it.
+    Scene
+        The scene with the effects that are off removed, and those that are on by hand added.
+    """
     overrides = check_overrides(scene.effects)
     left, found = _without_forced_off(scene, overrides), []
     for name, kind in EFFECTS.items():
@@ -218,28 +236,7 @@ def analyze(scene: Scene, quality: Quality) -> EffectSet:
             effect = Effect(name, on or bool(by_hand), f"by hand: {reason}" if by_hand else reason, by_hand)
         left = kind.without(left) if effect.is_taken_out else left
         found.append(effect)
-    return EffectSet(tuple(found))
-
-
-def called_for(scene: Scene, effects: EffectSet) -> Scene:
-    """The scene with the effects that are off removed, and those that are on by hand added.
-
-    Parameters
-    ----------
-    scene : Scene
-    effects : EffectSet
-        Of this scene.
-
-    Returns
-    -------
-    Scene
-    """
-    left = _without_forced_off(scene, {effect.name: effect.by_hand for effect in effects})
-    for effect in effects:
-        kind = EFFECTS[effect.name]
-        left = _with_forced_on(left, kind) if effect.by_hand else left
-        left = kind.without(left) if effect.is_taken_out else left
-    return left
+    return EffectSet(tuple(found)), left
 
 
 def _without_forced_off(scene: Scene, overrides: dict) -> Scene:

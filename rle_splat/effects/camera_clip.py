@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..scene import LARGEST_LENGTH, LEAST_LENGTH, Quality, Scene
+from ..scene.changed import changed
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
@@ -95,7 +94,7 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 def _without(scene: Scene) -> Scene:
-    return replace(scene, camera=replace(scene.camera, clip_start=LEAST_LENGTH, clip_end=LARGEST_LENGTH))
+    return changed(scene, camera=changed(scene.camera, clip_start=LEAST_LENGTH, clip_end=LARGEST_LENGTH))
 
 
 CLIPPING = Kind(

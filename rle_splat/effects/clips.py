@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..scene import CLIP_KINDS, Clip, Quality, Scene
+from ..scene.changed import changed
 from ..view.base_plane import BasePlane
 from ..view.clip_intervals import Cuts, clip_intervals, what_is_left
 from ..view.footprints import FOOTPRINTS
@@ -130,6 +129,6 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 CLIP_OBJECTS = Kind(
-    "cuts the volume by the planes and boxes of the scene", _called_for, lambda scene: replace(scene, clips=()),
+    "cuts the volume by the planes and boxes of the scene", _called_for, lambda scene: changed(scene, clips=()),
     stage="clip objects",
 )

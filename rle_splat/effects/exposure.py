@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..runtime.steps import part
 from ..scene import Rendering, Scene
+from ..scene.changed import changed
 from .lens import lens_pictures, lens_points, through_lens
 from .motion import at_time, motion_pictures
 
@@ -42,9 +41,9 @@ def exposures(scene: Scene) -> list[Scene]:
     points = lens_points(count, camera.aperture_blades, camera.aperture_rotation, camera.aperture_ratio, times)
     sharp = []
     for point, time in zip(points, times):
-        one = at_time(scene, time) if during > 1 else replace(scene, motion=())
-        seen = through_lens(one.camera, point) if through > 1 else replace(one.camera, aperture_radius=0.0)
-        sharp.append(replace(one, camera=seen))
+        one = at_time(scene, time) if during > 1 else changed(scene, motion=())
+        seen = through_lens(one.camera, point) if through > 1 else changed(one.camera, aperture_radius=0.0)
+        sharp.append(changed(one, camera=seen))
     return sharp
 
 

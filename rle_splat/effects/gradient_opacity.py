@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from ..scene import Quality, Scene
+from ..scene.changed import changed
 from .kind import Kind
 from .lighting_kinds import BAKED
 from .mixing import is_mixed
@@ -28,7 +27,7 @@ def _without(scene: Scene) -> Scene:
     tf = scene.transfer_function
     if tf is None or tf.gradient_opacity is None:  # a .rle file's may be left out
         return scene
-    return replace(scene, transfer_function=replace(tf, gradient_opacity=None))
+    return changed(scene, transfer_function=changed(tf, gradient_opacity=None))
 
 
 GRADIENT_OPACITY = Kind(

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import Camera, Quality, Scene
+from ..scene.changed import changed
 from ..view.eye import index_view
 from ..view.projection import fitted_pixels
 from ..view.ray_intervals import box_depths
@@ -91,7 +92,7 @@ def through_lens(camera: Camera, point: np.ndarray) -> Camera:
     """
     offset = camera.aperture_radius * np.asarray(point, dtype=np.float64)
     if camera.type == "ORTHO":
-        return replace(camera, slant=tuple(-offset / camera.focus_distance), aperture_radius=0.0)
+        return changed(camera, slant=tuple(-offset / camera.focus_distance), aperture_radius=0.0)
     placed = np.array(camera.matrix_world)
     sides = placed[:3, :2] / np.linalg.norm(placed[:3, :2], axis=0)
     placed[:3, 3] += sides @ offset
@@ -177,7 +178,7 @@ def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
 def _sharp(scene: Scene) -> Scene:
     if scene.camera.aperture_radius == 0.0:
         return scene
-    return replace(scene, camera=replace(scene.camera, aperture_radius=0.0))
+    return changed(scene, camera=changed(scene.camera, aperture_radius=0.0))
 
 
 DEPTH_OF_FIELD = Kind("blurs what is out of focus, as the camera's lens does", _called_for, _sharp)

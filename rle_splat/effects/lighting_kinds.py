@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 
 from ..classify.transfer_function import Shade
 from ..scene import MODES, Quality, Scene
+from ..scene.changed import changed
 from .kind import Kind
 from .ray_mode import MODE_NAMES
 
@@ -46,8 +46,8 @@ def _shade_of(scene: Scene) -> Shade | None:
 
 
 def _with_shade(scene: Scene, **coefficients) -> Scene:
-    shade = replace(scene.transfer_function.shade, **coefficients)
-    return replace(scene, transfer_function=replace(scene.transfer_function, shade=shade))
+    shade = changed(scene.transfer_function.shade, **coefficients)
+    return changed(scene, transfer_function=changed(scene.transfer_function, shade=shade))
 
 
 # --- shading: c * (ambient + diffuse |n.l|) in place of c -----------------------------------------------------------
@@ -66,13 +66,13 @@ def _shading(scene: Scene, _: Quality) -> tuple[bool, str]:
 def _unshaded(scene: Scene) -> Scene:
     if _shade_of(scene) is None:
         return scene
-    return replace(scene, transfer_function=replace(scene.transfer_function, shade=None))
+    return changed(scene, transfer_function=changed(scene.transfer_function, shade=None))
 
 
 def _shaded(scene: Scene) -> Scene:
     tf = scene.transfer_function
-    shaded = replace(tf, shade=Shade()) if tf.shade is None else tf
-    return replace(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
+    shaded = changed(tf, shade=Shade()) if tf.shade is None else tf
+    return changed(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
 
 
 # --- light sources ----------------------------------------------------------------------------------------------------
@@ -123,12 +123,12 @@ SHADING = Kind(
 )
 LIGHTS = Kind(
     "lights the volume by the light objects of the scene instead of a headlight", _lights,
-    lambda scene: replace(scene, lights=()), within="shading",
+    lambda scene: changed(scene, lights=()), within="shading",
 )
 HEADLIGHT = Kind(
     "lights the volume by one white parallel light along the camera's axis", _headlight,
-    lambda scene: replace(scene, headlight=False), within="shading",
-    with_default=lambda scene: replace(scene, headlight=True),
+    lambda scene: changed(scene, headlight=False), within="shading",
+    with_default=lambda scene: changed(scene, headlight=True),
 )
 SPECULAR = Kind(
     "adds highlights, which change with the view", _specular, _without_specular, within="shading",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..scene import Quality, Scene
+from ..scene.changed import changed
 from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
@@ -133,6 +132,6 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 MESH_OCCLUSION = Kind(
-    "ends each ray at the first mesh it meets", _called_for, lambda scene: replace(scene, triangles=None),
+    "ends each ray at the first mesh it meets", _called_for, lambda scene: changed(scene, triangles=None),
     stage="occlusion",
 )

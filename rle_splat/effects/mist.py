@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from ..scene import MODES, Quality, Scene
+from ..scene.changed import changed
 from .kind import Kind
 from .ray_mode import MODE_NAMES
 
@@ -21,5 +20,5 @@ def _mist(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 MIST = Kind(
     "fades colors into the mist's color with their distance from the camera", _mist,
-    lambda scene: replace(scene, mist=None),
+    lambda scene: changed(scene, mist=None),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
+from ..scene.changed import changed
 from .kind import Kind
 
 BY_PRE = "Labels and channels are classified voxel by voxel, so the classification is pre."
@@ -64,11 +65,11 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 LABELS = Kind(
     "gives each label its own transfer function, or hides it", _labels_called_for,
-    lambda scene: replace(scene, labels=None), stage="mixing",
+    lambda scene: changed(scene, labels=None), stage="mixing",
     fitted=_classified_by_pre,
 )  # fmt: skip
 CHANNELS = Kind(
     "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,
-    lambda scene: replace(scene, channels=()), stage="mixing",
+    lambda scene: changed(scene, channels=()), stage="mixing",
     fitted=_classified_by_pre,
 )  # fmt: skip

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from ..scene import Quality, Scene
+from ..scene.changed import changed
 from ..view.eye import index_view
 from .kind import Kind
 
@@ -36,9 +36,9 @@ def at_time(scene: Scene, time: float) -> Scene:
     first = min(int(position), len(scene.motion) - 2)
     part = position - first
     before, after = scene.motion[first], scene.motion[first + 1]
-    camera = replace(scene.camera, matrix_world=_between(before.camera_matrix, after.camera_matrix, part))
+    camera = changed(scene.camera, matrix_world=_between(before.camera_matrix, after.camera_matrix, part))
     placed = _between(before.volume_matrix, after.volume_matrix, part)
-    return replace(scene, camera=camera, volume_matrix=placed, motion=())
+    return changed(scene, camera=camera, volume_matrix=placed, motion=())
 
 
 def _between(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarray:
@@ -100,7 +100,7 @@ def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def _still(scene: Scene) -> Scene:
-    return replace(scene, motion=()) if scene.motion else scene
+    return changed(scene, motion=()) if scene.motion else scene
 
 
 MOTION_BLUR = Kind("blurs what moves while the shutter is open", _called_for, _still)

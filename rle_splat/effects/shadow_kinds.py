@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 
 from ..scene import Quality, Scene
+from ..scene.changed import changed
 from .kind import Kind
 from .lighting_kinds import idle_because
 
@@ -46,19 +46,19 @@ def _ambient_occlusion(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 def _occluded(scene: Scene) -> Scene:
-    return scene if scene.ambient_occlusion > 0.0 else replace(scene, ambient_occlusion=1.0)
+    return scene if scene.ambient_occlusion > 0.0 else changed(scene, ambient_occlusion=1.0)
 
 
 SHADOWS = Kind(
     "darkens what the volume and the meshes shade from lights that cast shadows", _shadows,
-    lambda scene: replace(scene, volume_shadows=False), stage="shadows",
-    with_default=lambda scene: replace(scene, volume_shadows=True),
+    lambda scene: changed(scene, volume_shadows=False), stage="shadows",
+    with_default=lambda scene: changed(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
-    "adds the world's color as light from all directions", _world, lambda scene: replace(scene, world=None),
+    "adds the world's color as light from all directions", _world, lambda scene: changed(scene, world=None),
     within="shading",
 )
 AMBIENT_OCCLUSION = Kind(
     "reduces ambient light by the share of directions that the volume and the meshes block", _ambient_occlusion,
-    lambda scene: replace(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_occluded,
+    lambda scene: changed(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_occluded,
 )  # fmt: skip

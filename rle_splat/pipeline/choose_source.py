@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..effects.analyze import EffectSet, analyze, called_for
+from ..effects.analyze import EffectSet, analyzed
 from ..runtime.jit import compiled
 from ..scene import Quality, Scene
 from ..view.base_plane import BasePlane
@@ -49,12 +49,11 @@ def settled(scene: Scene, quality: Quality) -> Settled:
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified("pre")
-    effects = analyze(scene, quality)
-    left = called_for(scene, effects)
+    effects, left = analyzed(scene, quality)
     fitted, remarks = effects.fitted(left, quality)
     if fitted != quality:
-        quality, effects = fitted, analyze(scene, fitted)
-        left = called_for(scene, effects)
+        quality = fitted
+        effects, left = analyzed(scene, quality)
     return Settled(left, quality, effects, remarks)
 
 

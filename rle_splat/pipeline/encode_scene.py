@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from ..effects.analyze import analyze, called_for
+from ..effects.analyze import analyzed
 from ..encode.store import StoredVolume
 from ..runtime.steps import Clock, drain, portion
 from ..scene import Quality, RleSplatError, Scene
@@ -42,7 +42,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     if quality.classification == "refined":  # asked here alone: a file is not rendered, so no source is chosen
         raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
-    scene = called_for(scene, analyze(scene, quality))
+    scene = analyzed(scene, quality)[1]
     clock = Clock()
     scan, work = scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))
     lit = yield from scan.lit_steps(work)

@@ -214,7 +214,6 @@ class ScalarSource(Source):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
         volume, job, clock = self.scene.volume, work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
-        near = int(np.count_nonzero(reach.of_blocks(blocks)))
 
         def needed_by(counted) -> MemoryEstimate:
             found = scalar_estimate(volume, counted, axes=work.axes, lit=lit, picture=work.picture)
@@ -228,7 +227,8 @@ class ScalarSource(Source):
         def serves(key, held: RelevantVoxels) -> bool:
             if between or key[0] != voxels_key or not held.reach.covers(reach):
                 return False
-            return np.count_nonzero(held.reach.of_blocks(blocks)) <= WORTH_KEEPING * near
+            held_blocks, blocks_shown = (np.count_nonzero(one.of_blocks(blocks)) for one in (held.reach, reach))
+            return held_blocks <= WORTH_KEEPING * blocks_shown
 
         key = (voxels_key, (*reach.key, closed))
         found = None if job.has("relevant", key) else job.latest("relevant", serves)

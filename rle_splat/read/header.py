@@ -29,10 +29,15 @@ def library(name: str, package: str, formats: str):
     try:
         return import_module(name)
     except ImportError:
-        raise RleSplatError(
-            f"{formats} files need the package {package}, which this Python lacks; install it, or use the extension in "
-            "Blender, which includes it."
-        ) from None
+        raise lacking(package, formats) from None
+
+
+def lacking(package: str, formats: str) -> RleSplatError:
+    """The error for a Python without a package; parameters as of ``library``."""
+    return RleSplatError(
+        f"{formats} files need the package {package}, which this Python lacks; install it, or use the extension in "
+        "Blender, which includes it."
+    )
 
 
 def damaged(path, what: str) -> RleSplatError:
@@ -71,8 +76,8 @@ def frame_remark(frame: int, frames: int, axis: str = "time") -> tuple:
     if frames == 1:
         return ()
     if axis == "time":
-        return (f"The file holds {frames} volumes in time; frame {frame} was read.",)
-    return (f"The file holds {frames} volumes that differ in {axis}, not in time; number {frame} was read.",)
+        return (f"There are {frames} volumes in time; frame {frame} was read.",)
+    return (f"There are {frames} volumes that differ in {axis}, not in time; number {frame} was read.",)
 
 
 def checked_affine(path, affine) -> np.ndarray:

@@ -169,8 +169,9 @@ def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
     return (yield from storable_steps(voxels, doing))
 
 
-def _files_steps(path: Path, files: list[Path]):
+def _files_steps(path: Path, files: list[Path], frame: int | None):
     """Generator of Progress: a stack of files with one page each; return (voxels, _Facts)."""
+    checked_frame(path, frame, 1)
     tifffile = library("tifffile", "tifffile", "TIFF")
     if len(files) > MOST_FILES:
         raise RleSplatError(f"{path.name} holds {len(files)} files; a stack has at most {MOST_FILES}.")
@@ -256,7 +257,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     yield Progress(0.0, f"reading {path.name}")
     if path.is_dir():
         files = sorted((file for file in path.iterdir() if file.suffix.lower() in SUFFIXES), key=_by_number)
-        voxels, facts = yield from _files_steps(path, files)
+        voxels, facts = yield from _files_steps(path, files, frame)
     else:
         with ExitStack() as held:
             with _library(path):
@@ -264,7 +265,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
                 is_single = len(file.pages) == 1 and len(file.series[0].shape) == 2
             files = _numbered(path) if is_single else []
             if len(files) > 1:
-                voxels, facts = yield from _files_steps(path, files)
+                voxels, facts = yield from _files_steps(path, files, frame)
             else:
                 voxels, facts = yield from _one_file_steps(path, file, frame)
     remarks = facts.remarks

@@ -60,7 +60,7 @@ if numba is not None:
 
 def nothing_compiled_yet() -> bool:
     """Whether kernels are kept on disk, and none is there yet: the next picture compiles all that it needs."""
-    return internals is not None and next(KERNELS.rglob("*.nbi"), None) is None
+    return internals is not None and not _LOADED and next(KERNELS.rglob("*.nbi"), None) is None
 
 
 @contextmanager

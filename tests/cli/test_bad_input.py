@@ -295,7 +295,7 @@ def test_outputs_are_checked_before_the_work(refused, raw, raw_options, tmp_path
     same = tmp_path / "a.png"
     assert "twice" in refused("render", raw, *raw_options, "-o", same, "-o", same)
     assert "read by" in refused("convert", raw, raw, *raw_options)
-    assert "suffix" in refused("convert", raw, tmp_path / "a.nii", *raw_options)
+    assert "suffix" in refused("convert", raw, tmp_path / "a.mha", *raw_options)
     assert "suffix" in refused("encode", raw, "-o", tmp_path / "a.raw", *raw_options)
     assert "read by" in refused("info", raw, *raw_options, "--json", raw)
 

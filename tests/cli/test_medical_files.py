@@ -77,6 +77,35 @@ def test_an_encoded_patient_is_seen_from_the_front_too(call, tmp_path, scan, fun
     np.testing.assert_allclose(one, two, atol=0.01)
 
 
+def test_what_a_file_says_of_a_person_goes_nowhere(call, tmp_path, scan, function_file):
+    """Free text in headers may name the patient; it is neither printed nor written."""
+    content = bytearray(gzip.decompress(scan.read_bytes()))
+    content[148:156], content[228:236], content[14:22] = b"DOE^JANE", b"DOE^JANE", b"DOE^JANE"
+    (tmp_path / "a.nii").write_bytes(content)
+    text = "NRRD0004\n# DOE^JANE\ncontent: DOE^JANE\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n"
+    (tmp_path / "b.nrrd").write_bytes((text + "patient:=DOE^JANE\n\n").encode() + bytes(range(64)))
+    text = (
+        "ObjectType = Image\nNDims = 3\nName = DOE^JANE\nComment = DOE^JANE\nDimSize = 4 4 4\nElementType = MET_UCHAR\n"
+    )
+    (tmp_path / "c.mha").write_bytes((text + "ElementDataFile = LOCAL\n").encode() + bytes(range(64)))
+    for name in ("a.nii", "b.nrrd", "c.mha"):
+        out = tmp_path / "out"
+        out.mkdir()
+        results = [
+            call("info", tmp_path / name, "--json", out / "info.json"),
+            call("convert", tmp_path / name, out / "again.nii", "--json", out / "convert.json"),
+            call("convert", tmp_path / name, out / "again.nrrd"),
+            call("encode", tmp_path / name, "-o", out / "a.rle", "--transfer-function", function_file),
+        ]
+        assert [result.code for result in results] == [0] * 4, results
+        for result in results:
+            assert "JANE" not in result.out + result.err
+        for path in out.iterdir():
+            assert b"JANE" not in path.read_bytes(), path.name
+            path.unlink()
+        out.rmdir()
+
+
 def bad_files(folder, scan):
     content = scan.read_bytes()
     (folder / "cut.nii.gz").write_bytes(content[:-60])

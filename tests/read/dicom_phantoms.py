@@ -161,7 +161,7 @@ def _common(encoding: Encoding, series: str, kind: str) -> Dataset:
     dataset.SOPClassUID, dataset.SOPInstanceUID = kind, generate_uid()
     dataset.PatientName, dataset.PatientID, dataset.PatientBirthDate = PERSON, NUMBER, BIRTH
     dataset.StudyDate, dataset.AcquisitionDate, dataset.StudyTime = "20210304", "20210304", "101112"
-    dataset.StudyID = "S-0815"
+    dataset.StudyID, dataset.PatientSex, dataset.AccessionNumber = "S-0815", "F", "ACC-77120"
     dataset.StudyInstanceUID, dataset.SeriesInstanceUID = f"{series[:60]}.1", series
     dataset.FrameOfReferenceUID = f"{series[:60]}.2"
     dataset.ReferringPhysicianName, dataset.InstitutionName = "ROE^RICHARD", "General Hospital"

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pydicom")
 
-from pydicom.uid import JPEGLSNearLossless
+from pydicom.uid import JPEGLSNearLossless, generate_uid
 
 from rle_splat.read.formats import read_volume
 from rle_splat.volume.volume import PATIENT
@@ -76,3 +76,17 @@ def test_transfer_syntax_of_other_encoders(tmp_path: Path, syntax: str, kind: st
         folder = tmp_path / str(i)
         write(kind, folder, GEOMETRIES["non-square"], 1, phantoms.with_syntax(encoding, syntax))
         assert error_of(folder, 1) <= BOUND + (0.1 if syntax == JPEGLSNearLossless else 0.0), encoding
+
+
+@pytest.mark.filterwarnings("ignore")  # of the writer
+@pytest.mark.parametrize("name", GEOMETRIES)
+def test_an_enhanced_object_of_another_writer(tmp_path: Path, name: str):
+    highdicom = pytest.importorskip("highdicom")
+    slices = [phantoms.read(path) for path in phantoms.write_classic(tmp_path / "classic", GEOMETRIES[name], 1)]
+    for dataset in slices:
+        dataset.AcquisitionTime = dataset.ContentTime = "101010"
+        dataset.ContentDate, dataset.AcquisitionNumber, dataset.PatientPosition = "20210304", 1, "HFS"
+        dataset.Manufacturer, dataset.Laterality, dataset.PositionReferenceIndicator = "maker", "", ""
+    numbers = (generate_uid(), 9, generate_uid(), 1)
+    highdicom.legacy.LegacyConvertedEnhancedCTImage(slices, *numbers).save_as(tmp_path / "enhanced.dcm")
+    assert error_of(tmp_path / "enhanced.dcm", 1) <= BOUND

@@ -17,7 +17,18 @@ from rle_splat.runtime.steps import drain
 from . import dicom_phantoms as phantoms
 from .test_dicom_segmentation import truth, write_seg
 
-WORDS = ("DOE", "JANE", "ROE", "RICHARD", "General Hospital", "S-0815", phantoms.NUMBER, phantoms.BIRTH, "20210304")
+WORDS = (
+    "DOE",
+    "JANE",
+    "ROE",
+    "RICHARD",
+    "General Hospital",
+    "S-0815",
+    "ACC-77120",
+    phantoms.NUMBER,
+    phantoms.BIRTH,
+    "20210304",
+)
 AXIAL = phantoms.geometries()["axial"]
 
 

@@ -17,6 +17,7 @@ from pydicom.uid import (
     DeflatedExplicitVRLittleEndian,
     ExplicitVRLittleEndian,
     JPEG2000Lossless,
+    JPEGLosslessSV1,
     RLELossless,
     generate_uid,
 )
@@ -113,6 +114,18 @@ def test_cancel_ends_the_children(tmp_path: Path, monkeypatch):
     assert time.perf_counter() - began < CANCEL_SECONDS
     assert all(process.poll() is not None for process in started)
     assert list((tmp_path / "temporary").iterdir()) == []
+
+
+@pytest.mark.parametrize(("module", "syntax", "package"), [
+    ("pydicom", ExplicitVRLittleEndian, "pydicom"), ("openjpeg", JPEG2000Lossless, "pylibjpeg-openjpeg"),
+    ("libjpeg", JPEGLosslessSV1, "pylibjpeg-libjpeg"),
+])  # fmt: skip
+def test_a_python_without_the_library_is_told_its_name(tmp_path: Path, monkeypatch, module, syntax, package):
+    phantoms.write_classic(tmp_path, AXIAL, encoding=phantoms.with_syntax(phantoms.PLAIN, syntax))
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr(decoders, "find_spec", lambda name: None if name == module else object())
+    with pytest.raises(RleSplatError, match=f"need the package {package}, which this Python lacks"):
+        read_volume(tmp_path)
 
 
 class TestChildren:

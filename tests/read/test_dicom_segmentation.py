@@ -148,3 +148,38 @@ def test_beside_its_series_it_is_no_image(tmp_path: Path):
     assert phantoms.worst_error(volume.voxels, volume.affine, 2) <= 0.05 + 1e-6
     labels = read_volume(tmp_path / "both" / "seg.dcm")
     np.testing.assert_allclose(labels.affine[:3, :3], volume.affine[:3, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["BINARY", "FRACTIONAL", "LABELMAP"])
+def test_a_segmentation_of_another_writer(tmp_path: Path, kind: str):
+    """highdicom writes it, with its own order of frames and of the source's slices."""
+    highdicom = pytest.importorskip("highdicom")
+    from pydicom.sr.codedict import codes
+
+    where = GEOMETRIES["oblique"]
+    paths = phantoms.write_classic(tmp_path / "ct", where)
+    masks = truth(where, 3)
+    masks[2] &= ~masks[1]  # neither a label map nor highdicom's own map of numbers has overlaps
+    algorithm = highdicom.AlgorithmIdentificationSequence("test", codes.DCM.ArtificialIntelligence, "1")
+    described = [
+        highdicom.seg.SegmentDescription(
+            number, f"organ {number}", codes.SCT.Organ, codes.SCT.Liver, "AUTOMATIC", algorithm
+        )
+        for number in (1, 2, 3)
+    ]
+    numbers = np.max(masks * np.arange(1, 4, dtype=np.uint8)[:, None, None, None], axis=0)
+    array = numbers if kind == "LABELMAP" else np.moveaxis(masks, 0, -1).astype(np.uint8)
+    written = highdicom.seg.Segmentation(
+        [phantoms.read(path) for path in paths], array if kind != "FRACTIONAL" else array.astype(np.float32), kind,
+        described, generate_uid(), 1, generate_uid(), 1, "maker", "model", "1", "serial",
+    )  # fmt: skip
+    written.save_as(tmp_path / "seg.dcm")
+    volume = read_volume(tmp_path / "seg.dcm")
+    assert [(one.label, one.name) for one in volume.named_labels][-3:] == [(n, f"organ {n}") for n in (1, 2, 3)]
+    at = indices(volume, where)
+    for i, k in enumerate(at):
+        if k >= 0:
+            np.testing.assert_array_equal(volume.voxels[k], numbers[i])
+        else:
+            assert not numbers[i].any()
+    assert np.count_nonzero(volume.voxels) == np.count_nonzero(numbers)

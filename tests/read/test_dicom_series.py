@@ -13,6 +13,7 @@ from pydicom.encaps import encapsulate
 from pydicom.fileset import FileSet
 from pydicom.uid import MPEG2MPML, generate_uid
 
+from rle_splat.read.dicom import discovery
 from rle_splat.read.dicom.reader import series_steps
 from rle_splat.read.dicom.titles import series_info, thumbnail
 from rle_splat.read.formats import format_of, read_volume
@@ -69,7 +70,7 @@ def test_frames_are_told_apart(tmp_path: Path, tag: str, values, odd: bool):
         volume = read_volume(tmp_path, frame=number)
         assert volume.frames == len(values) and volume.voxels.shape[0] == SLICES
         assert error_of(volume, more=100.0 * time) <= 0.05 + 1e-6
-        assert any("--frame" in remark for remark in volume.remarks) == odd
+        assert any("not in time" in remark for remark in volume.remarks) == odd
     assert "1 to" in refusal(tmp_path, frame=len(values) + 1)
 
 
@@ -102,6 +103,27 @@ def test_acquisitions_that_overlap_are_volumes(tmp_path: Path):
     for number in (1, 2):
         volume = read_volume(tmp_path, series=number)
         assert volume.voxels.shape[0] == 7 and error_of(volume) <= 0.05 + 1e-6
+
+
+def test_headers_are_read_once_until_a_file_changes(tmp_path: Path, monkeypatch):
+    """So that the next frame of a long series in time is there at once."""
+    frames_of(tmp_path, "TemporalPositionIdentifier", (1, 2))
+    parsed = []
+    read = discovery.read.read_elements
+    monkeypatch.setattr(discovery.read, "read_elements", lambda path: parsed.append(path) or read(path))
+    assert error_of(read_volume(tmp_path, frame=1)) <= 0.05 + 1e-6 and len(parsed) == 2 * SLICES
+    assert error_of(read_volume(tmp_path, frame=2), more=100.0) <= 0.05 + 1e-6 and len(parsed) == 2 * SLICES
+    changed = sorted(tmp_path.iterdir())[3]
+    dataset = phantoms.read(changed)
+    dataset.RescaleIntercept = 50
+    dataset.save_as(changed)
+    assert any(
+        "different scales" in remark for frame in (1, 2) for remark in read_volume(tmp_path, frame=frame).remarks
+    )
+    assert parsed[2 * SLICES :] == [changed]
+    monkeypatch.setattr(discovery, "MOST_KEPT", 3)
+    shutil.copytree(tmp_path, tmp_path.parent / "elsewhere")
+    assert read_volume(tmp_path.parent / "elsewhere").frames == 2 and len(discovery._kept) <= 3
 
 
 def test_slices_that_nothing_tells_apart_are_refused(tmp_path: Path):
@@ -137,6 +159,15 @@ def test_a_localizer_is_left_out(tmp_path: Path):
     phantoms.write_classic(tmp_path, GEOMETRIES["coronal"], series=series, change=change, first=100)
     assert error_of(read_volume(tmp_path)) <= 0.05 + 1e-6
     assert error_of(read_volume(tmp_path, series=2)) <= 0.05 + 1e-6  # it can be asked for
+
+
+def test_other_pictures_that_are_left_out_are_told(tmp_path: Path):
+    phantoms.write_classic(tmp_path, AXIAL)
+    phantoms.write_classic(tmp_path, phantoms.geometry("one", (1, 0, 0), (0, 0, -1), [0.0]), first=90)
+    volume = read_volume(tmp_path)
+    assert error_of(volume) <= 0.05 + 1e-6
+    assert volume.remarks == ("1 other series with fewer than 3 slices was left out; --series chooses one.",)
+    assert "single picture" in refusal(tmp_path, series=2)
 
 
 def two_series(folder: Path) -> None:

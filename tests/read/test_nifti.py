@@ -11,6 +11,7 @@ from rle_splat.scene import RleSplatError
 from rle_splat.volume.orientation import axis_letters
 from rle_splat.volume.volume import PATIENT, STORED_TYPES, Volume
 
+from .judges import affine_by_itk
 from .phantoms import AFFINES, LEAST_ERROR, SHAPE, coordinates, ras, rotation, worst_error
 
 KINDS = {"one": (nibabel.Nifti1Image, ".nii"), "packed": (nibabel.Nifti1Image, ".nii.gz"),
@@ -236,6 +237,17 @@ def test_an_affine_without_shear_goes_into_the_qform_too(tmp_path):
     write_volume(volume, tmp_path / "a.nii")
     judge = nibabel.load(tmp_path / "a.nii")
     np.testing.assert_allclose(judge.get_qform(coded=True)[0], ras(volume.affine), atol=1e-4)
+
+
+@pytest.mark.parametrize("name", [name for name in AFFINES if name != "sheared"])  # ITK reads no shear
+def test_itk_which_prefers_the_qform_reads_the_same_place(tmp_path, name):
+    itk = pytest.importorskip("SimpleITK")
+    values = coordinates(AFFINES[name])[0]
+    volume = Volume(np.ascontiguousarray(values.T), AFFINES[name], space=PATIENT)
+    write_volume(volume, tmp_path / "a.nii.gz")
+    image = itk.ReadImage(str(tmp_path / "a.nii.gz"))
+    np.testing.assert_allclose(affine_by_itk(image), volume.affine, rtol=1e-5, atol=1e-4)
+    np.testing.assert_array_equal(itk.GetArrayFromImage(image), volume.voxels)
 
 
 def test_a_volume_without_a_place_is_written_without_one(tmp_path):

@@ -93,6 +93,7 @@ def test_without_kernels_nothing_is_said_of_them(monkeypatch):
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 def test_whether_anything_was_compiled_is_seen_on_disk(monkeypatch, tmp_path):
     monkeypatch.setattr("rle_splat.runtime.jit.KERNELS", tmp_path / "kernels")
+    monkeypatch.setattr("rle_splat.runtime.jit._LOADED", set())  # what other tests have loaded
     assert nothing_compiled_yet()
     (tmp_path / "kernels" / "splat").mkdir(parents=True)
     assert nothing_compiled_yet()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...effects.analyze import analyze, called_for
+from ...effects.analyze import analyzed
 from ...effects.exposure import exposures
 from ...effects.mixing import is_mixed
 from ...effects.ray_mode import mode_quality
@@ -22,7 +22,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
             "A tolerance needs the voxels, which a .rle file does not hold; give the volume it was encoded from, or "
             "choose a quality."
         )
-    scene = called_for(scene, analyze(scene, quality))
+    scene = analyzed(scene, quality)[1]
     if scene.mode != MODES[0]:
         raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
     if is_mixed(scene):
@@ -62,7 +62,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
         raise RleSplatError(
             "Accuracy needs the voxels, which a .rle file does not hold; give the volume it was encoded from."
         )
-    scene = called_for(scene, analyze(scene, quality))
+    scene = analyzed(scene, quality)[1]
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.triangles is not None and len(scene.triangles):
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.analyze import analyze, called_for
+from ...effects.analyze import analyzed
 from ...pipeline.choose_source import choose_source
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
@@ -135,7 +135,7 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
         part = end * number / len(plans), end * (number + 1) / len(plans)
         drawn[name] = yield from picture_steps(scene, plan, cache, *part, "Looking at the scene", refuse_empty_view)
         frames.append((plan, drawn[name].report["stages_ms"]))
-    features, shown = features_of(scene, quality, drawn), called_for(scene, analyze(scene, quality))
+    features, shown = features_of(scene, quality, drawn), analyzed(scene, quality)[1]
     session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, frames[1:])
     if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)

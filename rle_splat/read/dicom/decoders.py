@@ -13,9 +13,11 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from ...runtime import child_python
+from ..header import lacking
 from . import decode_child
 from .refusals import Refused, damaged_frame
 
@@ -23,7 +25,11 @@ SLOTS = 2  # orders that a child has at once
 MOST_CHILDREN = 4
 SECONDS, SECONDS_PER_MEGAPIXEL = 10.0, 5.0  # a child that takes longer for a frame hangs; measured: 0.1 s a megapixel
 POLL, PATIENCE = 0.001, 0.03  # seconds between looks, and until the caller is told that nothing came
-PACKAGES = ("numpy", "openjpeg", "libjpeg")
+# Codec -> the package that has it, and what needs it.
+PACKAGES = {
+    "openjpeg": ("pylibjpeg-openjpeg", "JPEG 2000 DICOM"),
+    "libjpeg": ("pylibjpeg-libjpeg", "JPEG DICOM"),
+}
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,9 @@ def decoded_frames(orders, limit: int):
             "Compressed DICOM files are decoded by a Python of their own, which this Blender lacks; convert the files "
             "to uncompressed ones."
         )
+    for codec in dict.fromkeys(order.codec for order in orders):
+        if find_spec(codec) is None:
+            raise lacking(*PACKAGES[codec])
     waiting = list(reversed(orders))
     count = min(MOST_CHILDREN, os.cpu_count() or 1, -(-len(orders) // SLOTS))
     seconds = SECONDS + SECONDS_PER_MEGAPIXEL * limit / 1e6
@@ -116,7 +125,7 @@ class _Child:
         flags = subprocess.CREATE_NO_WINDOW if sys.platform == "win32" else 0
         with open(paths[0], "wb") as pixels, open(paths[1], "wb") as answers:
             self.process = subprocess.Popen(
-                child_python.command(decode_child.__file__), env=child_python.environ(*PACKAGES),
+                child_python.command(decode_child.__file__), env=child_python.environ("numpy", *PACKAGES),
                 stdin=subprocess.PIPE, stdout=pixels, stderr=answers, creationflags=flags,
             )  # fmt: skip
         self.pixels, self.reports = (open(path, "rb", buffering=0) for path in paths)

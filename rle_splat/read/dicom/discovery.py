@@ -7,12 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...runtime.steps import Progress, mapped, within
+from ..header import library
 from . import elements as read
 from .pictures import is_segmentation, picture_steps
 from .refusals import Damaged, Refused, damaged, no_images
 
 MOST_FILES = 20_000
+MOST_KEPT = 10_000  # files and pictures; 3.4 kB each, measured
 YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
+
+
+_kept: dict = {}  # path -> (what changes when the file does, its pictures)
+_count = [0]  # of files and pictures that were kept since the last clearing
 
 
 @dataclass(frozen=True)
@@ -62,18 +68,22 @@ def find_pictures(path):
     """
     path = Path(path)
     yield Progress(0.0, f"Looking for images in {path.name}")
+    library("pydicom", "pydicom", "DICOM")
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
         return _checked(found, path)
-    parsed = yield from _parsed(path)
-    if parsed is not None and parsed.is_directory:
-        found = yield from _scan((yield from _directory_files(parsed)))
-        return _checked(found, path)
-    own = yield from _pictures(parsed, segmentations=True)
-    if own is None:
-        raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
+    own = _kept_pictures(path)
     if not own:
-        return Found((), (), (), 0, segmentation=parsed)
+        parsed = yield from _parsed(path)
+        if parsed is not None and parsed.is_directory:
+            found = yield from _scan((yield from _directory_files(parsed)))
+            return _checked(found, path)
+        if parsed is not None and read.quietly(is_segmentation, parsed):
+            return Found((), (), (), 0, segmentation=parsed)
+        own = yield from _pictures(parsed)
+        if own is None:
+            raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
+        _keep(path, own)
     series = own[0].series.key
     if own[0].storage.frames > 1:
         return Found(own, (), (), 0, series)
@@ -102,9 +112,11 @@ def _scan(paths):
     pictures, refused, broken, others = [], [], [], 0
     for i, path in enumerate(paths):
         try:
-            parsed = yield from _parsed(path)
-            own = yield from _pictures(parsed)
-            others += own is None
+            own = _kept_pictures(path)
+            if own is None:
+                own = yield from _pictures((yield from _parsed(path)))
+                _keep(path, own or ())
+            others += not own
             pictures += own or ()
         except Damaged:
             broken.append(path.name)
@@ -121,16 +133,37 @@ def _parsed(path: Path):
     return (yield from mapped(read.read_elements(path), lambda _: doing))
 
 
-def _pictures(found: read.Elements | None, segmentations: bool = False):
-    """Generator of Progress: the pictures of a parsed file.
+def _stamp(path: Path) -> tuple | None:
+    """What changes when a file does."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
-    Returns None if it is none of DICOM's images, and () for a segmentation if they are wanted.
-    """
+
+def _kept_pictures(path: Path) -> tuple | None:
+    """The pictures of a file that was read before and has not changed, () if it has none; None if it must be read."""
+    stamp, pictures = _kept.get(path, (None, None))
+    return pictures if stamp is not None and stamp == _stamp(path) else None
+
+
+def _keep(path: Path, pictures: tuple) -> None:
+    """Keep the pictures of a file, so that the next frame of a series in time is found without reading headers."""
+    _count[0] += 1 + len(pictures)
+    if _count[0] > MOST_KEPT:
+        _kept.clear()
+        _count[0] = 1 + len(pictures)
+    _kept[path] = (_stamp(path), pictures)
+
+
+def _pictures(found: read.Elements | None):
+    """Generator of Progress: the pictures of a parsed file; None if it is none of DICOM's images."""
 
     def sort_out():
         if found is None or found.is_directory:
             return None
-        return () if segmentations and is_segmentation(found) else (yield from picture_steps(found))
+        return (yield from picture_steps(found))
 
     try:
         steps = within(sort_out(), read.quiet)

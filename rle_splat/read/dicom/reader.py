@@ -12,9 +12,10 @@ from ...runtime.memory import bytes_text, refuse_beyond
 from ...runtime.steps import Progress, part
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
+from ..header import checked_frame, frame_remark
 from . import elements
 from .discovery import Found, find_pictures
-from .grouping import Group, chosen, groups_of, has_geometry
+from .grouping import ENOUGH_SLICES, Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
 from .refusals import damaged, segmentation_alone
@@ -119,10 +120,11 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         if (series, frame, spacing) != (None, None, None):
             raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
-    group = chosen(groups_in(found), series, group_title)
-    number = _frame_index(group, frame)
-    stack = group.stack(number, spacing)
-    pictures = group.frames[number]
+    groups = groups_in(found)
+    group = chosen(groups, series, group_title)
+    number = checked_frame(path, frame, len(group.frames))
+    stack = group.stack(number - 1, spacing)
+    pictures = group.frames[number - 1]
     if found.broken and stack.kind != "even":  # a damaged file may well be one of the slices that are missing
         raise damaged(found.broken[0])
     for storage in {picture.storage.path: picture.storage for picture in pictures}.values():
@@ -135,18 +137,12 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
         value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames), frame_axis=group.axis or "time",
-        remarks=(*_broken_remark(found.broken), *group.remarks, *_remarks(group, stack, mapping, padded)),
+        remarks=(
+            *_broken_remark(found.broken), *(_left_out_remark(groups, group) if series is None else ()),
+            *group.remarks, *_remarks(group, stack, mapping, padded),
+            *frame_remark(number, len(group.frames), group.axis),
+        ),
     )  # fmt: skip
-
-
-def _frame_index(group: Group, frame: int | None) -> int:
-    """Index of the frame to read."""
-    count = len(group.frames)
-    if frame is None:
-        return 0
-    if not 1 <= frame <= count:
-        raise RleSplatError(f"There is no frame {frame}; the series has {count}, use 1 to {count}.")
-    return frame - 1
 
 
 def _voxel_steps(pictures, stack: Stack, mapping):
@@ -218,6 +214,15 @@ def _broken_remark(broken) -> tuple:
     return (f"{len(broken)} damaged DICOM file{'s were' if len(broken) > 1 else ' was'} left out: {names}.",)
 
 
+def _left_out_remark(groups, group: Group) -> tuple:
+    """The remark on groups that were not taken, and are no localizers."""
+    count = sum(1 for other in groups if other is not group and not other.localizer)
+    if not count:
+        return ()
+    were = "was" if count == 1 else "were"
+    return (f"{count} other series with fewer than {ENOUGH_SLICES} slices {were} left out; --series chooses one.",)
+
+
 def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
     """Sentences about what is odd."""
     series, found = group.first.series, []
@@ -242,6 +247,4 @@ def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
         found.append("Low values are meant to be shown bright (MONOCHROME1); the values are unchanged.")
     if padded:
         found.append(f"{padded} voxels outside the scan were set to its lowest value.")
-    if len(group.frames) > 1 and group.axis != "time":
-        found.append(f"The series holds {len(group.frames)} volumes that differ in {group.axis}; --frame chooses one.")
     return tuple(found)
