@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.read.formats import read_steps
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.runtime.steps import drain, part
@@ -178,7 +179,12 @@ def _cached_steps(source: Source, uid: int | None):
     if source.key not in _kept:
         _ahead.clear()
         forget_unused()
-        volume = yield from file_steps(source.path, source.options)
+        try:
+            volume = yield from file_steps(source.path, source.options)
+        except SeveralSeries as several:
+            raise RleSplatError(
+                f"{several.problem} at {source.path}; press Relocate in the RLE Splat tab to choose one."
+            ) from None
         _kept[source.key] = volume
     volume = _kept[source.key]
     if uid is None:

@@ -7,12 +7,13 @@ from bpy.props import EnumProperty
 from ..bridge import clip_objects, volumes
 from ..bridge.settings import scene_scale_of
 from ..rle_splat.scene import RleSplatError
+from .reading import LoadsFirst
 from .refusal import has_volume, refuse
 
 PLANE_SIZE = 0.5  # length of the arrow, as a fraction of the volume's half sides
 
 
-class RLE_SPLAT_OT_add_clip(bpy.types.Operator):
+class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
     """Add an Empty that cuts the volume: a box fitted to it, or an arrow at its center that points to the side that
     is removed"""
 

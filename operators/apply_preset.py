@@ -6,10 +6,11 @@ from bpy.props import EnumProperty
 from ..bridge import transfer, volumes
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
 from ..rle_splat.scene import RleSplatError
+from .reading import LoadsFirst
 from .refusal import has_editable_volume, refuse
 
 
-class RLE_SPLAT_OT_apply_preset(bpy.types.Operator):
+class RLE_SPLAT_OT_apply_preset(LoadsFirst, bpy.types.Operator):
     """Replace the volume's colors and opacities by a built-in transfer function"""
 
     bl_idname = "rle_splat.apply_preset"

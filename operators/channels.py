@@ -5,10 +5,11 @@ from bpy.props import IntProperty
 
 from ..bridge import channels, volumes
 from ..rle_splat.scene import RleSplatError
+from .reading import LoadsFirst
 from .refusal import has_editable_volume, refuse
 
 
-class RLE_SPLAT_OT_add_channels(bpy.types.Operator):
+class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
     """Add the other selected volumes to the picture of the active one, each with its own transfer function"""
 
     bl_idname = "rle_splat.add_channels"

@@ -6,11 +6,12 @@ from ..bridge import compositor, images, pictures, versions, volumes
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
+from .reading import LoadsFirst
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
 
-class RLE_SPLAT_OT_composite(bpy.types.Operator):
+class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.composite"
     bl_label = "Composite into Render"
     bl_description = "Render the volume with every frame of this scene and composite it with the meshes inside it"

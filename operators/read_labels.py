@@ -4,10 +4,11 @@ import bpy
 
 from ..bridge import labels, volumes
 from ..rle_splat.scene import RleSplatError
+from .reading import LoadsFirst
 from .refusal import has_editable_volume, refuse
 
 
-class RLE_SPLAT_OT_read_labels(bpy.types.Operator):
+class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
     """List the labels in the label file. Each can be hidden, or get its own color and opacity"""
 
     bl_idname = "rle_splat.read_labels"

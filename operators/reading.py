@@ -6,6 +6,30 @@ from ..bridge import series
 from ..bridge.jobs import READ_BUDGET, StepwiseOperator
 from ..bridge.reading import thumbnail_steps
 from ..rle_splat.read.dicom.grouping import SeveralSeries
+from ..rle_splat.scene import RleSplatError
+
+TOO_LARGE = "There is not enough memory for this volume; crop or downsample it."
+
+
+class LoadsFirst(StepwiseOperator):
+    """Mix-in for quick operators that need voxels: where they are not in memory, a window first reads them in steps."""
+
+    time_budget = READ_BUDGET
+    out_of_memory = TOO_LARGE
+
+    def invoke(self, context, _event):
+        try:
+            is_loading = context.window is not None and self.loading(context) is not None
+        except RleSplatError:
+            is_loading = False  # ``execute`` reports it
+        return self.begin(context) if is_loading else self.execute(context)
+
+    def prepare(self, _context):
+        yield from ()
+
+    def _succeed(self, context, _result):
+        self._finish(context)
+        return self.execute(context)
 
 
 class ReadsFiles(StepwiseOperator):
@@ -18,7 +42,7 @@ class ReadsFiles(StepwiseOperator):
 
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
     time_budget = READ_BUDGET
-    out_of_memory = "There is not enough memory for this volume; crop or downsample it."
+    out_of_memory = TOO_LARGE
     operator_again = "import_volume"  # name of the operator that ``options_again`` is for
     is_confirmed = False  # whether a dialog was shown, whose button calls ``execute``
 

@@ -148,3 +148,11 @@ def test_all_files_of_a_series_are_one_volume(study, refused):
         path.rename(study / "second" / f"first_{path.name}")
     names = [{"name": path.name} for path in sorted((study / "second").iterdir())]
     refused(bpy.ops.rle_splat.import_volume, "There are 2 series", directory=str(study / "second"), files=names)
+
+
+def test_a_second_series_that_came_later_is_told_in_a_sentence(study, bridge, core):
+    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    (study / "second").rename(study / "first" / "more")
+    bridge("volumes").forget_all()
+    with pytest.raises(core("scene").RleSplatError, match=r"There are 2 series at .*first; press Relocate"):
+        bridge("volumes").load_volume(active())

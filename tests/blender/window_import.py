@@ -263,6 +263,12 @@ def check_reload():
     assert len(slices) > 3 and max(slices) < LONGEST
     press("ESC")
     yield from until(lambda: not jobs()._running)
+    slices.clear()
+    before = volumes()[0].rle_splat.transfer_name
+    with in_the_view():
+        assert bpy.ops.rle_splat.apply_preset("INVOKE_DEFAULT", preset="x-ray") == {"RUNNING_MODAL"}
+    yield from until(lambda: volumes()[0].rle_splat.transfer_name != before, seconds=20.0)
+    assert len(slices) > 3 and max(slices) < LONGEST
 
 
 def scenario():
