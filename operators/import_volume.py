@@ -290,8 +290,8 @@ class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
 
 
 def draw_menu_entry(menu, _context):
-    names = ", ".join(entry.name for entry in FORMATS)
-    menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=f"Volume (RLE Splat) ({names})")
+    text = "Volume (RLE Splat) (DICOM, NIfTI, NRRD, OpenVDB, raw, ...)"  # of all names the menu would be too wide
+    menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text)
     menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Folder (RLE Splat)")
 
 
