@@ -128,6 +128,7 @@ def run(args) -> None:
         for own in frames:
             prepared, like = _prepared(own, checked, line, like)
             reports.append(_rendered(own, prepared, line, start))
+            del prepared  # one frame in memory
             start = perf_counter()
         if args.frames is not None and args.json:
             with whole_files([args.json]) as parts:
