@@ -43,6 +43,11 @@ The largest parts of these, each without the functions that it uses in turn:
 
 {parts}
 
+How many versions of a kernel there are is a choice, too. Light, ray intervals and mist make versions of the splat's
+kernel: what a picture does not have is not compiled, since tests within the loops would cost time in every picture. The
+stored type does not: the kernel branches once for each run of voxels, which cost no time that could be measured, and
+one version serves all five types.
+
 ## What is kept on disk, and when it is compiled again
 
 A kernel on disk is used when the following are the same: the types of the arguments, the processor and its features,
