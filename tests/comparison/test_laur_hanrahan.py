@@ -48,8 +48,8 @@ def test_a_cut_shows_every_voxel_once_and_obeys_the_threshold(voxels, threshold)
     covered = np.zeros((16, 8, 16), int)
     for number, found in enumerate(pyramid.cut(levels, threshold)):
         for node in found:
-            voxels = tuple(slice(2**number * i, 2**number * (i + 1)) for i in node)
-            covered[voxels] += 1
+            within = tuple(slice(2**number * i, 2**number * (i + 1)) for i in node)
+            covered[within] += 1
             assert levels[number].deviation[tuple(node)] <= threshold
             if number + 1 < len(levels):  # no coarser node would do
                 assert levels[number + 1].deviation[tuple(node // 2)] > threshold
