@@ -124,7 +124,8 @@ def kernel(function=None, *, parallel=False, inline="never", exact=False, inner=
     exact : bool
         Round after each operation as numpy does, for values that decide between branches.
     inner : bool
-        Only other kernels call it: it has no entry from Python, is not kept on disk by itself, and LLVM inlines it.
+        Only other kernels call it: it has no entry from Python and is not kept on disk by itself.  LLVM inlines it
+        unless references to arrays are counted.
     counted : bool
         Whether references to arrays are counted.  Without, the kernel must not create or return arrays.
 

@@ -60,9 +60,10 @@ def compile_with(function, options: dict, *, inner: bool, counted: bool):
         A ``Kernel`` unless ``inner``.
     """
     # A part that is not inlined is compiled by itself and within each kernel, and of what is loaded the first counts:
-    # rounding depended on whether a kernel came from disk, and on which kernel came first (measured: a 16-bit code of
-    # light turned to the next).
-    options = {**options, "forceinline": inner, "no_cfunc_wrapper": True, "_nrt": counted}
+    # its rounding can depend on whether a kernel came from disk.  Parts that make arrays are not inlined all the same:
+    # with them inlined, a process that ran out of memory crashed in one run of two.
+    forceinline = inner and not counted
+    options = {**options, "forceinline": forceinline, "no_cfunc_wrapper": True, "_nrt": counted}
     if inner:
         return numba.njit(no_cpython_wrapper=True, **options)(function)
     dispatcher = numba.njit(**options)(function)
