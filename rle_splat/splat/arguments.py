@@ -74,6 +74,11 @@ class SheetList(NamedTuple):
     kind: np.ndarray
 
 
+# In place of what a picture does not have stands an empty array of the same type: a kernel that branches on it serves
+# both, where each combination of what is there would take another ten seconds to compile.
+WHOLE = np.empty((0, 0, 0), np.float32)  # ray intervals of whole rays
+
+
 class Rays(NamedTuple):
     """The rays through sheet pixels, by column and by row: a length for each pixel would cost as much as the splat.
 
@@ -87,9 +92,9 @@ class Rays(NamedTuple):
     across, across_slope : (H,) float64
     seen : (2, H) int
         First column of each row that the picture sees, and the one behind the last (``view.base_plane.BasePlane``).
-    intervals : (2 + 2 * holes, H, W) float32 or None
+    intervals : (2 + 2 * holes, H, W) float32
         Where each ray begins and ends along the viewing direction of the axis, in voxels, and where it enters and
-        leaves each hole.  Holes do not overlap; an empty one has begin = end.
+        leaves each hole.  Holes do not overlap; an empty one has begin = end.  WHOLE where rays are whole.
     """
 
     along: np.ndarray
@@ -97,7 +102,7 @@ class Rays(NamedTuple):
     across: np.ndarray
     across_slope: np.ndarray
     seen: np.ndarray
-    intervals: np.ndarray | None
+    intervals: np.ndarray
 
     def lengths(self) -> np.ndarray:
         """(H, W) float32: every pixel's length."""
@@ -117,8 +122,7 @@ def rays_of(plane: BasePlane, length_unit: float, corrected: bool, intervals=Non
     A ray advances (dx, dy, 1) voxels a slice, dx by its column and dy by its row (algorithm.md 1.4, 5); its world
     length is the square root of a quadratic form of that.
     """
-    if intervals is not None:
-        intervals = np.ascontiguousarray(intervals, np.float32)
+    intervals = WHOLE if intervals is None else np.ascontiguousarray(intervals, np.float32)
     if not corrected:
         none = np.zeros(plane.height)
         return Rays(np.ones(plane.width), np.zeros(plane.width), none, none, plane.seen, intervals)

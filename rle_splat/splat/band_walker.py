@@ -195,15 +195,20 @@ def row_walker(slab_of, row_of, marked, composite_block, composite_queue):
         Whether the rays of a row cross the slab, and what is the same for all of its blocks.
     marked : (medium, slab, row, r, word, here, there) -> uint64
         The blocks of a word in which a row has samples, as bits.
-    composite_block : (medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image) -> (live, queued)
+    composite_block : (cut, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image)
         Composite block ``b``; how many of its pixels are not opaque yet, and how many blocks wait in the queue.
+        ``cut``: see ``composite_sheets``.
     composite_queue : (medium, sheets, slab, window, r, word, queued, here, own, image) -> bool
         Composite the blocks that wait; whether any became opaque.
     """
 
     @inner_loop
-    def composite_sheets(medium, sheets, first, together, window, rays, here, there, own, image):
-        """Sheets number ``first`` to ``first + together - 1``; whether any block became opaque."""
+    def composite_sheets(cut, medium, sheets, first, together, window, rays, here, there, own, image):
+        """Sheets number ``first`` to ``first + together - 1``; whether any block became opaque.
+
+        ``cut``: None where rays are whole and there is no mist, else True.  Each has a loop of its own: in a common one
+        a frame without them took a fifth longer (measured).
+        """
         alive = own.rows.alive
         slab = slab_of(medium, sheets, first, together, own.waiting)
         died = False
@@ -219,7 +224,7 @@ def row_walker(slab_of, row_of, marked, composite_block, composite_queue):
                     bit = ONE_BIT << np.uint64(lowest)
                     bits ^= bit
                     live, queued = composite_block(
-                        medium, sheets, slab, row, window, r, word * WORD + lowest, queued, rays, here, there, own,
+                        cut, medium, sheets, slab, row, window, r, word * WORD + lowest, queued, rays, here, there, own,
                         image,
                     )
                     if live == 0:
@@ -274,6 +279,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         window = Window(top_row, rows, along.size)
         band_alive = alive[BAND]
         shortened = bounds.size > 0
+        is_cut = shortened or medium.mist.place.size > 0
         wanted = reached if shortened else band_alive
         clear_scratch(medium, own)
         begin_band(
@@ -309,7 +315,11 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
                 found_before = found
             if not counts:
                 continue
-            if composite_sheets(medium, sheets, first, together, window, rays, here, there, own, image):
+            if is_cut:
+                died = composite_sheets(True, medium, sheets, first, together, window, rays, here, there, own, image)
+            else:
+                died = composite_sheets(None, medium, sheets, first, together, window, rays, here, there, own, image)
+            if died:
                 band_alive[:] = NO_BITS
                 for r in range(rows):
                     for word in range(band_alive.size):

@@ -24,10 +24,10 @@ NONE, SOME, NO_MORE = range(3)
 def bound_blocks(intervals, top_row, rows, bounds):
     """Bound the ray intervals of each block of each row of a band, and of the whole band, which is the last row.
 
-    ``intervals``: (2 + 2 holes, H, W), of ``arguments.Rays``; None for whole rays, and nothing is written.
+    ``intervals``: of ``arguments.Rays``; where rays are whole, nothing is written.
     Out: ``bounds`` (BAND + 1, 6, blocks) float32, voxels along the viewing direction, by the numbers above.
     """
-    if intervals is None:
+    if intervals.size == 0:
         return
     width = intervals.shape[2]
     for b in range(bounds.shape[2]):
@@ -87,12 +87,14 @@ def reached_blocks(bounds, begin, far, alive, reached):
 @inner_loop
 def is_outside(bounds, r, b, begin, end):
     """Whether no ray of a block of a row is within its interval anywhere in a slab."""
-    return end <= bounds[r, FIRST, b] or begin >= bounds[r, LAST, b]
+    return bounds.size > 0 and (end <= bounds[r, FIRST, b] or begin >= bounds[r, LAST, b])
 
 
 @inner_loop
 def is_shortened(bounds, r, b, begin, end):
     """Whether any ray of a block of a row is outside its interval somewhere in a slab."""
+    if bounds.size == 0:
+        return False
     inside = begin >= bounds[r, ALL_BEGUN, b] and end <= bounds[r, NONE_ENDED, b]
     return not inside or (bounds[r, HOLE, b] < end and bounds[r, HOLE_END, b] > begin)
 
@@ -106,7 +108,7 @@ def count_live(intervals, live, bounds, r, b, end, state, at, least, v, first_pi
     """
     if intervals is None:
         return live
-    if bounds[r, NONE_ENDED, b] > end:
+    if bounds.size == 0 or bounds[r, NONE_ENDED, b] > end:
         return live
     live = 0
     for i in range(count):

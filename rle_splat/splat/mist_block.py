@@ -23,8 +23,9 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 class MistRays(NamedTuple):
     """Mist as the sheet pixels of a base plane have it.
 
-    ``place`` (2, H, W) float32: at position 0 of the viewing direction of the axis, and per voxel, how far into the
-    mist a ray is, 0 where it starts and 1 where there is nothing else.  ``falloff``: number in MIST_FALLOFFS.
+    ``place`` (2, H, W) float32, empty where there is no mist: at position 0 of the viewing direction of the axis, and
+    per voxel, how far into the mist a ray is, 0 where it starts and 1 where there is nothing else.  ``falloff``: number
+    in MIST_FALLOFFS.
     """
 
     place: np.ndarray
@@ -34,8 +35,13 @@ class MistRays(NamedTuple):
     blue: np.float32
 
 
-def mist_rays(plane: BasePlane, mist: Mist) -> MistRays:
-    """The mist of a scene for the sheet pixels of a base plane."""
+NO_MIST = MistRays(np.empty((0, 0, 0), np.float32), 0, np.float32(0.0), np.float32(0.0), np.float32(0.0))
+
+
+def mist_rays(plane: BasePlane, mist: Mist | None) -> MistRays:
+    """The mist of a scene for the sheet pixels of a base plane; ``mist``: None for none."""
+    if mist is None:
+        return NO_MIST
     x, y = plane.points()
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     per_voxel = plane.sign * per_voxel

@@ -17,7 +17,8 @@ def interval_in_box(box_columns, box_rows, intervals, v, first_pixel, i):
     u = first_pixel + i
     enter, leave = max(box_columns[0, u], box_rows[0, v]), min(box_columns[1, u], box_rows[1, v])
     if intervals is not None:
-        enter, leave = max(enter, intervals[0, v, u]), min(leave, intervals[1, v, u])
+        if intervals.size > 0:
+            enter, leave = max(enter, intervals[0, v, u]), min(leave, intervals[1, v, u])
     return enter, leave
 
 

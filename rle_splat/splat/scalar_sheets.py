@@ -44,10 +44,10 @@ class ScalarMedium(NamedTuple):
         ``lookup`` only origin and least count then.
     absorbs : True or None
         True where only the sum of optical depths is wanted; the table has one channel then.
-    mist : MistRays or None
+    mist : MistRays
     grouped : True or None
-        True where sheets are handled in groups (``scalar_group``), which needs the three above to be None, whole
-        rays, no thinning, and sheets with slabs of their own.
+        True where sheets are handled in groups (``scalar_group``), which needs ``sign`` and ``absorbs`` to be None, no
+        mist, whole rays, no thinning, and sheets with slabs of their own.
     least : float32
         Transmittance at which a pixel is opaque.
     """
@@ -58,7 +58,7 @@ class ScalarMedium(NamedTuple):
     light: Light
     sign: np.float32 | None
     absorbs: bool | None
-    mist: MistRays | None
+    mist: MistRays
     grouped: bool | None
     least: np.float32
 
@@ -251,16 +251,21 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
 
 
 @inner_loop
-def _composite_member(medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
+def _composite_member(cut, medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
     """Composite a block of one sheet of a group, number ``member``; how many of its pixels are not opaque."""
     number = slab.first + member
     planes, blocks = plane_count(medium.light), own.rows.bright.shape[1]
+    begin, end, thickness = sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number])
+    sample = _samples_of(here, slot, down, pixels.b, planes, blocks)
+    sample_before = _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks)
+    if cut is None:
+        return composite_slab(
+            None, medium.sign, medium.absorbs, None, medium, sheets, number, slab.kind, begin, end, thickness, row,
+            sample, sample_before, pixels, own.rows, own.block, half,
+        )  # fmt: skip
     return composite_slab(
-        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind,
-        sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number]), row,
-        _samples_of(here, slot, down, pixels.b, planes, blocks),
-        _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks),
-        pixels, own.rows, own.block, half,
+        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind, begin, end,
+        thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
     )  # fmt: skip
 
 
@@ -279,14 +284,16 @@ def _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own
             continue
         if marked_by_both(here.marks, slot, word) & bit == NO_BITS:
             continue
-        live = _composite_member(medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half)
+        live = _composite_member(
+            None, medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half
+        )  # fmt: skip
         if live == 0:
             break
     return live
 
 
 @inner_loop
-def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, half):
+def _composite(cut, grouped, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, half):
     box_blocks = medium.box.blocks
     if slab.behind <= box_blocks[0, b] or slab.front >= box_blocks[3, b]:
         return LIVE, queued
@@ -294,9 +301,11 @@ def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, h
     pixels = Pixels(r, b, window.top_row + r, first_pixel, min(BLOCK, window.image_width - first_pixel))
     if grouped is None:
         live = _composite_member(
-            medium, sheets, slab, 0, row, row.slot, row.down, pixels, rays, here, there, own, half
+            cut, medium, sheets, slab, 0, row, row.slot, row.down, pixels, rays, here, there, own, half
         )  # fmt: skip
         return live, queued
+    if cut is not None:
+        return LIVE, queued  # never: the rays of groups are whole
     enters, leaves = max(box_blocks[1, b], row.enter), min(box_blocks[2, b], row.leave)
     if slab.together == GROUP and slab.front >= enters and slab.behind <= leaves:
         return LIVE, look_up_waiting(
@@ -306,11 +315,11 @@ def _composite(grouped, medium, sheets, slab, row, window, r, b, queued, rays, h
 
 
 @inner_loop
-def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
+def _composite_block(cut, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
     return _composite(
-        medium.grouped, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, half
+        cut, medium.grouped, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, half
     )  # fmt: skip
 
 

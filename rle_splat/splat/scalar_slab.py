@@ -115,13 +115,15 @@ def _composite_classified(
     sheet, upper, lower, down = here
     before, upper_before, lower_before, down_before = there
     if mist is not None:
-        copy_colors(state, to, block.colors)
+        if mist.place.size > 0:
+            copy_colors(state, to, block.colors)
     found = composite_classified(
         block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
         medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,
     )
     if mist is not None:
-        fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
+        if mist.place.size > 0:
+            fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
     bright = found >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright

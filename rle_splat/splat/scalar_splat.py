@@ -33,8 +33,7 @@ def scalar_splat_steps(
     if absorbs:
         extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
         lookup = lookup._replace(table=extinctions, sums=sums)
-    around = None if mist is None else mist_rays(plane, mist)
-    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, around)
+    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, mist)
     if absorbs:
         depths = image.pixels[..., 0].copy()
         image.pixels[..., :3] = -np.expm1(-depths)[..., None]
@@ -106,7 +105,7 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
     light = Light(*kernel_light_planes(encoded.lights, encoded.thinned), (channels,) if encoded.thinned else ())
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
-    arguments = (tables, sheets, rays, box, lookup, sign, absorbs, light, mist)
+    arguments = (tables, sheets, rays, box, lookup, sign, absorbs, light, mist_rays(plane, mist))
     if not compiled(quality.backend):
         yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
         return image

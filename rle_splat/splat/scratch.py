@@ -208,7 +208,7 @@ def scratch_for(
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     sizes = _sizes(
         tables.width, rays.along.size, sheets.scale.min(axis=0), len(sheets.begin), wide, channels, before,
-        rays.intervals is not None, group,
+        rays.intervals.size > 0, group,
     )
     rows = workers * SPREAD
     layout, size = _layout(rows, sizes)

@@ -53,7 +53,7 @@ class ClassifiedMedium(NamedTuple):
     additive_opacity : bool or None
         For the paper's opacity model, whether opacities are taken as they are added (True) or corrected for the
         length of the ray (False); None for extinction.
-    mist : MistRays or None
+    mist : MistRays
     least : float32
         Transmittance at which a pixel is opaque.
     """
@@ -61,7 +61,7 @@ class ClassifiedMedium(NamedTuple):
     tables: Tables
     wide: Wide | None
     additive_opacity: bool | None
-    mist: MistRays | None
+    mist: MistRays
     least: np.float32
 
 
@@ -342,36 +342,44 @@ def _composite_slab(
             _inside_intervals(intervals, v, first_pixel, count, begin, end, rows.length, at, block.length_inside)
             length, deep = block.length_inside, 0
     if mist is not None:
-        copy_colors(state, to, block.colors)
+        if mist.place.size > 0:
+            copy_colors(state, to, block.colors)
     pixels = _lay_over(
         wide, additive_opacity, here.samples, upper, lower, np.float32(row.position - row.line), length, deep,
         thickness, least, state, to, block.before,
     )
     if mist is not None:
-        fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
+        if mist.place.size > 0:
+            fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
     bright = pixels >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        if intervals is None:
-            note_half_depth(
-                block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
-            )  # fmt: skip
-        else:
+        if shortened:
             note_half_depth_inside(
                 intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
                 block.samples,
             )
+        else:
+            note_half_depth(
+                block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
+            )  # fmt: skip
     return count_live(intervals, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 
 
 @inner_loop
-def _composite_block(medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
+def _composite_block(cut, medium, sheets, slab, row, window, r, b, queued, rays, here, there, own, image):
     """See ``band_walker.row_walker``."""
     _, half, _ = image
-    live = _composite_slab(
-        rays.intervals, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b, here,
-        own.rows, own.block, half,
-    )
+    if cut is None:
+        live = _composite_slab(
+            None, medium.wide, medium.additive_opacity, None, medium.least, slab, row, window, r, b, here, own.rows,
+            own.block, half,
+        )
+    else:
+        live = _composite_slab(
+            rays.intervals, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b,
+            here, own.rows, own.block, half,
+        )
     return live, queued
 
 
@@ -411,7 +419,7 @@ def splat_rows(
     """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
     What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination
-    of footprint, model, mist and intervals.
+    of records, footprint and model.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def splat_steps(
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     wide = wide_of(plane, quality)
-    around = None if mist is None else mist_rays(plane, mist)
+    around = mist_rays(plane, mist)
     # Opacities are taken as they are added only where every sheet stands for one voxel of depth.
     as_added = not quality.length_correction and intervals is None and bool((plane.sheets.thickness == 1.0).all())
     model = (least, None if quality.model == "extinction" else as_added)

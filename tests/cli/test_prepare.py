@@ -1,4 +1,4 @@
-"""``rle-splat prepare``: after it a default picture compiles nothing."""
+"""``rle-splat prepare`` compiles what default pictures need."""
 
 from __future__ import annotations
 
@@ -18,11 +18,30 @@ from rle_splat.scene import RleSplatError
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_numba = pytest.mark.skipif(not jit.compiled(), reason="nothing is compiled without numba")
+# What a process that did something has of each kernel that is kept on disk: the types of its arguments, once each.
+VERSIONS = """
+import json, sys
+from rle_splat.runtime.numba_internals import Kernel
+found = [one for module in list(sys.modules.values()) for one in vars(module).values() if type(one) is Kernel]
+print(json.dumps([f"{one.__module__}.{one.__name__} {types}" for one in found for types in one.signatures]))
+"""
+PREPARES = """
+from rle_splat.pipeline.prepare import prepare_steps
+from rle_splat.runtime.steps import drain
+drain(prepare_steps())
+"""
 RENDERS = """
 import json, sys
 from rle_splat.cli.main import main
 for words in json.load(sys.stdin):
     assert main(words) == 0, words
+"""
+ONE_PICTURE = """
+import sys
+from rle_splat.cli.main import main
+from rle_splat.pipeline import prepare
+prepare.PICTURES, prepare.STORED_TYPES = prepare.PICTURES[:1], prepare.STORED_TYPES[:1]
+sys.exit(main(["prepare", *sys.argv[1:]]))
 """
 
 
@@ -52,25 +71,17 @@ def scan(folder, stored: str, side: int) -> list[str]:
     return ["render", str(path), "--shape", *3 * [str(side)], "--dtype", stored, "-o", str(folder / "p.npy")]
 
 
+def versions(program, given=None) -> set[str]:
+    """The kernels that a program needs, each with the types of its arguments, wherever they were compiled."""
+    return set(json.loads(run(os.environ, "-c", program + VERSIONS, given=given).splitlines()[-1]))
+
+
 @needs_numba
 @pytest.mark.slow
-def test_after_it_default_pictures_compile_nothing(environ, tmp_path):
-    """Neither the first one ever, of a scan of the usual size, nor those of other types, views, lights and qualities.
-
-    No file in the folder of kernels is new or written anew.
-    """
-    kept, report = tmp_path / "kernels", tmp_path / "report.json"
-    said = run(environ, "-m", "rle_splat", "prepare", "--json", str(report))
-    assert said.splitlines()[-1].startswith("Compiled ") and str(kept) in said
-    told = json.loads(report.read_text())
-    files = {path: path.stat().st_mtime_ns for path in kept.rglob("*") if path.is_file()}
-    names = [path.name.partition("-")[0] for path in files if path.suffix == ".nbc"]
-    assert sorted(name for picture in told["pictures"] for name in picture["kernels"]) == sorted(names)
-    assert told["new"] == len(names) and told["seconds"] > sum(picture["seconds"] for picture in told["pictures"]) > 0
-
+def test_default_pictures_need_no_other_kernels(tmp_path):
+    """Neither the first one of a scan of the usual size, nor those of other types, views, lights and qualities."""
     lights = tmp_path / "lights.json"
     lights.write_text(json.dumps([{"type": "POINT", "energy": 1e7, "matrix_world": np.eye(4).tolist()}]))
-    run(environ, "-m", "rle_splat", *scan(tmp_path, "uint8", 256))
     functions = (
         [], ["--perspective"], ["--azimuth", "90"], ["--elevation", "80"], ["--azimuth", "30", "--elevation", "20"],
         ["--lights", str(lights), "--perspective"], ["--lights", str(lights), "--shadows"],
@@ -78,10 +89,24 @@ def test_after_it_default_pictures_compile_nothing(environ, tmp_path):
     modes = ([], ["--quality", "draft"])
     scans = [[*scan(tmp_path, stored, 80), "--size", "64"] for stored in prepare.STORED_TYPES]
     renders = [[*words, *function, *mode] for words in scans for function in functions for mode in modes]
-    run(environ, "-c", RENDERS, given=json.dumps(renders))
-    assert {path: path.stat().st_mtime_ns for path in kept.rglob("*") if path.is_file()} == files
+    (tmp_path / "large").mkdir()
+    needed = versions(RENDERS, json.dumps([scan(tmp_path / "large", "uint8", 256), *renders]))
+    assert len(needed) > 20 and any("splat_scalar_rows" in one for one in needed)
+    assert needed - versions(PREPARES) == set()
 
-    said = run(environ, "-m", "rle_splat", "prepare")
+
+@needs_numba
+@pytest.mark.slow
+def test_what_is_prepared_is_kept_and_told(environ, tmp_path):
+    kept, report = tmp_path / "kernels", tmp_path / "report.json"
+    said = run(environ, "-c", ONE_PICTURE, "--json", str(report))
+    assert said.splitlines()[-1].startswith("Compiled ") and str(kept) in said
+    told = json.loads(report.read_text())
+    names = [path.name.partition("-")[0] for path in kept.rglob("*.nbc")]
+    assert names and sorted(name for picture in told["pictures"] for name in picture["kernels"]) == sorted(names)
+    assert told["new"] == len(names) and told["seconds"] > sum(picture["seconds"] for picture in told["pictures"]) > 0
+
+    said = run(environ, "-c", ONE_PICTURE)
     assert said.count("\n") == 1 and said.startswith("Nothing to do") and str(kept) in said
 
 

@@ -161,7 +161,7 @@ def splat_scalar_sheets_numpy(
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
     leave = np.minimum(box.columns[1], box.rows[1][:, None]).astype(np.float64)
-    if rays.intervals is not None:
+    if rays.intervals.size:
         enter, leave = np.maximum(enter, rays.intervals[0]), np.minimum(leave, rays.intervals[1])
     numbers = accumulator(len(sheets.begin))
     state = np.zeros(pixels.shape, numbers)
@@ -189,7 +189,7 @@ def splat_scalar_sheets_numpy(
             continue
         slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
         deep = slab[1] - slab[0]
-        if rays.intervals is not None:
+        if rays.intervals.size:
             deep = deep - within_holes(rays.intervals, *slab)
         inside = np.clip(deep / (sheets.end[sheet] - sheets.begin[sheet]), 0.0, 1.0)
         in_slab = length * inside.astype(np.float32) * np.float32(sheets.thickness[sheet])
@@ -202,7 +202,7 @@ def splat_scalar_sheets_numpy(
             sampled, counted, shine = _own_samples(here, lookup)
         else:
             first_value, last_value = there[..., 0], here[..., 0]
-            if rays.intervals is not None:
+            if rays.intervals.size:
                 slab_ends = sheets.begin[sheet], sheets.end[sheet]
                 first_value, last_value = cut_ends_numpy(
                     rays.intervals, *slab_ends, last_value, first_value, lookup[4]
@@ -220,9 +220,9 @@ def splat_scalar_sheets_numpy(
             color = color + sigma[..., None] * shine[..., [plane - 1 for plane in gloss]]
         depth = in_slab * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
-        kept = None if mist is None else state.copy()
+        kept = state.copy() if mist.place.size else None
         composite_numpy(slab_numpy, classified, depth.astype(numbers, copy=False), least, state, slab, half)
-        if mist is not None:
+        if mist.place.size:
             fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state
     leave_unseen(rays, pixels, half)

@@ -145,7 +145,7 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist
         samples = along.transpose(1, 0, 2).astype(numbers, copy=False)
         depth = length * np.float32(sheets.thickness[sheet])
         slab = sheets.begin[sheet], sheets.end[sheet]
-        if intervals is not None:
+        if intervals.size:
             thick = sheets.end[sheet] - sheets.begin[sheet]
             begin, end = slab
             outside = np.maximum(intervals[0] - begin, 0.0) + np.maximum(end - intervals[1], 0.0)
@@ -153,9 +153,9 @@ def splat_sheets_numpy(tables, sheets, rays, wide, least, additive_opacity, mist
             depth = depth * np.clip(1.0 - outside / thick, 0.0, 1.0).astype(np.float32)
             slab = np.maximum(begin, intervals[0]), np.minimum(end, intervals[1])
         absorb = slab_numpy if additive_opacity is None else _opacity
-        kept = None if mist is None else state.copy()
+        kept = state.copy() if mist.place.size else None
         composite_numpy(absorb, samples, depth.astype(numbers, copy=False), least, state, slab, half)
-        if mist is not None:
+        if mist.place.size:
             fade_added_numpy(mist, state, kept, 0.5 * (sheets.begin[sheet] + sheets.end[sheet]))
     pixels[...] = state
     leave_unseen(rays, pixels, half)
