@@ -7,12 +7,44 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..encode.records import TYPES
 from ..runtime.jit import read_only
 from ..scene import Quality
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_intervals import box_intervals
 from ..volume.axes import AXES
+
+
+class Records(NamedTuple):
+    """Voxel records in the flat array of their length; the arrays of the other lengths are empty (``encode.records``).
+
+    So one kernel serves all lengths, and a run of voxels has one branch more.
+
+    Attributes
+    ----------
+    bytes16 : (4 * m,) float32
+        Four channels each: extinction (or opacity) times linear RGB, and extinction per world length (or opacity).
+    bytes8 : (m,) uint64
+    bytes6 : (3 * m,) uint16
+    bytes4 : (m,) uint32
+        Codes.
+    decoding : (k,) float32
+        What turns codes into channels.
+    """
+
+    bytes16: np.ndarray
+    bytes8: np.ndarray
+    bytes6: np.ndarray
+    bytes4: np.ndarray
+    decoding: np.ndarray
+
+    @classmethod
+    def of(cls, voxels, decoding):
+        """Of records as ``encode.records`` makes them, and their decoding, None for 16 bytes."""
+        arrays = (voxels.reshape(-1) if voxels.dtype == TYPES[size] else np.empty(0, TYPES[size]) for size in TYPES)
+        scales = np.empty(0, np.float32) if decoding is None else decoding
+        return cls(*map(read_only, arrays), read_only(scales))
 
 
 class Tables(NamedTuple):
@@ -26,10 +58,7 @@ class Tables(NamedTuple):
         Number of the first voxel record of each scanline.
     runs : (n,) uint
         Lengths in voxels, transparent and non-transparent in turn; those of a scanline sum to ``width``.
-    voxels : (4 * m,) float32, or codes
-        Records of four channels: extinction (or opacity) times linear RGB, and extinction per world length (or
-        opacity); or codes that ``decoding`` turns into records (``encode.records``).
-    decoding : (k,) float32 or None
+    voxels : Records
     width : int
         Voxels of a scanline.
     """
@@ -37,8 +66,7 @@ class Tables(NamedTuple):
     pointers: np.ndarray
     data_starts: np.ndarray
     runs: np.ndarray
-    voxels: np.ndarray
-    decoding: np.ndarray | None
+    voxels: Records
     width: int
 
 

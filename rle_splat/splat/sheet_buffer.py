@@ -13,7 +13,6 @@ import numpy as np
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.lanes import GROUP, clear_group
 from ..runtime.parallel import share_out
-from ..runtime.prefetch import fetch_ahead
 from ..view.footprints import TENT, first_tap, tap_count, tap_weight, voxel_at
 from .arguments import Tables, Wide
 from .band_walker import band_walker, row_walker, scanline_walker
@@ -37,7 +36,7 @@ from .sheet_row import (
     place_wide_taps,
     resample_wide,
 )
-from .voxel_scanline import NO_BITS, ONE_BIT, WORD, add_runs
+from .voxel_scanline import NO_BITS, ONE_BIT, WORD, add_runs, fetch_records
 
 LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
 
@@ -164,21 +163,15 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
             continue
         add_runs(
             line.line, line.reach, margin, marks, slot, scale_u, shift_u, footprint.radius_u,
-            sheets.slice_weights[number, deeper], tables.runs, run, tables.voxels, tables.decoding,
+            sheets.slice_weights[number, deeper], tables.runs, run, tables.voxels,
             tables.data_starts[sheets.first_slice[number] + deeper, scanline], tables.width, line.live, live_count,
         )
 
 
 @inner_loop
-def _fetch(decoding, tables, ahead, scanline, count):
-    words = 4 if decoding is None else 3 if tables.voxels.itemsize == 2 else 1  # of a record, see Tables
-    fetch_ahead(tables.voxels, words * tables.data_starts[ahead, scanline], words * count)
-
-
-@inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
-    _fetch(medium.tables.decoding, medium.tables, ahead, scanline, count)
+    fetch_records(medium.tables.voxels, medium.tables.data_starts[ahead, scanline], count)
 
 
 @inner_loop

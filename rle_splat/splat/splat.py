@@ -9,7 +9,7 @@ from ..runtime.jit import compiled, is_loaded, note_loaded, parallel_call, threa
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import ALONE, BETWEEN, Sheets
-from .arguments import SheetList, Tables, rays_of, wide_of
+from .arguments import Records, SheetList, Tables, rays_of, wide_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .reference.sheet_buffer import splat_sheets_numpy
@@ -41,8 +41,8 @@ def splat_steps(
     if not compiled(quality.backend):
         voxels, decoding = encoded.decoded(), None
     tables = Tables(
-        encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, voxels.reshape(-1), decoding,
-        encoded.width,
+        encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs,
+        Records.of(voxels, decoding), encoded.width,
     )
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, length_unit, quality.length_correction, intervals)

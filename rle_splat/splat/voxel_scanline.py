@@ -10,6 +10,7 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from ..runtime.lanes import GROUP, add4, add_coded, clear_group, put_group
+from ..runtime.prefetch import fetch_ahead
 from .pixel_block import BLOCK
 
 WORD = 64  # blocks of a scanline that share one word of marks
@@ -42,8 +43,56 @@ def _mark_reached(marks, slot, first, last, scale, shift, radius):
 
 
 @inner_loop
+def _add_run(voxels, is_first, source, weight, line, to, stop):
+    """Add ``weight`` times the float32 records from number ``source`` on to voxels [to, stop) of the line.
+
+    ``is_first``: nothing is added to, so that a run is put there in whole groups of voxels, however long it is, and
+    what lies behind it is cleared again.  (Most runs are shorter than a group: a loop over their voxels is over before
+    the processor has learned for how long it goes.)
+    """
+    if is_first:
+        last_group = voxels.size // 4 - GROUP
+        while to < stop and source <= last_group:
+            put_group(voxels, 4 * source, weight, line, 4 * to)
+            source += GROUP
+            to += GROUP
+        clear_group(line, 4 * stop)
+    for i in range(to, stop):
+        add4(voxels, 4 * source, weight, line, 4 * i)
+        source += 1
+
+
+@inner_loop
+def _add_coded_run(voxels, source, weight, line, to, stop):
+    """As ``_add_run``, of coded records."""
+    ahead = source - to
+    if voxels.bytes8.size > 0:
+        for i in range(to, stop):
+            add_coded(voxels.bytes8, ahead + i, voxels.decoding, weight, line, 4 * i)
+    elif voxels.bytes6.size > 0:
+        for i in range(to, stop):
+            add_coded(voxels.bytes6, ahead + i, voxels.decoding, weight, line, 4 * i)
+    else:
+        for i in range(to, stop):
+            add_coded(voxels.bytes4, ahead + i, voxels.decoding, weight, line, 4 * i)
+
+
+@inner_loop
+def fetch_records(voxels, first, count):
+    """Ask for the memory of ``count`` records from number ``first`` on."""
+    if voxels.decoding.size == 0:
+        fetch_ahead(voxels.bytes16, 4 * first, 4 * count)
+    elif voxels.bytes8.size > 0:
+        fetch_ahead(voxels.bytes8, first, count)
+    elif voxels.bytes6.size > 0:
+        fetch_ahead(voxels.bytes6, 3 * first, 3 * count)
+    else:
+        fetch_ahead(voxels.bytes4, first, count)
+
+
+@inner_loop
 def add_runs(
-    line, reach, margin, marks, slot, scale, shift, radius, weight, runs, run, voxels, decoding, voxel, width, live,
+    line, reach, margin, marks, slot, scale, shift, radius, weight, runs, run, voxels, voxel, width, live,
     live_count,
 ):
     """Add ``weight`` times the voxels of one scanline that lie in live spans to ``line``.
@@ -52,17 +101,13 @@ def add_runs(
     GROUP more.  ``reach``: (2,) first voxel of the line touched and the one behind the last, widened; where the last is
     0, the line is all zero.  ``marks[slot]``: (words,) uint64, a bit for each block of sheet pixels u = ``scale`` *
     voxel + ``shift`` that a footprint of ``radius`` voxels around a touched one can reach.
-    ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``: flat
-    records, float32 or, with a ``decoding``, codes; the first of this scanline is number ``voxel``.  ``live``: (n, 2)
+    ``runs[run:]``: transparent, non-transparent, ... run lengths that sum to ``width``.  ``voxels``:
+    Records; the first of this scanline is number ``voxel``.  ``live``: (n, 2)
     half-open voxel intervals, ascending, at least one.
     """
     # Runs that are no further apart have hardly a whole block of pixels between them, and are marked together.
     near = int(min(BLOCK / scale, width))
-    # The first on a line: nothing is added to, so that a run is put there in whole groups of voxels, however long it
-    # is, and what lies behind it is cleared again.  (Most runs are shorter than a group: a loop over their voxels is
-    # over before the processor has learned for how long it goes.)
-    put = decoding is None and reach[1] == 0
-    last_group = voxels.size // 4 - GROUP
+    is_first = reach[1] == 0
     span, low, high = 0, live[0, 0], live[0, 1]
     begun, touched_last, count = -1, 0, 0
     x = 0
@@ -90,19 +135,10 @@ def add_runs(
             touched_last = last
             count += last - first
             source, to, stop = voxel + first - x, first + margin, last + margin
-            if decoding is None:
-                if put:
-                    while to < stop and source <= last_group:
-                        put_group(voxels, 4 * source, weight, line, 4 * to)
-                        source += GROUP
-                        to += GROUP
-                    clear_group(line, 4 * stop)
-            for i in range(to, stop):
-                if decoding is None:
-                    add4(voxels, 4 * source, weight, line, 4 * i)
-                else:
-                    add_coded(voxels, source, decoding, weight, line, 4 * i)
-                source += 1
+            if voxels.decoding.size == 0:
+                _add_run(voxels.bytes16, is_first, source, weight, line, to, stop)
+            else:
+                _add_coded_run(voxels, source, weight, line, to, stop)
             if end <= high or span + 1 == live_count:
                 break
             span += 1

@@ -5,6 +5,7 @@ import pytest
 
 from rle_splat.runtime.jit import compiled, kernel
 from rle_splat.runtime.lanes import GROUP
+from rle_splat.splat.arguments import Records
 from rle_splat.splat.pixel_block import BLOCK, is_voxel_by_voxel, place_tent, resample_tent, resample_voxel_by_voxel
 from rle_splat.splat.voxel_scanline import add_runs
 
@@ -16,7 +17,7 @@ WIDTH, MARGIN = 90, 1
 def add(line, reach, marks, scale, shift, weight, runs, voxels, voxel, live):
     count = live.shape[0]
     add_runs(
-        line, reach, MARGIN, marks, 0, scale, shift, 1.0, weight, runs, 0, voxels, None, voxel, WIDTH, live, count
+        line, reach, MARGIN, marks, 0, scale, shift, 1.0, weight, runs, 0, voxels, voxel, WIDTH, live, count
     )
 
 
@@ -59,7 +60,7 @@ def test_runs_of_several_slices_are_added_and_what_is_beside_them_stays_zero(sha
             seen = rng.random(WIDTH) < share
             records = rng.random((seen.sum(), 4), dtype=np.float32)
             # The last records of all, with some of other scanlines before them.
-            voxels = np.concatenate((np.full((7, 4), 1e9, np.float32), records)).reshape(-1)
+            voxels = Records.of(np.concatenate((np.full((7, 4), 1e9, np.float32), records)), None)
             add(
                 line, reach, marks, scale, shift, weight, runs_of(seen).astype(np.uint16), voxels, 7,
                 np.array(LIVE[live], np.int64),

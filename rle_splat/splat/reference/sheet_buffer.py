@@ -18,7 +18,7 @@ LONGEST = np.float32(1e30)  # reference distances; keeps infinity times log1p(-0
 def _dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines, width, 4) float32: slice ``k``; None if it is empty."""
     n_scanlines = tables.pointers.shape[1]
-    voxels = tables.voxels.reshape(-1, 4)
+    voxels = tables.voxels.bytes16.reshape(-1, 4)
     dense = None
     for j in range(n_scanlines):
         run = int(tables.pointers[k, j])
