@@ -7,7 +7,7 @@ that shows the same values in another way needs only the second step.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -170,13 +170,20 @@ def unit_length(volume, index_to_world) -> float:
     and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
     axes counts.
     """
-    for matrix in (volume.affine, index_to_world):
+    return _unit_length(volume.affine.tobytes(), index_to_world.tobytes())
+
+
+@lru_cache(maxsize=8)
+def _unit_length(*matrices: bytes) -> float:
+    """As ``unit_length``; kept for the latest matrices, which most frames have in common."""
+    affine, index_to_world = (np.frombuffer(matrix).reshape(4, 4) for matrix in matrices)
+    for matrix in (affine, index_to_world):
         singular = np.linalg.svd(matrix[:3, :3], compute_uv=False)
         if not singular[2] > FLAT * singular[0]:
             raise RleSplatError(
                 "The volume's matrix is flat; give it a scale and a spacing other than zero on every axis."
             )
-    world, own = (abs(np.linalg.det(matrix[:3, :3])) for matrix in (index_to_world, volume.affine))
+    world, own = (abs(np.linalg.det(matrix[:3, :3])) for matrix in (index_to_world, affine))
     return float(np.cbrt(world / own))
 
 

@@ -9,6 +9,7 @@ kept is transparent.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -45,7 +46,8 @@ class Reach:
     @classmethod
     def of_values(cls, volume, shown) -> Reach:
         """Reach of ``shown``, (k, 2) ascending disjoint half-open intervals of physical values."""
-        found = [_stored_ends(volume, begin, end) for begin, end in shown]
+        stored = volume.voxels.dtype, volume.slope, volume.intercept
+        found = [_stored_ends(*stored, begin, end) for begin, end in np.asarray(shown).tolist()]
         kept = [ends for ends in found if ends is not None]
         return cls(np.array(kept, volume.voxels.dtype).reshape(-1, 2))
 
@@ -104,9 +106,13 @@ class _Numbers:
         return np.array(code, self.bits).view(self.kind)[()]
 
 
-def _stored_ends(volume, begin: float, end: float):
-    """Row of ``Reach.ends`` for physical values [begin, end); None if no cell can reach them."""
-    numbers = _Numbers(volume.voxels.dtype)
+@lru_cache(maxsize=64)
+def _stored_ends(kind, slope: float, intercept: float, begin: float, end: float):
+    """Row of ``Reach.ends`` for physical values [begin, end); None if no cell can reach them.
+
+    ``kind``, ``slope``, ``intercept``: of the volume.  Kept, since most frames ask for the previous one's.
+    """
+    numbers = _Numbers(kind)
 
     def first_where(holds):
         """Index of the first number for which ``holds``; one past the last if there is none."""
@@ -114,14 +120,14 @@ def _stored_ends(volume, begin: float, end: float):
         while high - low > 1:
             middle = (low + high) // 2
             # Infinite values take the end values, so they lie inside an interval that extends to infinity.
-            if holds(float(np.clip(volume.physical(numbers.at(middle)), -LARGEST, LARGEST))):
+            if holds(min(max(float(numbers.at(middle)) * slope + intercept, -LARGEST), LARGEST)):
                 high = middle
             else:
                 low = middle
         return high
 
     with np.errstate(over="ignore", invalid="ignore"):
-        if volume.slope > 0.0:
+        if slope > 0.0:
             least, past = first_where(lambda value: value >= begin), first_where(lambda value: value >= end)
         else:
             least, past = first_where(lambda value: value < end), first_where(lambda value: value < begin)

@@ -73,6 +73,8 @@ class ClipBodies(RayEffect):
 def _cutting(scene: Scene, quality: Quality):
     """Each clip object with those of its sides that cut the volume; all or none of a box that is cut away."""
     footprint = FOOTPRINTS[quality.kernel].radius if quality.classification == "pre" else 0.0
+    if not scene.clips:
+        return
     ends = ((-footprint, n - 1.0 + footprint) for n in scene.volume.shape_xyz)
     corners = np.array(np.meshgrid(*ends, (1.0,))).reshape(4, -1)
     for clip in scene.clips:

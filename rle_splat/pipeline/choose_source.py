@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ..effects.analyze import EffectSet, analyzed
 from ..runtime.jit import compiled
 from ..scene import Quality, Scene
+from ..scene.changed import changed
 from ..view.base_plane import BasePlane
 from .file_source import FileSource
 from .pooled_source import pooled
@@ -46,7 +47,7 @@ def settled(scene: Scene, quality: Quality) -> Settled:
     RleSplatError
         Where there is no such quality.
     """
-    quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
+    quality = changed(quality, backend="numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified("pre")
     effects, left = analyzed(scene, quality)

@@ -58,9 +58,9 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),
         describe_lighting(scene), source, tuple(volume.remarks), volume.space,
     )
-    stages = {name: clock.stages[name] for name in ("classify", "shade", "encode")}
+    spent = clock.report()
     report = {
-        "stages_ms": {**stages, "total": clock.report()["total"]},
+        "stages_ms": {name: spent[name] for name in ("classify", "shade", "encode", "total")},
         "volume": {
             "shape_xyz": list(volume.shape_xyz),
             "visible_voxels": classified.visible_voxels,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
 def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:
     """All that the light on a voxel depends on beside its normal; the eye only where there are highlights."""
     seen_from = array_key(falling.eye) if falling.material[2] > 0.0 else None
-    shade = tuple(asdict(scene.transfer_function.shade).values())
+    shade = tuple(vars(scene.transfer_function.shade).values())
     return (array_key(matrix), shade, array_key(falling.rows, falling.material), seen_from)
 
 

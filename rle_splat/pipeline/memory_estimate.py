@@ -8,7 +8,7 @@ what only looks at a file does not wait for a compiler.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +76,7 @@ class MemoryEstimate:
 
     def report(self) -> dict:
         """JSON-ready."""
-        named = asdict(self)
+        named = vars(self)
         return {**{name: named[name] for name in _PARTS}, "volume": self.volume, "needed": self.needed}
 
     def with_axes(self, axes: int) -> MemoryEstimate:
@@ -190,13 +190,8 @@ def estimate_of(
     return estimate_classified(Found.in_rows(volume, counted, dtype), quality.record, axes, shaded, picture)
 
 
-def scalar_estimate(volume, counted, *, axes: int = 1, lit: bool = True, picture: int = 0) -> MemoryEstimate:
-    """As ``estimate_of``, for tables of scalars: ``counted`` are the voxels that matter to post-classified sheets."""
-    return estimate_scalars(Found.in_rows(volume, counted), axes, lit, picture)
-
-
 def estimate_scalars(found: Found, axes: int, lit: bool, picture: int) -> MemoryEstimate:
-    """As ``scalar_estimate``, from a Found."""
+    """As ``estimate_of``, for tables of scalars: ``found`` are the voxels that matter to post-classified sheets."""
     needs = estimate_classified(found, RECORDS[-1], axes, lit, picture)
     dtype, count = found.dtype, found.count
     properties = 0 if counts_values(dtype) else PROPERTY_BYTES * count  # the lookup table stands for them

@@ -68,7 +68,7 @@ class PooledSource(Source):
             return encode(nodes, colors, axis, record=quality.record, **self.machine)
 
         def encode_steps(axis: int):
-            nodes = yield from timed(job.steps("nodes", key, node_steps, _bytes_of), clock, "encode", without="shade")
+            nodes = yield from timed(job.steps("nodes", key, node_steps, _bytes_of), clock, "encode")
             steps = job.steps("node records", (key, quality.record, axis), lambda: tables(axis, *nodes))
             return (yield from timed(steps, clock, "encode"))
 

@@ -87,21 +87,25 @@ def _told_of_compiling(step: Progress) -> Progress:
 
 def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
     """``render_steps``, the kernels aside: the mean of the sharp pictures that the scene's exposure takes."""
-    door = settled(scene, quality)
-    pictures = exposures(door.scene)
+    clocks = [Clock()]  # of the first picture, which the door belongs to
+    with clocks[0].running():
+        door = settled(scene, quality)
+        pictures = exposures(door.scene)
     if cache is None:  # the pictures of a blur have most stages in common
         cache = StageCache(0) if len(pictures) == 1 else StageCache()
     refuse = refuse_empty_view and not door.scene.motion  # what moves may come into view
 
     def sharp_steps(sharp: Scene):
-        return _sharp_steps(replace(door, scene=sharp), cache, refuse)
+        clock = clocks.pop() if clocks else Clock()
+        steps = _sharp_steps(door if sharp is door.scene else replace(door, scene=sharp), cache, refuse, clock)
+        return within(steps, clock.running)
 
     return exposure_steps(door.scene, pictures, sharp_steps)
 
 
-def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool):
+def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Clock):
     """Generator: the stages of one sharp picture, in the paper's order; returns its Rendering."""
-    clock, wanted, quality = Clock(), door.scene, door.quality
+    wanted, quality = door.scene, door.quality
     source = choose_source(wanted, quality)
     traced = traces_steep_pixels(source)
     source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
@@ -127,9 +131,11 @@ def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool):
         steps = steep_steps(source.scene, wanted.region, view.index_view, medium, quality, *picture)
         steps = portion(timed(steps, clock, "rays"), 0.95, 0.99, "Following single rays")
         *picture, traced_pixels = yield from steps
-    remarks = (*door.remarks, *rays.remarks(picture, medium.visible_voxels > 0))
-    report = report_of(wanted, source, view, medium, tables, rays.effects, traced_pixels, clock, remarks)
+    with clock.stage("report"):
+        remarks = (*door.remarks, *rays.remarks(picture, medium.visible_voxels > 0))
+        report = report_of(wanted, source, view, medium, tables, rays.effects, traced_pixels, clock, remarks)
     work.job.keep()
+    report["stages_ms"] = clock.report()
     yield Progress(1.0, "Done")
     return Rendering(*picture, report)
 
@@ -143,8 +149,9 @@ def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cach
         view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
         meshes=triangles is not None and len(triangles) > 0, scratch=scratch, traced=traced,
     )  # fmt: skip
-    cache.make_room(needed)
-    refuse_too_large(needed, right - left, bottom - top)
+    if not cache.has_plenty(needed):
+        cache.make_room(needed)
+        refuse_too_large(needed, right - left, bottom - top)
     return Work(cache.job(), clock, len(view.axes), needed)
 
 

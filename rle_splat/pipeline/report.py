@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
-import numpy as np
+import math
 
 from ..effects.analyze import EffectSet
 from ..effects.clips import NOTHING_LEFT
@@ -25,7 +23,7 @@ def report_of(
     wanted: Scene, source: Source, view: View, medium: Medium, encodings: dict, effects: EffectSet, rays: dict,
     clock: Clock, remarks,
 ) -> dict:  # fmt: skip
-    """The JSON-ready report of a Rendering.
+    """The JSON-ready report of a Rendering, without the times of its stages.
 
     Parameters
     ----------
@@ -42,7 +40,6 @@ def report_of(
     return {
         "image": _image_report(wanted),
         "volume": _volume_report(wanted.volume.shape_xyz, medium),
-        "stages_ms": clock.report(),
         "memory_bytes": _memory_report(source.tables_held(encodings)),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
         "plan": _plan_report(source, view),
@@ -66,7 +63,7 @@ def _image_report(scene: Scene) -> dict:
 
 def _volume_report(shape_xyz, medium: Medium) -> dict:
     """``shape_xyz``: of the volume itself; the voxels that are visible are those of the classified grid."""
-    total = int(np.prod([int(n) for n in medium.shape_xyz]))
+    total = math.prod(int(n) for n in medium.shape_xyz)
     return {
         "shape_xyz": [int(n) for n in shape_xyz],
         "visible_voxels": medium.visible_voxels,
@@ -85,7 +82,7 @@ def _memory_report(held: dict) -> dict:
 
 
 def _plan_report(source: Source, view: View) -> dict:
-    knobs = asdict(source.quality)
+    knobs = dict(vars(source.quality))  # flat; ``asdict`` would copy every value in depth
     knobs["quality"] = knobs.pop("name")
     knobs["pooled"] = source.node_size
     knobs["base_planes"] = [

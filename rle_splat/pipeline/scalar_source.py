@@ -44,7 +44,7 @@ from ..view.depth_rules import value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import lighting_key, scene_lighting, shadowed_steps
-from .memory_estimate import MemoryEstimate, scalar_estimate
+from .memory_estimate import Found, MemoryEstimate, estimate_scalars
 from .quick_estimate import ScalarSheets
 from .shadows import shadow_count
 from .source import Medium, Source, Work, array_key
@@ -60,11 +60,15 @@ IN_ROWS = "rows"  # the voxels' own order
 
 @dataclass(frozen=True, eq=False)
 class RelevantVoxels:
-    """The ``voxels`` that matter to a range of values, ``reach``; ``closed``: and those in short gaps between them."""
+    """The ``voxels`` that matter to a range of values, ``reach``; ``closed``: and those in short gaps between them.
+
+    ``found``: how many they are, for estimates of memory.
+    """
 
     reach: Reach
     voxels: VisibleVoxels
     closed: bool
+    found: Found
 
     @property
     def key(self) -> tuple:
@@ -215,9 +219,9 @@ class ScalarSource(Source):
         volume, job, clock = self.scene.volume, work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
-        def needed_by(counted) -> MemoryEstimate:
-            found = scalar_estimate(volume, counted, axes=work.axes, lit=lit, picture=work.picture)
-            return found.with_shadows(shadow_count(self.scene) if lit else 0)
+        def needed_by(found: Found) -> MemoryEstimate:
+            needed = estimate_scalars(found, work.axes, lit, work.picture)
+            return needed.with_shadows(shadow_count(self.scene) if lit else 0)
 
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
         # where the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
@@ -236,19 +240,20 @@ class ScalarSource(Source):
             key = found
         if job.has("relevant", key):
             relevant = job.get("relevant", key, None)
-            return relevant, needed_by((np.diff(relevant.voxels.row_start), relevant.voxels.row_pieces))
+            return relevant, needed_by(relevant.found)
         steps = timed(relevant_steps(volume, reach, blocks, **self.machine), clock, "classify")
         bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
         with clock.stage("classify"):
             if closed:
                 close_gaps(bits, volume.shape_xyz, **self.machine)
             counted = kept_counts(bits, **self.machine)
-        needed = needed_by(counted)
+        counts = Found.in_rows(volume, counted)
+        needed = needed_by(counts)
         work.claim(needed)
         yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
         with clock.stage("classify"):
             voxels = kept_voxels(volume, bits, counted, blocks, **self.machine)
-            relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed))
+            relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed, counts))
         return relevant, needed
 
     def _transfer(self, work: Work, voxels_key, ends, length: float) -> LookupTable | ValueMap:

@@ -232,7 +232,7 @@ class ScanSource(Source):
             return (yield from steps)
 
         steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
-        return (yield from timed(steps, clock, "encode", without="shade"))
+        return (yield from timed(steps, clock, "encode"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,11 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+SETUP = "setup"  # what belongs to no other stage: settling effects, the view, memory, finding results of earlier frames
 # "kernels" is loading the splat kernel, and compiling it the first time ever: once in a process, not per picture.
 STAGES = (
-    "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion", "clipping",
-    "clip objects",
-    "kernels", "splat", "warp", "rays",
+    SETUP, "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion",
+    "clipping", "clip objects", "kernels", "splat", "warp", "rays", "report",
 )  # fmt: skip
 FRAME = ("splat", "warp", "rays")  # what every frame takes; rays where it has pixels by single ones
 
@@ -24,19 +24,50 @@ class Progress:
 
 
 class Clock:
-    """Milliseconds spent per stage."""
+    """Milliseconds spent per stage.
 
-    def __init__(self):
-        self.started = time.perf_counter()
+    All time belongs to exactly one stage: the innermost that is open, ``SETUP`` where none is.  So the stages add up
+    to the whole.
+
+    Parameters
+    ----------
+    now : callable
+        Returns seconds.
+
+    Attributes
+    ----------
+    stages : dict
+        Name of a stage -> milliseconds until its last change.
+    """
+
+    def __init__(self, now=time.perf_counter):
         self.stages = dict.fromkeys(STAGES, 0.0)
+        self._now, self._stage, self._since = now, SETUP, now()
+
+    def _turn_to(self, stage: str) -> str:
+        """Count the time until now, and what follows for another stage; return the one that it was."""
+        before, now = self._stage, self._now()
+        self.stages[before] += 1e3 * (now - self._since)
+        self._stage, self._since = stage, now
+        return before
 
     @contextmanager
     def stage(self, name: str):
-        begun = time.perf_counter()
+        """A block whose time is counted for a stage, but for the stages within it."""
+        before = self._turn_to(name)
         try:
             yield
         finally:
-            self.stages[name] += 1e3 * (time.perf_counter() - begun)
+            self._turn_to(before)
+
+    @contextmanager
+    def running(self):
+        """A block of work; what passes before it, since the block before, is not counted."""
+        self._since = self._now()
+        try:
+            yield
+        finally:
+            self._turn_to(self._stage)
 
     def timing(self, name: str, function):
         """The function with its time counted for a stage."""
@@ -48,7 +79,9 @@ class Clock:
         return timed_function
 
     def report(self) -> dict:
-        return {**self.stages, "total": 1e3 * (time.perf_counter() - self.started)}
+        """Milliseconds of each stage until now, and their sum, ``total``."""
+        self._turn_to(self._stage)
+        return {**self.stages, "total": sum(self.stages.values())}
 
 
 def drain(steps, on_step=None):
@@ -96,13 +129,6 @@ def part(steps, start: float, end: float, message: str = ""):
     return mapped(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
 
 
-def timed(steps, clock: Clock, stage: str, without: str | None = None):
-    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result.
-
-    ``without``: a stage that is timed within these steps by itself, and not counted twice.
-    """
-    before = clock.stages[without] if without else 0.0
-    result = yield from within(steps, lambda: clock.stage(stage))
-    if without:
-        clock.stages[stage] -= clock.stages[without] - before
-    return result
+def timed(steps, clock: Clock, stage: str):
+    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result."""
+    return within(steps, lambda: clock.stage(stage))

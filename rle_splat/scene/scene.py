@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from reprlib import repr as short
 
 import numpy as np
@@ -174,11 +175,13 @@ class Scene:
         """The pixels to render, (left, top, right, bottom): the crop, or the whole frame."""
         return self.crop or (0, 0, self.width, self.height)
 
-    @property
+    @cached_property
     def index_to_world(self) -> np.ndarray:
-        """(4, 4) float64 matrix from voxel index (x, y, z, 1) to world space."""
+        """(4, 4) float64 read-only matrix from voxel index (x, y, z, 1) to world space."""
         scale = np.diag((self.scene_scale, self.scene_scale, self.scene_scale, 1.0))
-        return self.volume_matrix @ scale @ self.volume.affine
+        found = self.volume_matrix @ scale @ self.volume.affine
+        found.flags.writeable = False
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -202,11 +202,14 @@ class StoredScalars(NamedTuple):
     @classmethod
     def of(cls, scalars):
         """Of a flat array of one of the types."""
-        return cls(*(read_only(scalars if scalars.dtype.name == name else np.empty(0, name)) for name in cls._fields))
+        return cls(*(read_only(scalars) if scalars.dtype == other.dtype else other for other in _NO_SCALARS))
 
     def array(self):
         """The flat array that is not empty, unless there are no values."""
         return max(self, key=len)
+
+
+_NO_SCALARS = tuple(read_only(np.empty(0, name)) for name in StoredScalars._fields)
 
 
 class ScalarTables(NamedTuple):

@@ -231,8 +231,7 @@ def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, 
         shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),
         None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, shortened, group,
     )
-    each = sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in _shapes(*sizes).values())
-    return thread_count(quality.threads) * each
+    return thread_count(quality.threads) * _bytes_of(*sizes)
 
 
 def _sizes(
@@ -248,6 +247,12 @@ def _sizes(
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, shortened, group
+
+
+@lru_cache
+def _bytes_of(*sizes) -> int:
+    """Bytes of a Scratch for one worker; see ``_sizes``."""
+    return sum(math.prod(shape) * np.dtype(kind).itemsize for *shape, kind in _shapes(*sizes).values())
 
 
 @lru_cache

@@ -179,28 +179,34 @@ class BasePlane:
         return at_zero, per_voxel
 
 
-def _clip(polygon: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """The part of a convex (n, 2) polygon where line @ (X, Y, 1) >= 0 (Sutherland and Hodgman)."""
-    if len(polygon) == 0:
-        return polygon
-    side = polygon @ line[:2] + line[2]
+def _clip(polygon: list, line) -> list:
+    """The part of a convex polygon of points (X, Y) where line @ (X, Y, 1) >= 0 (Sutherland and Hodgman)."""
+    a, b, c = line
+    sides = [a * x + b * y + c for x, y in polygon]
     kept = []
-    for a in range(len(polygon)):
-        b = (a + 1) % len(polygon)
-        if side[a] >= 0.0:
-            kept.append(polygon[a])
-        if (side[a] >= 0.0) != (side[b] >= 0.0):
-            kept.append(polygon[a] + (polygon[b] - polygon[a]) * (side[a] / (side[a] - side[b])))
-    return np.array(kept).reshape(-1, 2)
+    for n, ((x, y), side) in enumerate(zip(polygon, sides)):
+        (u, v), beyond = polygon[n + 1 - len(polygon)], sides[n + 1 - len(polygon)]
+        if side >= 0.0:
+            kept.append((x, y))
+        if (side >= 0.0) != (beyond >= 0.0):
+            share = side / (side - beyond)
+            kept.append((x + (u - x) * share, y + (v - y) * share))
+    return kept
 
 
-def _seen_through(homography: np.ndarray, polygon: np.ndarray, left, top, right, bottom) -> np.ndarray:
-    """The part of a base-plane polygon that is visible through a rectangle of the picture, given in its pixels."""
-    h = homography
+def _seen_through(homography: np.ndarray, polygon, left, top, right, bottom) -> np.ndarray:
+    """(n, 2): the part of a base-plane polygon that is visible through a rectangle of the picture, given in its pixels.
+
+    In plain Python, because numpy's overhead per call is larger for four corners.
+    """
+    first, second, third = homography.tolist()
+    polygon = [tuple(point) for point in np.asarray(polygon).tolist()]
     # Inside means left <= a/c <= right and top <= b/c <= bottom with c > 0 for (a, b, c) = H (X, Y, 1).
-    for line in (h[0] - left * h[2], right * h[2] - h[0], h[1] - top * h[2], bottom * h[2] - h[1]):
-        polygon = _clip(polygon, line / np.abs(line).max())
-    return polygon
+    for sign, row, end in ((1.0, first, left), (-1.0, first, right), (1.0, second, top), (-1.0, second, bottom)):
+        line = [sign * (one - end * last) for one, last in zip(row, third)]
+        largest = max(map(abs, line))
+        polygon = _clip(polygon, [number / largest for number in line])
+    return np.array(polygon, np.float64).reshape(-1, 2)
 
 
 def _sides(polygon: list) -> list:

@@ -7,6 +7,7 @@ The view is expressed in voxel-index space, the only space in which voxel scanli
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from .projection import depth_row, world_to_pixel
 
 # A matrix whose smallest singular value is below this fraction of its largest flattens the volume.
 FLAT = 1e-12
+OTHERS = [[column for column in range(4) if column != left_out] for left_out in range(4)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,13 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
     RleSplatError
         If the volume's matrix is singular, or camera and volume differ so much in size that float64 cannot hold both.
     """
+    return _index_view(camera, index_to_world.tobytes(), width, height)
+
+
+@lru_cache(maxsize=8)
+def _index_view(camera: Camera, index_to_world: bytes, width: int, height: int) -> IndexView:
+    """As ``index_view``; kept for the latest views, each of which is asked for several times a frame."""
+    index_to_world = np.frombuffer(index_to_world).reshape(4, 4)
     linear = index_to_world[:3, :3]
     singular = np.linalg.svd(linear, compute_uv=False)
     if not singular[2] > FLAT * singular[0]:
@@ -90,7 +99,7 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
     # by a power of two, which changes no bits, keeps the products in the range of float64.
     scaled = np.ldexp(projection, -int(np.frexp(np.abs(projection).max())[1]))
     minors = np.array([
-        (-1.0) ** i * np.linalg.det(np.delete(scaled, i, axis=1)) for i in range(4)
+        (-1.0) ** i * determinant for i, determinant in enumerate(np.linalg.det(scaled[:, OTHERS].transpose(1, 0, 2)))
     ])
     if not (np.isfinite(minors).all() and (minors[:3] if camera.type == "ORTHO" else minors[3:]).any()):
         raise RleSplatError(

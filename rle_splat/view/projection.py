@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..scene import Camera
 
 
+@lru_cache(maxsize=8)
 def world_to_camera(camera: Camera) -> np.ndarray:
-    """(4, 4) float64 matrix from world to camera space (looking along -Z).
+    """(4, 4) float64 read-only matrix from world to camera space (looking along -Z).
 
     The columns of ``matrix_world`` are normalized first, because Blender ignores the scale of a camera and its parents.
+    Kept for the latest cameras, each of which is asked for several times a frame.
     """
     placed = np.array(camera.matrix_world)
     lengths = np.linalg.norm(placed[:3, :3], axis=0)
     placed[:3, :3] /= np.where(lengths > 0.0, lengths, 1.0)
-    return np.linalg.inv(placed)
+    found = np.linalg.inv(placed)
+    found.flags.writeable = False
+    return found
 
 
 def depth_row(camera: Camera) -> np.ndarray:

@@ -30,9 +30,12 @@ def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, 
     (float, float)
         World units.
     """
-    corners = np.array(np.meshgrid(*((-radius, n - 1.0 + radius) for n in shape_xyz), indexing="ij")).reshape(3, -1)
-    depths = view.depth[:3] @ corners + view.depth[3]
-    return float(depths.min()), float(depths.max())
+    *along, nearest = view.depth.tolist()
+    furthest = nearest
+    for step, count in zip(along, shape_xyz):
+        ends = -radius * step, (count - 1.0 + radius) * step
+        nearest, furthest = nearest + min(ends), furthest + max(ends)
+    return nearest, furthest
 
 
 def ray_intervals(

@@ -391,11 +391,15 @@ def counted_in_rows(volume, shown):
     return counts, counts // 5
 
 
+def found_in_rows(volume, shown):
+    return estimate.Found.in_rows(volume, counted_in_rows(volume, shown))
+
+
 @pytest.mark.parametrize("share, words", ((0.6, "their neighbors counted, would fit"), (0.001, "crop or downsample")))
 def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     """There are no voxel records to make smaller; what a narrower function leaves is counted in scalars."""
     volume = blobs()
-    wanted = estimate.scalar_estimate(volume, counted_in_rows(volume, 48), axes=3, picture=1000)
+    wanted = estimate.estimate_scalars(found_in_rows(volume, 48), 3, True, 1000)
     assert wanted.with_record(4) == wanted
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
     with pytest.raises(RleSplatError, match=words) as problem:
@@ -405,8 +409,8 @@ def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
 
 def test_the_estimate_of_scalars_counts_voxels_and_axes():
     volume = blobs()
-    counted = counted_in_rows(volume, 10)
-    one, three = (estimate.scalar_estimate(volume, counted, axes=axes) for axes in (1, 3))
+    found = found_in_rows(volume, 10)
+    one, three = (estimate.estimate_scalars(found, axes, True, 0) for axes in (1, 3))
     assert one.visible_voxels == 10 * 96 * 96 and one.records == 5 * one.visible_voxels  # a value and its light
     assert three.records == 3 * one.records and one.needed < three.needed and one.volume == volume.voxels.nbytes
 
@@ -435,7 +439,8 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
     def wanted(in_a_row, axes, record):
         counts = np.full(n * n, in_a_row)
         if classification == "post":
-            return estimate.scalar_estimate(volume, (counts, counts), axes=axes, picture=picture)
+            found = estimate.Found.in_rows(volume, (counts, counts))
+            return estimate.estimate_scalars(found, axes, True, picture)
         quality = replace(QUALITY, record=record)
         return estimate.estimate_of(volume, (counts, counts), quality, axes=axes, picture=picture)
 
