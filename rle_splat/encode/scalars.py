@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
+from ..shade.normal_light import Lamps
 from .encode import place_slabs, run_tables
 from .tables import RunTables
 
@@ -32,11 +33,13 @@ class ScalarVolume:
         Stored values minus ``center``, in the order of ``tables``.
     center : float
     lights : (m, channels) ndarray of uint16 or None
-        Codes as of ``shade.voxel_light``; None without light.
+        Codes as of ``shade.voxel_light``, of no voxel where there are lamps; None without light.
     light_unit : float
         Scale of the codes.
     thinned : bool
         Whether the last channel of ``lights`` is a factor of the extinction.
+    lamps : Lamps or None
+        Where light is made of normals when it is needed: these, in the order of ``tables``, and the light.
     """
 
     tables: RunTables
@@ -45,6 +48,7 @@ class ScalarVolume:
     lights: np.ndarray | None = None
     light_unit: float = 1.0
     thinned: bool = False
+    lamps: Lamps | None = None
 
     def __post_init__(self):
         for array in (self.scalars, self.lights):
@@ -79,7 +83,8 @@ class ScalarVolume:
     @property
     def record(self) -> int:
         """Bytes of a voxel record."""
-        return self.scalars.itemsize + (0 if self.lights is None else 2 * self.lights.shape[1])
+        light = 0 if self.lights is None else 2 * self.lights.shape[1]
+        return self.scalars.itemsize + (light if self.lamps is None else 2 * len(self.lamps.normals))
 
     @property
     def table_bytes(self) -> dict[str, int]:

@@ -8,7 +8,8 @@ What each stage result depends on, so that a change redoes no more than it must:
     normals   relevant, and how the volume lies in the world
     gradients relevant, where opacity depends on them; thinned, from gradients and light
     shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them
-    light     normals, lights and shadows; the view too if a highlight or a headlight follows it
+    light     normals, lights and shadows; the view too if a highlight or a headlight follows it, unless that light is
+              made where it is read: then normal codes, from normals
     runs      relevant, and the principal axis
     scalars   relevant, and the principal axis
     table     the transfer function: nothing else depends on it
@@ -16,6 +17,7 @@ What each stage result depends on, so that a change redoes no more than it must:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,13 +39,14 @@ from ..runtime.memory import bytes_text
 from ..runtime.steps import Progress, portion, timed
 from ..scene import MODES, preintegrated_of
 from ..shade.lighting import Lighting
+from ..shade.normal_light import NormalLight, coded_normals, normal_light
 from ..shade.shading import normals, refuse_too_bright
 from ..shade.voxel_light import VoxelLight, voxel_light, with_factor
 from ..splat.scalar_splat import scalar_splat_steps, value_splat_steps
 from ..view.depth_rules import value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
-from .lighting import lighting_key, scene_lighting, shadowed_steps
+from .lighting import follows_view, lighting_key, scene_lighting, shadowed_steps
 from .memory_estimate import Found, MemoryEstimate, estimate_scalars
 from .quick_estimate import ScalarSheets
 from .shadows import shadow_count
@@ -96,9 +99,13 @@ class LitScalars:
         What is taken from stored values before they are splatted.
     transfer : LookupTable or ValueMap
         The lookup table of the transfer function; in a mode that shows values, how these are counted.
-    light : VoxelLight or None
+    light : VoxelLight, NormalLight or None
         None where nothing shines and nothing thins.
     light_key : tuple
+        Of a VoxelLight, its own; of a NormalLight, that of the normals.
+    normals, coded_light : callable or None
+        ``normals()``: of the voxels; ``coded_light()``: the light as a VoxelLight, whatever it is.  None where nothing
+        shines.
     thinned : bool
         Whether the light's last channel is a factor of extinction.
     estimate : MemoryEstimate
@@ -111,8 +118,10 @@ class LitScalars:
     infinite: tuple
     center: float
     transfer: LookupTable | ValueMap
-    light: VoxelLight | None
+    light: VoxelLight | NormalLight | None
     light_key: tuple
+    normals: Callable | None
+    coded_light: Callable | None
     thinned: bool
     estimate: MemoryEstimate
 
@@ -207,12 +216,13 @@ class ScalarSource(Source):
         if falling is not None:
             yield Progress(0.1, "Shading")
         with clock.stage("shade"):
-            light, light_key = self._light(work, voxels, key, falling, shadows_key)
+            light, light_key, *made = self._light(work, voxels, key, falling, shadows_key)
         if factor is not None:
             light_key = (light_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
         center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
-        return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, factor is not None, needed)
+        thinned = factor is not None
+        return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, *made, thinned, needed)
 
     def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
@@ -273,18 +283,30 @@ class ScalarSource(Source):
         return self.scene.transfer_function.gradient_opacity.factor(sizes)
 
     def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key):
-        """The VoxelLight of the voxels and its key; None where nothing shines."""
+        """``light``, ``light_key``, ``normals`` and ``coded_light`` of LitScalars."""
         if falling is None:
-            return None, ()
+            return None, (), None, None
         matrix, job = self.scene.index_to_world, work.job
         normals_key = (key, array_key(matrix[:3, :3]))
 
         def make_normals():
             return normals(voxels, self.scene.volume, matrix, **self.machine)
 
-        directions = job.get("normals", normals_key, make_normals)
+        def directions():
+            return job.get("normals", normals_key, make_normals)
+
+        def coded():
+            return job.get("light", light_key, lambda: voxel_light(voxels, directions(), falling, **self.machine))
+
         light_key = (key, *lighting_key(self.scene, matrix, falling), shadows_key)
-        return job.get("light", light_key, lambda: voxel_light(voxels, directions, falling, **self.machine)), light_key
+        thins = self.scene.transfer_function.gradient_opacity is not None
+        by_normal = None
+        if follows_view(self.scene, falling) and not thins:
+            by_normal = normal_light(falling, voxels.shape_xyz)
+        if by_normal is not None:
+            return by_normal, normals_key, directions, coded
+        directions()
+        return coded(), light_key, directions, coded
 
     def _most_color(self, lit: LitScalars) -> float:
         scene, light = self.scene, lit.light
@@ -315,13 +337,26 @@ class ScalarSource(Source):
         placed = yield from timed(steps, clock, "encode")
         if lit.light is None:
             return ScalarVolume(tables, placed, lit.center)
+        if isinstance(lit.light, NormalLight):
+            steps = job.steps("normal codes", (lit.light_key, order), lambda: self._normal_steps(lit, placed_steps))
+            codes = yield from timed(steps, clock, "shade")
+            none = np.empty((0, lit.light.channels), np.uint16)
+            return ScalarVolume(tables, placed, lit.center, none, lamps=lit.light.lamps(codes, axis))
         steps = job.steps("lights", (lit.light_key, order), lambda: placed_steps(lit.light.codes))
         codes = yield from timed(steps, clock, "shade")  # as with classified sheets, whose records are lit already
         return ScalarVolume(tables, placed, lit.center, codes, lit.light.unit, lit.thinned)
 
+    def _normal_steps(self, lit: LitScalars, placed_steps):
+        """Generator of fractions done: the coded normals (3, m) in the order of ``placed_steps(words)``."""
+        codes, placed = coded_normals(lit.normals(), **self.machine), []
+        for words in codes.view(np.uint16):
+            placed.append((yield from placed_steps(words)))
+        return codes if placed[0].base is codes.base else np.stack(placed).view(np.int16)
+
     def _traced(self, lit: LitScalars, work: Work, rays, slabs: int):
         """Color and half depths of single rays through the voxels; see ``raycast.trace``."""
-        volume, voxels, light = self.scene.volume, lit.voxels, lit.light
+        volume, voxels = self.scene.volume, lit.voxels
+        light = lit.coded_light() if isinstance(lit.light, NormalLight) else lit.light
         shape, ends = volume.shape_xyz, (lit.infinite, lit.center)
         bricks = work.job.get("bricks", lit.key, lambda: bricks_of(voxels.bits, shape))
         key = (lit.key, *ends, IN_ROWS)

@@ -85,18 +85,34 @@ if numba is not None:
         def __mul__(self, other):
             return self._with(self.builder.fmul, other)
 
-        def mixed(self, share, other, other_share):
-            """``self * share + other * other_share``, of which the latter product is rounded first.
-
-            Which of two products a sum takes up unrounded is else LLVM's choice, at every place anew.
-            """
+        def _called(self, name: str, *others):
+            """One of LLVM's own functions of vectors of this one's kind."""
             kind = self.value.type
-            name = f"llvm.fmuladd.v{self.count}f{64 if kind.element == DOUBLE else 32}"
-            product_and_sum = cgutils.get_or_insert_function(
-                self.builder.module, ir.FunctionType(kind, (kind,) * 3), name
+            name = f"llvm.{name}.v{self.count}f{64 if kind.element == DOUBLE else 32}"
+            given = (self.value, *map(self.like, others))
+            function = cgutils.get_or_insert_function(
+                self.builder.module, ir.FunctionType(kind, (kind,) * len(given)), name
             )
-            rounded = (other * other_share).value
-            return Vector(self.builder, self.builder.call(product_and_sum, (self.value, self.like(share), rounded)))
+            return Vector(self.builder, self.builder.call(function, given))
+
+        def fused(self, share, added):
+            """``self * share + added``, the product unrounded wherever the processor can.
+
+            Which products a sum takes up unrounded is else LLVM's choice, at every place anew.
+            """
+            return self._called("fmuladd", share, added)
+
+        def mixed(self, share, other, other_share):
+            """``self * share + other * other_share``, of which the latter product is rounded first; see ``fused``."""
+            return self.fused(share, other * other_share)
+
+        def root(self):
+            """The square root, lane by lane."""
+            return self._called("sqrt")
+
+        def size(self):
+            """The value without its sign, lane by lane."""
+            return self._called("fabs")
 
         def __truediv__(self, other):
             return self._with(self.builder.fdiv, other, ())

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -93,16 +94,10 @@ def voxel_light(
     RleSplatError
         If the light is above BRIGHTEST.
     """
-    strengths = falling.rows[:, RGB:NEAREST]
-    everywhere = falling.material[4:7]
-    white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
-    glossy = bool(falling.material[2] > 0.0)
-    each = 1 if white else 3
-    ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
-    strongest = float((strengths / _nearest(falling, voxels.shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
-    most_light, most_highlight = max(1.0, float(ambient + diffuse * strongest)), float(specular * strongest)
-    scale = 2.0 ** math.ceil(math.log2(refuse_too_bright(max(most_light, most_highlight))))
-    codes = empty((len(voxels), each * (2 if glossy else 1)), np.uint16)
+    bounds = light_bounds(falling, voxels.shape_xyz)
+    each, brightest = bounds.each, max(bounds.most_light, bounds.most_highlight)
+    scale = 2.0 ** math.ceil(math.log2(brightest))
+    codes = empty((len(voxels), bounds.channels), np.uint16)
     _, ny, nz = voxels.shape_xyz
     if compiled(backend):
         near = falling.near
@@ -112,7 +107,30 @@ def voxel_light(
             _code_light(rows, nz, *light, each, 1.0 / scale, codes)
     else:
         _code_light_numpy(voxels, normals, falling, each, scale, codes)
-    return VoxelLight(codes, float(UNBIAS) * scale, most_light, most_highlight)
+    return VoxelLight(codes, float(UNBIAS) * scale, bounds.most_light, bounds.most_highlight)
+
+
+class LightBounds(NamedTuple):
+    """What is known of the light on voxels before it is made: channels of light, and of highlight if there is any,
+    ``each``; all ``channels``; and see VoxelLight."""
+
+    each: int
+    channels: int
+    most_light: float
+    most_highlight: float
+
+
+def light_bounds(falling: Lighting, shape_xyz) -> LightBounds:
+    """Bounds of a Lighting on the voxels of a volume; RleSplatError if the light is above BRIGHTEST."""
+    strengths = falling.rows[:, RGB:NEAREST]
+    everywhere = falling.material[4:7]
+    white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
+    each = 1 if white else 3
+    ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
+    strongest = float((strengths / _nearest(falling, shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
+    most_light, most_highlight = max(1.0, float(ambient + diffuse * strongest)), float(specular * strongest)
+    refuse_too_bright(max(most_light, most_highlight))
+    return LightBounds(each, each * (2 if specular > 0.0 else 1), most_light, most_highlight)
 
 
 def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from ..encode.records import TYPES
 from ..runtime.jit import read_only
 from ..scene import Quality
+from ..shade.normal_light import Lamps
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_intervals import box_intervals
@@ -222,9 +223,12 @@ class ScalarTables(NamedTuple):
     scalars : StoredScalars
         Stored values of the kept voxels.
     lights : (m, channels) uint16 or None
-        Codes of the light on them: light, highlight and thinning.
+        Codes of the light on them: light, highlight and thinning; of no voxel where there are lamps.
     light_unit : float32
         Factor that turns codes into light.
+    lamps : Lamps or None
+        What light is made of in place of codes; its normals are of no voxel where there are codes, so that one kernel
+        serves both.  None without light.
     """
 
     pointers: np.ndarray
@@ -234,6 +238,7 @@ class ScalarTables(NamedTuple):
     lights: np.ndarray | None
     light_unit: np.float32
     width: int
+    lamps: Lamps | None
 
 
 class Lookup(NamedTuple):

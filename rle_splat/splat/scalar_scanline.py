@@ -10,6 +10,7 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from ..runtime.prefetch import fetch_ahead
+from .lamp_groups import mix_few_lamps, mix_many_lamps, mix_one_lamp
 from .pixel_block import BLOCK
 from .voxel_groups import (
     FEW,
@@ -29,8 +30,8 @@ NOT_KEPT = np.float32(-3e38)
 
 @inner_loop
 def put_scanline(
-    line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, lights, light_unit, weight, run, voxel,
-    far_weight, far_run, far_voxel, width, live, live_count, matt, gloss,
+    line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, lights, light_unit, lamps, scanline, depth,
+    weight, run, voxel, far_weight, far_run, far_voxel, width, live, live_count, matt, gloss,
 ):
     """Put scalar and light of one scanline's voxels that lie in live spans on ``line``.
 
@@ -38,8 +39,10 @@ def put_scanline(
     slice, its scanline's first run and voxel; likewise the farther one, left out where its weight is 0.  ``scalars``:
     StoredScalars.  ``lights``:
     (m, channels) uint16 codes, or None; ``light_unit`` makes numbers of them; ``matt`` and ``gloss``, see
-    ``scalar_block.composite_classified``, are as many planes as it has channels.  ``overhang``: voxels beyond the first
-    and the last from which samples are taken back to them.  The others: see ``voxel_scanline.add_runs``.
+    ``scalar_block.composite_classified``, are as many planes as it has channels.  ``lamps``: what light is made of
+    where there are no codes, of scanline number ``scanline`` of the nearer slice, number ``depth``.  ``overhang``:
+    voxels beyond the first and the last from which samples are taken back to them.  The others: see
+    ``voxel_scanline.add_runs``.
     """
     left = shift + (1.0 - SLACK) + BEFORE * BLOCK
     right = shift - scale + SLACK + BEFORE * BLOCK
@@ -82,9 +85,10 @@ def put_scanline(
             reach[3] += high - low
             put_scalars(line, low, high - low, scalars, weight, at, far_weight, far_at, pair)
             if lights is not None:
-                put_lights(
-                    line, stride, low, high - low, lights, light_unit, weight, at, far_weight, far_at, pair, matt, gloss
-                )
+                _put_light(
+                    line, stride, low, high - low, lights, light_unit, lamps, scanline, depth, weight, at, far_weight,
+                    far_at, pair, matt, gloss,
+                )  # fmt: skip
             reach[0], reach[1] = min(reach[0], low), max(reach[1], high)
             from_pixel, to_pixel = low * scale + left, high * scale + right
             if low == 0:
@@ -93,6 +97,21 @@ def put_scanline(
                 to_pixel += overhang * scale
             mark_blocks(marks, slot, (int(from_pixel) >> BLOCK_BITS) - BEFORE, (int(to_pixel) >> BLOCK_BITS) - BEFORE)
             s += 1
+
+
+@inner_loop
+def _put_light(
+    line, stride, to, count, lights, light_unit, lamps, scanline, depth, weight, voxel, far_weight, far_voxel, pair,
+    matt, gloss,
+):
+    """The planes of light of the same voxels, of codes or else of lamps."""
+    if lamps is not None:
+        if lights.size == 0:
+            put_lamps(
+                line, stride, to, count, lamps, scanline, depth, weight, voxel, far_weight, far_voxel, pair, matt, gloss
+            )
+            return
+    put_lights(line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss)
 
 
 @inner_loop
@@ -139,9 +158,15 @@ def fetch_scalars(scalars, first, count):
 
 
 @inner_loop
-def put_lights(
-    line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss
-):
+def fetch_normals(normals, first, count):
+    """As ``fetch_scalars``, of coded normals (3, m), where there are any."""
+    if normals.size > 0:
+        for component in range(3):
+            fetch_ahead(normals, component * normals.shape[1] + first, count)
+
+
+@inner_loop
+def put_lights(line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss):
     """The planes of light of the same voxels."""
     size = MANY if count >= MANY else FEW if count >= FEW else 1
     i = 0
@@ -154,4 +179,21 @@ def put_lights(
             mix_few_lights(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
         else:
             mix_one_light(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
+        i += size
+
+
+@inner_loop
+def put_lamps(line, stride, to, count, lamps, scanline, depth, weight, voxel, far_weight, far_voxel, pair, matt, gloss):
+    """As ``put_lights``, of light that is made of normals."""
+    size = MANY if count >= MANY else FEW if count >= FEW else 1
+    i = 0
+    while i < count:
+        i = min(i, count - size)
+        at, near, far = to + i, voxel + i, far_voxel + i
+        if size == MANY:
+            mix_many_lamps(line, stride, at, near, far, weight, far_weight, pair, lamps, scanline, depth, matt, gloss)
+        elif size == FEW:
+            mix_few_lamps(line, stride, at, near, far, weight, far_weight, pair, lamps, scanline, depth, matt, gloss)
+        else:
+            mix_one_lamp(line, stride, at, near, far, weight, far_weight, pair, lamps, scanline, depth, matt, gloss)
         i += size

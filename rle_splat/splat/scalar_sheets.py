@@ -23,7 +23,7 @@ from .pixel_block import BLOCK
 from .rays_in_box import NO_ROW, block_at
 from .scalar_block import place_inside, resample_plane
 from .scalar_group import GROUP
-from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
+from .scalar_scanline import NOT_KEPT, fetch_normals, fetch_scalars, put_scanline
 from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab, plane_count
 from .scratch import BAND
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
@@ -133,9 +133,9 @@ def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, l
     line.reach[0] = tables.width
     put_scanline(
         line.line, line.line.size // plane_count(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
-        tables.runs, tables.scalars, tables.lights, tables.light_unit, weight, int(tables.pointers[near, scanline]),
-        tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
-        light.matt, light.gloss + light.thinning,
+        tables.runs, tables.scalars, tables.lights, tables.light_unit, tables.lamps, scanline, near, weight,
+        int(tables.pointers[near, scanline]), tables.data_starts[near, scanline], far_weight, far_run, far_voxel,
+        tables.width, line.live, live_count, light.matt, light.gloss + light.thinning,
     )
 
 
@@ -152,11 +152,19 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
 
 
 @inner_loop
+def _fetch_normals(lamps, first, count):
+    if lamps is not None:
+        fetch_normals(lamps.normals, first, count)
+
+
+@inner_loop
 def _fetch(lights, tables, ahead, scanline, count):
     first = tables.data_starts[ahead, scanline]
     fetch_scalars(tables.scalars, first, count)
     if lights is not None:
-        fetch_ahead(lights, first * lights.shape[1], count * lights.shape[1])
+        if lights.size > 0:
+            fetch_ahead(lights, first * lights.shape[1], count * lights.shape[1])
+        _fetch_normals(tables.lamps, first, count)
 
 
 @inner_loop

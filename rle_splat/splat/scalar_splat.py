@@ -8,6 +8,7 @@ from ..classify.lookup_table import LookupTable
 from ..encode.scalars import ScalarVolume
 from ..runtime.jit import compiled, read_only, thread_count
 from ..scene import Mist, Quality
+from ..shade.normal_light import NO_LAMPS
 from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
 from .arguments import Light, Lookup, ScalarTables, SheetList, StoredScalars, box_of, rays_of
@@ -86,6 +87,7 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
     return ScalarTables(
         read_only(tables.scanline_pointers), read_only(tables.scanline_data_pointers), read_only(tables.runs),
         StoredScalars.of(encoded.scalars), encoded.lights, np.float32(encoded.light_unit), encoded.width,
+        None if encoded.lights is None or encoded.thinned else encoded.lamps or NO_LAMPS,
     )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...shade.normal_light import light_of_normals_numpy
 from ...view.depth_rules import BEGINS, BETWEEN, OWN
 from ..intermediate_image import note_filled
 from ..pixel_block import accumulator
@@ -34,7 +35,10 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
                 break
             count = int(tables.runs[run + 1])
             dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
-            if tables.lights is not None:
+            if tables.lights is not None and len(tables.lights) == 0:
+                normals = tables.lamps.normals[:, voxel : voxel + count]
+                dense[j, x : x + count, 1:] = light_of_normals_numpy(tables.lamps, channels - 1, normals, (x, j, k))
+            elif tables.lights is not None:
                 bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
                 dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)
             x, voxel, run = x + count, voxel + count, run + 2

@@ -1,0 +1,213 @@
+"""Parallel light on voxels by their normals alone, reckoned where a run of voxels is read.
+
+Light that follows the view, as a headlight and highlights do, would have to be made again for every voxel of every
+frame (``voxel_light``). Where it depends on the normal alone, or on the normal and the direction to the eye, it is made
+from coded normals while a sheet is splatted, for the voxels that the sheet reads. Shear-warp renderers look it up in a
+table of all coded normals instead (Lacroute and Levoy 1994, section 4.2); that would be as quick only for normals so
+coarse that they show.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..runtime.buffer_pool import empty
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.parallel import share_out
+from ..volume.axes import AXES
+from .lighting import BACK, PHONG, Lighting
+from .lights import KIND, SUN
+from .voxel_light import light_bounds
+
+ONE = np.float32(32767.0)  # code of a component of 1
+PART_BITS = 8  # binary places of a shininess
+SHARPEST = 128.0  # shininess up to which the codes are as exact as coded light: 2^-16 in a cosine is 2^-12 in its power
+# Cosines are raised to the shininess from the least on whose power's square is no denormal number.
+FAINT_BITS = 60.0
+# Columns of ``Lamps.rays``.
+TOWARDS, HALFWAY, MATT, GLOSS, RAY = 0, 3, 6, 9, 12
+# Entries of ``Lamps.surface``: RGB of the light from all directions, 1 for two-sided surfaces, the least cosine.
+EVERYWHERE, TWO_SIDED, FAINT = 0, 3, 4
+
+
+class Lamps(NamedTuple):
+    """Coded normals and parallel light, as kernels take them.
+
+    Attributes
+    ----------
+    normals : (3, m) int16
+        Unit normals, world space, times ONE; zero for a voxel without normal.
+    rays : (n, RAY) float32
+        Of each light: unit vector to it; unit vector half-way to an eye at infinity; RGB of its diffuse light and of
+        its highlight.
+    surface : (5,) float32
+        See EVERYWHERE.
+    whole, parts : int
+        The shininess, and PART_BITS of its fraction.
+    is_near : bool
+        Whether the eye is not at infinity.
+    from_line : (3, 4) float64
+        (voxel of a scanline, scanline, slice, 1) to the vector from there to the eye, world units.
+    """
+
+    normals: np.ndarray
+    rays: np.ndarray
+    surface: np.ndarray
+    whole: int
+    parts: int
+    is_near: bool
+    from_line: np.ndarray
+
+
+NO_LAMPS = Lamps(
+    read_only(np.empty((3, 0), np.int16)), read_only(np.empty((0, RAY), np.float32)),
+    read_only(np.zeros(5, np.float32)), 0, 0, False, read_only(np.zeros((3, 4))),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class NormalLight:
+    """Light on voxels, still to be made of their normals.
+
+    Attributes
+    ----------
+    falling : Lighting
+    channels : int
+        Of light, and of highlight if there is any, 1 or 3 each.
+    most_light, most_highlight : float
+        See VoxelLight.
+    """
+
+    falling: Lighting
+    channels: int
+    most_light: float
+    most_highlight: float
+
+    def lamps(self, normals: np.ndarray, axis: int) -> Lamps:
+        """For kernels: ``normals``, (3, m) codes in the order of the tables of principal axis ``axis``."""
+        falling, material = self.falling, self.falling.material
+        rays = falling.rays().astype(np.float64)
+        strengths = rays[:, MATT:GLOSS]
+        rays = np.hstack((rays[:, :MATT], material[1] * strengths, material[2] * strengths))
+        places = round(float(material[3]) * 2**PART_BITS)
+        faintest = 2.0 ** -(FAINT_BITS / max(float(material[3]), 0.5))
+        surface = np.array((*material[4:7], material[BACK], faintest), np.float32)
+        from_line = -falling.eye[3] * falling.matrix[:3, [*AXES[axis], 3]]
+        from_line[:, 3] += falling.eye[:3]
+        return Lamps(
+            read_only(normals), read_only(rays.astype(np.float32)), read_only(surface), places >> PART_BITS,
+            places % 2**PART_BITS, bool(falling.eye[3] != 0.0), read_only(from_line),
+        )  # fmt: skip
+
+
+def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:
+    """The light of a Lighting as a NormalLight.
+
+    Parameters
+    ----------
+    falling : Lighting
+    shape_xyz : (nx, ny, nz)
+        Of the volume.
+
+    Returns
+    -------
+    NormalLight or None
+        None if it depends on more than normals and the direction to the eye: where lights are not parallel or shadows
+        fall, for Phong highlights, and for highlights sharper than SHARPEST.
+
+    Raises
+    ------
+    RleSplatError
+        If the light is above BRIGHTEST.
+    """
+    material = falling.material
+    is_parallel = falling.shadows is None and (falling.rows[:, KIND] == SUN).all()
+    if not is_parallel or (material[2] > 0.0 and (material[PHONG] > 0.0 or material[3] > SHARPEST)):
+        return None
+    bounds = light_bounds(falling, shape_xyz)
+    return NormalLight(falling, bounds.channels, bounds.most_light, bounds.most_highlight)
+
+
+def coded_normals(normals: np.ndarray, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+    """Code unit normals.
+
+    Parameters
+    ----------
+    normals : (m, 3) ndarray of float32
+        As of ``shading.normals``.
+    backend : {"auto", "numba", "numpy"}
+    threads : int
+        0 for one per core.
+
+    Returns
+    -------
+    (3, m) ndarray of int16
+        See ``Lamps``.
+    """
+    codes = empty((3, len(normals)), np.int16)
+    if compiled(backend):
+        with parallel_call(threads):
+            _code(read_only(np.asfortranarray(normals)).T, codes)  # no copy: they are one component after another
+    else:
+        codes[:] = np.rint(normals.T * ONE)
+    return codes
+
+
+@kernel
+def _code(normals, codes):
+    """Kernel of ``coded_normals``; ``normals``: (3, m)."""
+    share_out(_code_part, codes.shape[1], (normals, codes))
+
+
+@kernel(inner=True)
+def _code_part(begin, end, normals, codes):
+    """``_code`` for voxels [begin, end)."""
+    for component in range(3):
+        these, coded = normals[component, begin:end], codes[component, begin:end]
+        for i in range(these.size):
+            coded[i] = np.int16(np.rint(these[i] * ONE))
+
+
+def light_of_normals_numpy(lamps: Lamps, channels: int, normals: np.ndarray, place) -> np.ndarray:
+    """Reference implementation of ``splat.lamp_groups``: light of some voxels of a scanline, one after the other.
+
+    Parameters
+    ----------
+    lamps : Lamps
+    channels : int
+        See NormalLight.
+    normals : (3, k) ndarray of int16
+    place : (int, int, int)
+        Voxel of the first along its scanline, scanline, slice.
+
+    Returns
+    -------
+    (k, channels) ndarray of float32
+    """
+    n = normals.T / np.float64(ONE)
+    everywhere, two_sided = lamps.surface[EVERYWHERE:TWO_SIDED].astype(np.float64), lamps.surface[TWO_SIDED] > 0.0
+    matt, gloss = np.tile(everywhere, (len(n), 1)), np.zeros((len(n), 3))
+    to_eye = np.zeros((len(n), 3))
+    if lamps.is_near:
+        x, scanline, k = place
+        at = np.column_stack((x + np.arange(len(n)), *(np.full(len(n), one) for one in (scanline, k, 1.0))))
+        to_eye = at @ lamps.from_line.T
+        to_eye /= np.maximum(np.linalg.norm(to_eye, axis=1, keepdims=True), 1e-30)
+    power = lamps.whole + lamps.parts / 2**PART_BITS
+    for ray in lamps.rays.astype(np.float64):
+        facing = n @ ray[TOWARDS:HALFWAY]
+        matt += np.maximum(-facing, two_sided * facing)[:, None] * ray[MATT:GLOSS]
+        halfway = ray[HALFWAY:MATT]
+        if lamps.is_near:
+            halfway = ray[TOWARDS:HALFWAY] + to_eye
+            halfway /= np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-6)
+        cosine = np.abs((n * halfway).sum(axis=1))
+        cosine = np.where((facing < 0.0) | two_sided, cosine, 0.0)
+        gloss += np.minimum(cosine, 1.0)[:, None] ** power * ray[GLOSS:RAY]
+    some = normals.any(axis=0)[:, None]
+    matt, gloss = np.where(some, matt, 1.0), np.where(some, gloss, 0.0)
+    each = 1 if channels <= 2 else 3
+    return np.concatenate((matt[:, :each], gloss[:, :each]), axis=1)[:, :channels].astype(np.float32)
