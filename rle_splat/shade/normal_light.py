@@ -24,7 +24,10 @@ from .voxel_light import light_bounds
 
 ONE = np.float32(32767.0)  # code of a component of 1
 PART_BITS = 8  # binary places of a shininess
-SHARPEST = 128.0  # shininess up to which the codes are as exact as coded light: 2^-16 in a cosine is 2^-12 in its power
+# Rounding makes a coded normal longer or shorter, by up to 2^-15, and that counts as many times as the shininess: from
+# this one on it is scaled to length one again.
+EXACT_FROM = 16
+SHARPEST = 1024.0  # shininess up to which a coded normal is exact enough: its direction errs by up to 2^-15
 # Cosines are raised to the shininess from the least on whose power's square is no denormal number.
 FAINT_BITS = 60.0
 # Columns of ``Lamps.rays``.
@@ -95,7 +98,7 @@ class NormalLight:
         places = round(float(material[3]) * 2**PART_BITS)
         faintest = 2.0 ** -(FAINT_BITS / max(float(material[3]), 0.5))
         surface = np.array((*material[4:7], material[BACK], faintest), np.float32)
-        from_line = -falling.eye[3] * falling.matrix[:3, [*AXES[axis], 3]]
+        from_line = np.ascontiguousarray(-falling.eye[3] * falling.matrix[:3, [*AXES[axis], 3]])
         from_line[:, 3] += falling.eye[:3]
         return Lamps(
             read_only(normals), read_only(rays.astype(np.float32)), read_only(surface), places >> PART_BITS,
@@ -188,6 +191,8 @@ def light_of_normals_numpy(lamps: Lamps, channels: int, normals: np.ndarray, pla
     (k, channels) ndarray of float32
     """
     n = normals.T / np.float64(ONE)
+    if lamps.whole >= EXACT_FROM:
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 0.5)
     everywhere, two_sided = lamps.surface[EVERYWHERE:TWO_SIDED].astype(np.float64), lamps.surface[TWO_SIDED] > 0.0
     matt, gloss = np.tile(everywhere, (len(n), 1)), np.zeros((len(n), 3))
     to_eye = np.zeros((len(n), 3))

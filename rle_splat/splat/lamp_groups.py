@@ -7,7 +7,19 @@ reckoned by the formula of ``shading.shade``, and mixed.  A voxel has the same b
 from __future__ import annotations
 
 from ..runtime.llvm import cgutils, intrinsic, ir, numba, types
-from ..shade.normal_light import EVERYWHERE, FAINT, GLOSS, HALFWAY, MATT, ONE, PART_BITS, RAY, TOWARDS, TWO_SIDED
+from ..shade.normal_light import (
+    EVERYWHERE,
+    EXACT_FROM,
+    FAINT,
+    GLOSS,
+    HALFWAY,
+    MATT,
+    ONE,
+    PART_BITS,
+    RAY,
+    TOWARDS,
+    TWO_SIDED,
+)
 from .voxel_groups import FEW, MANY
 
 if numba is not None:
@@ -61,9 +73,13 @@ if numba is not None:
                 )
                 codes.align = 2
                 any_bits = codes if any_bits is None else self.builder.or_(any_bits, codes)
-                components.append(Vector(self.builder, self.builder.sitofp(codes, self.kind)) * PER_CODE)
+                components.append(Vector(self.builder, self.builder.sitofp(codes, self.kind)))
             none = self.builder.icmp_signed("==", any_bits, ir.Constant(any_bits.type, [0] * self.count))
-            return components, none
+            scale, whole = self.kept([PER_CODE] * self.count), self.given["whole"][1]
+            is_sharp = self.builder.icmp_signed(">=", whole, ir.Constant(whole.type, EXACT_FROM))
+            with self.builder.if_then(is_sharp, likely=False):
+                scale.set(Vector(self.builder, self.like(1.0)) / self.dot(components, components).most(1.0).root())
+            return [component * scale.get() for component in components], none
 
         def to_eye(self, depth):
             """Unit vectors from voxels of the slice number ``depth`` to the eye."""

@@ -14,6 +14,7 @@ from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Camera, Light, Quality, Scene
+from rle_splat.shade.normal_light import light_of_normals_numpy
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
 
@@ -189,6 +190,11 @@ LIT = {  # lights, shading, channels of a record
 }
 
 
+BY_NORMAL = ("headlight", "headlight, glossy", "red sun, glossy")  # parallel light that follows the view
+# The slope of a power of a cosine where it is steepest, times the error of a coded normal's direction.
+STEEPEST = 0.61 * GLOSSY.shininess**0.5 * 0.5 * 3**0.5 / 32767.0
+
+
 def lit_scene(name, perspective=False, dtype=np.float32):
     """Values with a flat stretch, where there are no normals, and a sheared, mirrored orientation in the world."""
     lights, shade, _ = LIT[name]
@@ -206,8 +212,15 @@ def lit_scene(name, perspective=False, dtype=np.float32):
 def light_of(scene, **machine):
     """((z, y, x) of voxels, (m, channels) decoded light, the table) of principal z."""
     table = encoded(scene, axes=(2,), **machine)[2]
-    light = (table.lights.astype(np.uint32) << np.uint32(12)).view(np.float32) * table.light_unit
-    found = decoded(table, light)
+    if table.lamps is None:
+        light = (table.lights.astype(np.uint32) << np.uint32(12)).view(np.float32) * table.light_unit
+        found = decoded(table, light)
+    else:
+        channels, normals = table.lights.shape[1], table.lamps.normals.T
+        found = {
+            index: light_of_normals_numpy(table.lamps, channels, normal[:, None], index[::-1])[0]
+            for index, normal in decoded(table, normals).items()
+        }
     return tuple(np.array(list(found)).T), np.array(list(found.values())), table
 
 
@@ -217,7 +230,8 @@ def test_light_on_voxels_is_that_of_the_truth(name, perspective):
     scene = lit_scene(name, perspective)
     indices, light, table = light_of(scene)
     assert table.lights.dtype == np.uint16 and light.shape[1] == LIT[name][2]
-    assert table.record == 4 + 2 * LIT[name][2]
+    assert (table.lamps is not None) == (name in BY_NORMAL)
+    assert table.record == 4 + (6 if name in BY_NORMAL else 2 * LIT[name][2])
     true, highlight = VoxelLight(scene).light(indices)
     each = 1 if light.shape[1] < 3 else 3
     parts = [(light[:, :each], true)] + ([(light[:, each:], highlight)] if light.shape[1] > each else [])
@@ -227,18 +241,29 @@ def test_light_on_voxels_is_that_of_the_truth(name, perspective):
         assert not highlight.any()
     for ours, theirs in parts:
         assert theirs.max() > 0.05
-        np.testing.assert_allclose(ours, theirs[:, :each], rtol=LIGHT_STEP * 1.01 + 5e-5, atol=1e-6)
+        # A code of light errs by a share of itself, a coded normal by an angle.
+        near = dict(rtol=5e-5, atol=STEEPEST * theirs.max()) if table.lamps else dict(rtol=LIGHT_STEP * 1.01 + 5e-5)
+        np.testing.assert_allclose(ours, theirs[:, :each], **{"atol": 1e-6, **near})
     flat = (true == 1.0).all(axis=1) & ~highlight.any(axis=1)
     assert flat.sum() > 10 and (light[flat, :each] == 1.0).all() and not light[flat, each:].any()
 
 
-@pytest.mark.parametrize("name", ("headlight", "red sun, glossy", "all of them"))
+@pytest.mark.parametrize("name", ("sun", "point, white", "all of them"))
 def test_light_from_kernel_and_reference(name):
     scene = lit_scene(name, perspective=True)
     (_, one, first), (_, two, second) = (light_of(scene, backend=backend) for backend in BACKENDS)
     assert first.light_unit == second.light_unit
     np.testing.assert_allclose(one, two, rtol=2.0 * LIGHT_STEP, atol=1e-6)
     assert (first.lights == second.lights).mean() > 0.9
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_normals_of_all_axes(backend):
+    found = encoded(lit_scene("red sun, glossy"), backend=backend)
+    z = decoded(found[2], found[2].lamps.normals.T)
+    for axis in (0, 1):
+        normals = decoded(found[axis], found[axis].lamps.normals.T)
+        assert set(normals) == set(z) and all((normals[index] == z[index]).all() for index in z)
 
 
 def test_light_of_all_axes_and_any_number_of_threads():
