@@ -23,6 +23,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, save, sweep_plot
 from rle_splat.cli.flip import mean_flip
 from rle_splat.read.formats import read_volume
+from rle_splat.runtime.figures import figure_text
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import BACKENDS, CLASSIFICATIONS, QUALITY_PRESETS, Quality, Scene
 from rle_splat.view.turntable import turntable
@@ -157,11 +158,6 @@ def ladder(report: dict) -> list[dict]:
 def markdown(header, rows) -> str:
     lines = [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
     return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])
-
-
-def figure_text(value: float) -> str:
-    """A number with two significant digits, without an exponent."""
-    return f"{value:.0f}" if value >= 10 else f"{float(f'{value:.2g}'):g}"
 
 
 def plans_table(views: dict) -> str:

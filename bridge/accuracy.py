@@ -10,6 +10,7 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 
 from ..rle_splat.accuracy.planner.plans import same_plan
 from ..rle_splat.accuracy.planner.table import TRUTH_TEXTS
+from ..rle_splat.runtime.figures import figure_text
 from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
 from . import linked, pictures
 from .decimals import typed
@@ -166,7 +167,7 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     found, settings.error_image = report["error"], image
     every = "every pixel" if found["step"] == 1 else f"one pixel in each {found['step']} x {found['step']}"
     settings.error_note = (
-        f"{truth_sentence(found['truth'])}: largest {found['measured']:.3g}, RMSE {found['rmse']:.3g} levels at "
-        f"{every}. The image holds levels (1/255); white is one level or more."
+        f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}, RMSE "
+        f"{figure_text(found['rmse'])} levels at {every}. The image holds levels (1/255); white is one level or more."
     )
     return image

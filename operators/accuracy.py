@@ -10,6 +10,7 @@ from ..bridge.settings import quality_of
 from ..rle_splat.accuracy.planner.error_map import error_map_steps
 from ..rle_splat.accuracy.planner.measure_plans import sweep_steps
 from ..rle_splat.accuracy.planner.plans import sensible_plans
+from ..rle_splat.runtime.figures import figure_text
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
 from .through_camera import evaluated, has_volume_and_camera
@@ -60,7 +61,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
             self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
         self.report({"INFO"}, f"{len(report['plans'])} plans measured. {chosen['name']}: {chosen['frame_ms']:.0f} ms, "
-                              f"RMSE {chosen['error']['rmse']:.2g} levels against {chosen['truth']}.")
+                              f"RMSE {figure_text(chosen['error']['rmse'])} levels against {chosen['truth']}.")
 
 
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):

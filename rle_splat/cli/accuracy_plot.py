@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..accuracy.metrics import ERRORS, LEVEL, display_encoded
+from ..runtime.figures import figure_text
 
 PLOT_NEEDS = "a plot needs matplotlib; install it with pip install matplotlib and run the command again."
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -212,20 +213,15 @@ def draw_crops(figure, sweep, names) -> None:
     for (above, below), name in zip(axes[:, 1:].T, names):
         entry = sweep.plan(name)
         bold = dict(weight="bold") if name == chosen else {}
-        _picture(above, sweep.pictures[name], f"{name}\n{_digits(entry['frame_ms'])} ms", **bold)
+        _picture(above, sweep.pictures[name], f"{name}\n{figure_text(entry['frame_ms'])} ms", **bold)
         seen = np.maximum(errors[name], FAINTEST_ERROR)
         shades = below.imshow(seen, norm=norm, cmap="magma", interpolation="nearest")
         rmse = entry["error"]["crop"]["rmse"]
-        below.set_xlabel(f"RMSE {_digits(rmse)}\nmax {_digits(errors[name].max())}", fontsize=9)
+        below.set_xlabel(f"RMSE {figure_text(rmse)}\nmax {figure_text(errors[name].max())}", fontsize=9)
     bar = figure.colorbar(shades, cax=axes[1, 0].inset_axes((0.75, 0.0, 0.12, 1.0)), label="error, levels")
     bar.ax.yaxis.set_ticks_position("left")
     bar.ax.yaxis.set_label_position("left")
     plain_numbers(bar.ax.yaxis)
-
-
-def _digits(value: float) -> str:
-    """A number with two significant digits, without an exponent."""
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _picture(axes, rgba, text: str, **font) -> None:

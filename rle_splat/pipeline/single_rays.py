@@ -12,6 +12,7 @@ import numpy as np
 
 from ..raycast.scalar_rays import rays_through
 from ..raycast.sizes import AT_ONCE
+from ..runtime.figures import percent_text
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
 from ..view.eye import IndexView
@@ -141,4 +142,4 @@ def rays_lines(rays: dict | None) -> list[str]:
     """A report's ``rays`` as lines for people."""
     if not rays or not rays["pixels"]:
         return []
-    return [f"{rays['pixels']} pixels ({100.0 * rays['share']:.2g} %) by single rays"]
+    return [f"{rays['pixels']} pixels ({percent_text(rays['share'])}) by single rays"]

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ...classify.classification import opacity_distance, optical_depth
+from ...runtime.figures import figure_text
 from .features import LEVELS
 
 PAIRS = 20_000  # of neighboring voxels, drawn at random
@@ -50,8 +51,8 @@ def need_of(volume, transfer_function, seed: int = 0) -> Need:
     if levels <= TOLERABLE:
         return Need(
             levels, "pre",
-            f"The transfer function is nearly linear between neighboring voxels, within {levels:.2g} levels: any "
-            "classification shows it as it is.",
+            f"The transfer function is nearly linear between neighboring voxels, within {figure_text(levels)} levels: "
+            "any classification shows it as it is.",
         )  # fmt: skip
     return Need(
         levels, "post",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ...runtime.figures import figure_text, percent_text
 from ...scene import Rendering, truth_of
 from .candidates import name_of
 from .choose import Choice
@@ -61,7 +62,7 @@ class Round:
     def plan(self) -> str:
         """The plan's name for people, with the share of single rays."""
         name = name_of(self.choice.plan)
-        return f"{name} + {100.0 * self.share:.2g} % by {self.choice.slabs}-slab rays" if self.rays else name
+        return f"{name} + {percent_text(self.share)} by {self.choice.slabs}-slab rays" if self.rays else name
 
     def report(self) -> dict:
         """JSON-ready."""
@@ -142,9 +143,9 @@ def sentence(error: dict) -> str:
 
     For example ``predicted 0.4, measured 0.31 on 1000 probes, 84 ms (planned and measured in 2.1 s)``.
     """
-    parts = [f"predicted {error['predicted']:.2g}"]
+    parts = [f"predicted {figure_text(error['predicted'])}"]
     if error["measured"] is not None:
-        parts.append(f"measured {error['measured']:.2g} on {error['probes']} probes")
+        parts.append(f"measured {figure_text(error['measured'])} on {error['probes']} probes")
     done = "planned" if error["measured"] is None else "planned and measured"
     return f"{', '.join(parts)}, {error['ms']:.0f} ms ({done} in {error['planning_ms'] / 1e3:.1f} s)"
 
@@ -160,8 +161,8 @@ def _remarks(session: PlannerSession, error: dict, gave_up: bool) -> list[str]:
         if gave_up:
             found = f"was not reached in {len(error['rounds'])} ever finer pictures; their least error is"
         remarks.append(
-            f"A largest error of {tolerance:g} level{'' if tolerance == 1 else 's'} {found} {error['floor']:.2g}, "
-            f"{how} against {error['truth']}."
+            f"A largest error of {tolerance:g} level{'' if tolerance == 1 else 's'} {found} "
+            f"{figure_text(error['floor'])}, {how} against {error['truth']}."
         )
     elif tolerance < STRICTEST:
         remarks.append(f"A tolerance below {STRICTEST:g} levels is finer than a picture of 32-bit numbers can show.")
