@@ -1,8 +1,10 @@
-"""Time from an edit to the new picture: milliseconds of every stage, medians over several edits.
+"""Time from an edit to the new picture: milliseconds of the whole call, measured from outside, and of every stage;
+medians over several edits.
 
 One stage cache is used for all edits, as in a window, and is filled before the measurement; no edit is repeated.
 "first picture" starts with an empty cache and loaded kernels.  The edit "camera" turns the camera under a sun without
-highlights, so that no color depends on the view; "camera, headlight" is the command line's default, with highlights.
+highlights, so that no color depends on the view; "camera, headlight" is the command line's default, with highlights;
+"camera, unshaded" has no light.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from rle_splat.scene import (
 )
 from rle_splat.view.turntable import turntable
 
-from .frames import Neighbors, circumstances, describe
+from .frames import Neighbors, circumstances, describe, whole_call
 from .scenes import REAL, scenes, shells
 
 VIEW = (35.0, 25.0)  # azimuth and elevation in degrees, oblique to all principal axes
@@ -41,7 +43,7 @@ MATT = Shade(ambient=0.2, diffuse=0.8, specular=0.0)
 SUN_STRENGTH = 3.0  # W/m^2
 THICKER = 2.0  # factor on the thickness of the shells; 256^3 voxels then have 1.6 million visible ones
 EDITS = 7
-STAGES = ("classify", "shade", "encode", "splat", "warp", "total")
+STAGES = ("whole", "setup", "classify", "shade", "encode", "splat", "warp", "report")
 VOLUMES = ("shells", "X-ray foot", "CT bonsai")
 
 
@@ -102,6 +104,7 @@ def lit(scene: Scene) -> Scene:
 # Name -> (function that makes the initial scene, function that edits it); every edit gives a new scene.
 KINDS = {
     "camera": (lit, turned),
+    "camera, unshaded": (lambda scene: replace(scene, headlight=False), turned),
     "camera, headlight": (lambda scene: scene, turned),
     "light": (lit, relit),
     "colors": (lit, recolored),
@@ -130,7 +133,7 @@ def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
         number of visible voxels after the last edit.
     """
     render(scene, quality)  # compiles and loads kernels
-    reports = [render(scene, quality, cache=StageCache()).report for _ in range(edits)]
+    reports = [_reported(scene, quality, StageCache()) for _ in range(edits)]
     rows = [_row(FIRST, reports, {})]
     for name, (begin, edit) in KINDS.items():
         cache, start = StageCache(), begin(scene)
@@ -141,10 +144,16 @@ def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
             render(edit(start, number), quality, cache=cache)
         before = dict(cache.made)
         numbers = range(filling + 1, filling + edits + 1)
-        reports = [render(edit(start, number), quality, cache=cache).report for number in numbers]
+        reports = [_reported(edit(start, number), quality, cache) for number in numbers]
         made = {stage: (count - before.get(stage, 0)) / edits for stage, count in cache.made.items()}
         rows.append(_row(name, reports, {stage: count for stage, count in made.items() if count}))
     return rows
+
+
+def _reported(scene: Scene, quality: Quality, cache: StageCache) -> dict:
+    """The report of a picture, its stages with the ``whole`` call."""
+    rendering, whole = whole_call(scene, quality, cache)
+    return {**rendering.report, "stages_ms": {**rendering.report["stages_ms"], "whole": whole}}
 
 
 def _row(name: str, reports: list[dict], made: dict) -> dict:

@@ -8,16 +8,18 @@ from .frames import describe
 from .peers import PEERS
 
 COLUMNS = (
-    ("frame", "frame_ms"), ("splat", "splat_ms"), ("warp", "warp_ms"), ("rays", "rays_ms"), ("encode", "encode_ms"),
-    ("shade", "shade_ms"),
+    ("whole", "whole_ms"), ("frame", "frame_ms"), ("splat", "splat_ms"), ("warp", "warp_ms"), ("rays", "rays_ms"),
+    ("encode", "encode_ms"), ("shade", "shade_ms"),
 )  # fmt: skip
 TRUTHS = ("t1", "t2")
 NOTES = """
-frame = splat + warp + rays. VTK: vtkFixedPointVolumeRayCastMapper, one or four samples per voxel, ray casting only. It
-gives voxels without a gradient only ambient light, so with shading its time is compared but not its error. VolPack:
-vpRenderClassifiedVolume, always on one thread, 8 bits; encode is vpClassifyVolume, three axes. "VolPack" uses the
-thresholds that its manual suggests: voxels of opacity 0.05 or less are skipped, pixels end at 0.95. "VolPack, all"
-keeps all voxels and ends pixels where paper-like does. It supports parallel rays only."""
+whole = the whole call for a moved camera, measured from outside; ratios are of these. frame = splat + warp + rays of
+it. VTK: vtkFixedPointVolumeRayCastMapper, one or four samples per voxel; its frame is the ray casting only. It gives
+voxels without a gradient only ambient light, so with shading its time is compared but not its error. VolPack: its frame
+is vpRenderClassifiedVolume, always on one thread, 8 bits; its whole has the table of lit colors, too; encode is
+vpClassifyVolume, three axes. "VolPack" uses the thresholds that its manual suggests: voxels of opacity 0.05 or less are
+skipped, pixels end at 0.95. "VolPack, all" keeps all voxels and ends pixels where paper-like does. It supports parallel
+rays only."""
 
 
 def header() -> str:
@@ -102,9 +104,12 @@ def markdown(table, where: dict) -> str:
     qualities = list(dict.fromkeys(row["quality"] for row in table if not row["peer"]))
     peers = list(dict.fromkeys(row["quality"] for row in table if row["peer"]))
     first = ("", "p", "px", "threads")
-    times = _lines(table, (*first, *qualities, *peers, "encode"), lambda rows: [
+    wholes = _lines(table, (*first, *qualities, *peers), lambda rows: [
         *(_ours(rows.get(quality)) for quality in qualities),
-        *(f"{rows[peer]['frame_ms']:.1f}" if peer in rows else "-" for peer in peers),
+        *(f"{rows[peer]['whole_ms']:.1f}" if peer in rows else "-" for peer in peers),
+    ])  # fmt: skip
+    times = _lines(table, (*first, *qualities, *peers, "encode"), lambda rows: [
+        *(f"{rows[name]['frame_ms']:.1f}" if name in rows else "-" for name in (*qualities, *peers)),
         ", ".join(dict.fromkeys(f"{row['encode_ms']:.1f}" for row in rows.values() if not row["peer"])),
     ])  # fmt: skip
     errors = _lines(table, (*first, *qualities, *peers), lambda rows: [
@@ -113,7 +118,11 @@ def markdown(table, where: dict) -> str:
         for name in (*qualities, *peers)
     ])  # fmt: skip
     busy = f"{describe(where)} Others kept {where['others_busy_cores'] or 0.0:.2f} cores busy."
-    parts = ["\n".join(times), "RMSE, levels, against T1 / T2:", "\n".join(errors)]
+    parts = [
+        "The whole call, milliseconds, with the ratio to each peer's in brackets:", "\n".join(wholes),
+        "Splat, warp and single rays of it, milliseconds, and encode:", "\n".join(times),
+        "RMSE, levels, against T1 / T2:", "\n".join(errors),
+    ]  # fmt: skip
     compared = ratios(table)
     if compared:
         parts += ["Ours over theirs, median and range of this run:", "\n".join(f"- {text}" for text in compared)]
@@ -121,11 +130,11 @@ def markdown(table, where: dict) -> str:
 
 
 def _ours(row) -> str:
-    """Milliseconds of a frame, with the ratio to each peer in brackets."""
+    """Milliseconds of the whole call, with the ratio to each peer in brackets."""
     if row is None:
         return "-"
     over = [f"{value:.2f}" for value in row["against"].values() if not isinstance(value, str)]
-    return f"{row['frame_ms']:.1f}" + (f" ({', '.join(over)})" if over else "")
+    return f"{row['whole_ms']:.1f}" + (f" ({', '.join(over)})" if over else "")
 
 
 def _lines(table, heads, cells_of) -> list[str]:

@@ -19,6 +19,7 @@ from rle_splat.volume.volume import Volume
 
 # Azimuth and elevation in degrees: all three principal axes, along and oblique to them.
 VIEWS = ((0, 0), (35, 25), (80, 10), (130, -20), (200, 50), (-60, 75))
+MOVED = 0.05  # degrees that a camera turns between two pictures: nothing but what it sees is made again
 ALONE = 0.15  # busy cores of other programs up to which a run counts as undisturbed
 
 
@@ -50,6 +51,25 @@ def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, s
 def same_view(scene: Scene, volume) -> Scene:
     """The scene with its volume replaced by a StoredVolume, whose colors are already lit."""
     return replace(scene, volume=volume, lights=(), headlight=False, effects={})
+
+
+def moved_scenes(volume: Volume, tf, view, size: int, perspective: bool, shaded: bool, count: int) -> list[Scene]:
+    """``count`` scenes as of ``view_scene``, seen from a camera that turns by MOVED degrees before each of them."""
+    azimuth, elevation = view
+    turned = (azimuth + MOVED * number for number in range(1, count + 1))
+    return [view_scene(volume, tf, (one, elevation), size, perspective, shaded) for one in turned]
+
+
+def whole_call(scene: Scene, quality: Quality, cache=None):
+    """Render a scene; return the Rendering and the milliseconds of the whole call, measured from outside."""
+    began = time.perf_counter()
+    rendering = render(scene, quality, cache=cache)
+    return rendering, 1e3 * (time.perf_counter() - began)
+
+
+def quickest_call(scenes, quality: Quality, cache=None):
+    """The ``whole_call`` of some scenes that took least, because other load can only add time."""
+    return min((whole_call(scene, quality, cache) for scene in scenes), key=lambda call: call[1])
 
 
 def best_frame(scene: Scene, quality: Quality, repeats: int, cache=None):

@@ -1,75 +1,80 @@
-"""Milliseconds of every stage, per volume, quality and projection; medians over views around the volume."""
+"""Milliseconds of the whole call and of every stage, per volume, projection, shading and quality; medians over views.
+
+The camera moves before every picture. "whole" is measured from outside; the stages add up to it, but for the fraction
+of a millisecond before and behind them. "setup" is what belongs to no other stage.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
+from itertools import product
 from pathlib import Path
 from statistics import median
 
-from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import FRAME, STAGES
-from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, Scene
-from rle_splat.view.turntable import turntable
+from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality
 
-from .frames import VIEWS, frame_ms
-from .scenes import scenes
+from .frames import VIEWS, frame_ms, moved_scenes, whole_call
+from .scenes import REAL, scenes
 
+PROJECTIONS, COLORS = ("orthographic", "perspective"), ("unshaded", "shaded")
 REPEATS = 3
-SHOWN = ("classify", "shade", "encode", *FRAME, "frame")
+SHOWN = ("whole", "setup", "classify", "shade", "encode", *FRAME, "report", "frame")
+MADE = ("classify", "encode")  # once: of these the slowest run counts, which makes them
 
 
-def measure(volume, tf, quality: Quality, perspective: bool, size: int) -> dict:
-    """Median milliseconds per stage over the views; for classify and encode the slowest run, which makes them."""
-    cache = StageCache()
-    first: dict = {}
-    runs = []
-    for azimuth, elevation in VIEWS:
-        camera, matrix = turntable(volume, azimuth, elevation, perspective=perspective, width=size, height=size)
-        scene = Scene(volume, tf, camera, size, size, matrix)
-        best = None
-        for _ in range(REPEATS):
-            report = render(scene, quality, cache=cache).report
-            for stage, spent in report["stages_ms"].items():
-                first[stage] = max(first.get(stage, 0.0), spent)
-            if best is None or frame_ms(report) < frame_ms(best):
-                best = report
-        runs.append(best["stages_ms"] | {"frame": frame_ms(best)})
-    result = {stage: median(run[stage] for run in runs) for stage in (*STAGES, "total", "frame")}
-    for stage in ("classify", "encode"):
-        result[stage] = first[stage]
-    result["visible_fraction"] = report["volume"]["visible_fraction"]
-    return result
+def measure(volume, tf, quality: Quality, perspective: bool, shaded: bool, size: int, views=VIEWS) -> dict:
+    """Median milliseconds of the whole call and of each stage over the views; of the stages MADE, the slowest."""
+    cache, runs = StageCache(), []
+    slowest = dict.fromkeys(MADE, 0.0)
+    for view in views:
+        scenes = moved_scenes(volume, tf, view, size, perspective, shaded, REPEATS + 1)
+        calls = [whole_call(scene, quality, cache) for scene in scenes]
+        for rendering, _ in calls:
+            stages = rendering.report["stages_ms"]
+            slowest = {stage: max(spent, stages[stage]) for stage, spent in slowest.items()}
+        best, whole = min(calls[1:], key=lambda call: call[1])  # the first makes the tables
+        runs.append({**best.report["stages_ms"], "frame": frame_ms(best.report), "whole": whole})
+    result = {stage: median(run[stage] for run in runs) for stage in (*STAGES, "total", "frame", "whole")}
+    return {**result, **slowest, "visible_fraction": best.report["volume"]["visible_fraction"]}
 
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench stages", description=__doc__)
+    parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help="only these")
+    parser.add_argument("--projection", nargs="*", choices=PROJECTIONS, default=PROJECTIONS)
+    parser.add_argument("--colors", nargs="*", choices=COLORS, default=COLORS)
+    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=list(QUALITY_PRESETS))
     parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
+    views = VIEWS[: max(options.views, 1)]
     print(
-        f"Milliseconds, best of {REPEATS} runs per view, median of {len(VIEWS)} views; classify and encode: the "
-        f"slowest run.\n'frame' is {', '.join(FRAME)}; 'x' is that against the first quality of the volume here.\n"
+        f"Milliseconds, best of {REPEATS} runs per view, median of {len(views)} views; {' and '.join(MADE)}: the "
+        f"slowest run.\n'frame' is {', '.join(FRAME)}; 'x' is the whole against that of the first quality of the "
+        "volume here.\n"
     )
-    print(f"{'volume':<11}{'p':>7}  {'projection':<12}{'quality':<10}", end="")
+    print(f"{'volume':<11}{'p':>7}  {'projection':<14}{'colors':<10}{'quality':<10}", end="")
     print("".join(f"{name:>10}" for name in (*SHOWN, "x")))
     table = []
-    for name, volume, tf in scenes():
-        for perspective in (False, True):
-            reference = None
-            for preset in options.quality:
-                quality = Quality.preset(preset, classification=options.classification, threads=options.threads)
-                ms = measure(volume, tf, quality, perspective, options.size)
-                reference = reference or ms["frame"]
-                projection = "perspective" if perspective else "parallel"
-                table.append(dict(volume=name, projection=projection, quality=preset, **ms))
-                print(f"{name:<11}{100 * ms['visible_fraction']:6.1f}%  {projection:<12}{preset:<10}", end="")
-                cells = "".join(f"{ms[stage]:10.1f}" for stage in SHOWN)
-                print(cells + f"{ms['frame'] / reference:10.2f}", flush=True)
+    for (name, volume, tf), projection, colors in product(
+        scenes(options.volume), options.projection, options.colors
+    ):  # fmt: skip
+        reference = None
+        for preset in options.quality:
+            quality = Quality.preset(preset, classification=options.classification, threads=options.threads)
+            seen = projection == PROJECTIONS[1], colors == COLORS[1]
+            ms = measure(volume, tf, quality, *seen, options.size, views)
+            reference = reference or ms["whole"]
+            table.append(dict(volume=name, projection=projection, colors=colors, quality=preset, **ms))
+            print(f"{name:<11}{100 * ms['visible_fraction']:6.1f}%  {projection:<14}{colors:<10}{preset:<10}", end="")
+            cells = "".join(f"{ms[stage]:10.1f}" for stage in SHOWN)
+            print(cells + f"{ms['whole'] / reference:10.2f}", flush=True)
     if options.json:
         options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
     return 0

@@ -103,6 +103,7 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     rendering = core("pipeline.render").render(plain, quality)
     name = rendering.report["error"]["truth"]
     shading = core("accuracy.lighting").shading_of(plain, name)
+    figure_text = core("runtime.figures").figure_text
     true = core("accuracy.truths").truth(plain, name, **shading)[0].reshape(SIZE[1], SIZE[0], 4)
     expected = np.abs(rendering.rgba - true).max(axis=-1)[step // 2 :: step, step // 2 :: step] * 255.0
     image = settings.error_image
@@ -110,7 +111,7 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     found = scenes.image_pixels(image)
     np.testing.assert_allclose(found[..., 0], expected, atol=1e-4)
     assert expected.max() > 0.5 and (found[..., 3] == 1.0).all()
-    assert f"Against {name}" in settings.error_note and f"{expected.max():.3g}" in settings.error_note
+    assert f"Against {name}" in settings.error_note and f"largest {figure_text(expected.max())}," in settings.error_note
 
 
 def test_it_survives_save_and_load(listed, tmp_path):
