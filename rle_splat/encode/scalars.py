@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from ..shade.normal_light import Lamps
 from .encode import place_slabs, run_tables
 from .tables import RunTables
 
@@ -38,7 +37,7 @@ class ScalarVolume:
         Scale of the codes.
     thinned : bool
         Whether the last channel of ``lights`` is a factor of the extinction.
-    lamps : Lamps or None
+    lamps : shade.normal_light.Lamps or None
         Where light is made of normals when it is needed: these, in the order of ``tables``, and the light.
     """
 
@@ -48,7 +47,7 @@ class ScalarVolume:
     lights: np.ndarray | None = None
     light_unit: float = 1.0
     thinned: bool = False
-    lamps: Lamps | None = None
+    lamps: object | None = None
 
     def __post_init__(self):
         for array in (self.scalars, self.lights):

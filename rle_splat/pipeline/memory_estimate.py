@@ -26,7 +26,7 @@ from ..encode.sizes import SCANLINE, run_bytes, scalar_record, scanlines, work_b
 from ..raycast.sizes import AT_ONCE, RAY, STEEP_PIXEL
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality, RleSplatError
-from ..shade.sizes import LIGHT, LIT, NORMAL, lit_voxels, shadow_bytes
+from ..shade.sizes import LIGHT, LIT, NORMAL, NORMAL_CODE, lit_voxels, shadow_bytes
 from ..splat.sizes import SHEET_PIXEL
 from ..view.sizes import INTERVALS
 from ..volume.axes import AXES
@@ -190,15 +190,21 @@ def estimate_of(
     return estimate_classified(Found.in_rows(volume, counted, dtype), quality.record, axes, shaded, picture)
 
 
-def estimate_scalars(found: Found, axes: int, lit: bool, picture: int) -> MemoryEstimate:
-    """As ``estimate_of``, for tables of scalars: ``found`` are the voxels that matter to post-classified sheets."""
+def estimate_scalars(
+    found: Found, axes: int, lit: bool, picture: int, *, by_normal: bool = False
+) -> MemoryEstimate:  # fmt: skip
+    """As ``estimate_of``, for tables of scalars: ``found`` are the voxels that matter to post-classified sheets.
+
+    ``by_normal``: whether light is made of coded normals where it is read, and no light of voxels is kept.
+    """
     needs = estimate_classified(found, RECORDS[-1], axes, lit, picture)
     dtype, count = found.dtype, found.count
     properties = 0 if counts_values(dtype) else PROPERTY_BYTES * count  # the lookup table stands for them
     light, marks = LIGHT * lit, mark_bytes(found.shape_xyz)
-    visible = needs.visible - properties + marks + light * count
-    records = axes * scalar_record(dtype.itemsize, light) * count
-    return replace(needs, visible=visible, records=records, record=0, work=0, rows=needs.rows + marks)
+    visible = needs.visible - properties + marks + (0 if by_normal else light * count)
+    records = axes * scalar_record(dtype.itemsize, NORMAL_CODE if by_normal else light) * count
+    work = NORMAL_CODE * count if by_normal else 0  # while codes are put in the order of scanlines
+    return replace(needs, visible=visible, records=records, record=0, work=work, rows=needs.rows + marks)
 
 
 def estimate_classified(found: Found, record: int, axes: int, shaded: bool, picture: int) -> MemoryEstimate:

@@ -191,7 +191,9 @@ class ScalarSource(Source):
         steps = timed(job.steps("blocks", voxels_key, lambda: block_steps(volume, **self.machine)), clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         falling = scene_lighting(scene, scene.index_to_world)
-        relevant, needed = yield from self._relevant_steps(work, blocks, voxels_key, falling is not None)
+        by_normal = self._normal_light(falling)
+        lit = falling is not None, by_normal is not None
+        relevant, needed = yield from self._relevant_steps(work, blocks, voxels_key, *lit)
         voxels, key = relevant.voxels, (voxels_key, relevant.key)
         with clock.stage("classify"):
             ends, infinite = _value_ends(volume, tf, blocks)
@@ -216,7 +218,7 @@ class ScalarSource(Source):
         if falling is not None:
             yield Progress(0.1, "Shading")
         with clock.stage("shade"):
-            light, light_key, *made = self._light(work, voxels, key, falling, shadows_key)
+            light, light_key, *made = self._light(work, voxels, key, falling, shadows_key, by_normal)
         if factor is not None:
             light_key = (light_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
@@ -224,13 +226,13 @@ class ScalarSource(Source):
         thinned = factor is not None
         return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, *made, thinned, needed)
 
-    def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool):
+    def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool, by_normal: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
         volume, job, clock = self.scene.volume, work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
         def needed_by(found: Found) -> MemoryEstimate:
-            needed = estimate_scalars(found, work.axes, lit, work.picture)
+            needed = estimate_scalars(found, work.axes, lit, work.picture, by_normal=by_normal)
             return needed.with_shadows(shadow_count(self.scene) if lit else 0)
 
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
@@ -282,7 +284,17 @@ class ScalarSource(Source):
         sizes = work.job.get("gradients", placed_key, lambda: gradient_sizes(volume, *rows, **self.machine))
         return self.scene.transfer_function.gradient_opacity.factor(sizes)
 
-    def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key):
+    def _normal_light(self, falling: Lighting | None) -> NormalLight | None:
+        """The light as what is made of normals where they are read: of what changes with every view, as far as it can
+        be."""
+        scene = self.scene
+        if falling is None or not follows_view(scene, falling) or shadow_count(scene):
+            return None
+        if scene.transfer_function.gradient_opacity is not None:
+            return None
+        return normal_light(falling, scene.volume.shape_xyz)
+
+    def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key, by_normal):
         """``light``, ``light_key``, ``normals`` and ``coded_light`` of LitScalars."""
         if falling is None:
             return None, (), None, None
@@ -299,10 +311,6 @@ class ScalarSource(Source):
             return job.get("light", light_key, lambda: voxel_light(voxels, directions(), falling, **self.machine))
 
         light_key = (key, *lighting_key(self.scene, matrix, falling), shadows_key)
-        thins = self.scene.transfer_function.gradient_opacity is not None
-        by_normal = None
-        if follows_view(self.scene, falling) and not thins:
-            by_normal = normal_light(falling, voxels.shape_xyz)
         if by_normal is not None:
             return by_normal, normals_key, directions, coded
         directions()
@@ -348,10 +356,10 @@ class ScalarSource(Source):
 
     def _normal_steps(self, lit: LitScalars, placed_steps):
         """Generator of fractions done: the coded normals (3, m) in the order of ``placed_steps(words)``."""
-        codes, placed = coded_normals(lit.normals(), **self.machine), []
-        for words in codes.view(np.uint16):
-            placed.append((yield from placed_steps(words)))
-        return codes if placed[0].base is codes.base else np.stack(placed).view(np.int16)
+        codes = coded_normals(lit.normals(), **self.machine)
+        for component in codes.view(np.uint16):
+            component[:] = yield from placed_steps(component)
+        return codes
 
     def _traced(self, lit: LitScalars, work: Work, rays, slabs: int):
         """Color and half depths of single rays through the voxels; see ``raycast.trace``."""

@@ -24,9 +24,6 @@ from .voxel_light import light_bounds
 
 ONE = np.float32(32767.0)  # code of a component of 1
 PART_BITS = 8  # binary places of a shininess
-# Rounding makes a coded normal longer or shorter, by up to 2^-15, and that counts as many times as the shininess: from
-# this one on it is scaled to length one again.
-EXACT_FROM = 16
 SHARPEST = 1024.0  # shininess up to which a coded normal is exact enough: its direction errs by up to 2^-15
 # Cosines are raised to the shininess from the least on whose power's square is no denormal number.
 FAINT_BITS = 60.0
@@ -190,9 +187,8 @@ def light_of_normals_numpy(lamps: Lamps, channels: int, normals: np.ndarray, pla
     -------
     (k, channels) ndarray of float32
     """
-    n = normals.T / np.float64(ONE)
-    if lamps.whole >= EXACT_FROM:
-        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 0.5)
+    n = normals.T.astype(np.float64)  # rounding made them longer or shorter
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1.0)
     everywhere, two_sided = lamps.surface[EVERYWHERE:TWO_SIDED].astype(np.float64), lamps.surface[TWO_SIDED] > 0.0
     matt, gloss = np.tile(everywhere, (len(n), 1)), np.zeros((len(n), 3))
     to_eye = np.zeros((len(n), 3))

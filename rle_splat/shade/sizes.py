@@ -1,6 +1,7 @@
 """Memory that light takes, told before it is taken; nothing here loads a compiler."""
 
 NORMAL = 12  # bytes of a voxel's normal
+NORMAL_CODE = 6  # of its code
 LIGHT = 4  # bytes of a voxel's light and highlight where light is white, which mostly it is
 # Bytes of a voxel of the scan next to those of a refined grid that are visible: which it is, its normal, light and
 # highlight, and what finding these takes.

@@ -9,7 +9,6 @@ from __future__ import annotations
 from ..runtime.llvm import cgutils, intrinsic, ir, numba, types
 from ..shade.normal_light import (
     EVERYWHERE,
-    EXACT_FROM,
     FAINT,
     GLOSS,
     HALFWAY,
@@ -62,6 +61,14 @@ if numba is not None:
             (a, b, c), (x, y, z) = one, other
             return a.fused(x, b.fused(y, c * z))
 
+        def length_of(self, square: Vector, least: float) -> Vector:
+            """The root of a square, to be divided by: ``least`` at least.
+
+            The bound comes last.  LLVM makes one estimate of a root that is divided by at once, and another one for
+            each number of lanes.
+            """
+            return square.most(0.0).root().most(least)
+
         def normal(self, voxel):
             """The three components of the normals of voxels from number ``voxel`` on; and which have none, a mask."""
             components, any_bits = [], None
@@ -75,28 +82,26 @@ if numba is not None:
                 any_bits = codes if any_bits is None else self.builder.or_(any_bits, codes)
                 components.append(Vector(self.builder, self.builder.sitofp(codes, self.kind)))
             none = self.builder.icmp_signed("==", any_bits, ir.Constant(any_bits.type, [0] * self.count))
-            scale, whole = self.kept([PER_CODE] * self.count), self.given["whole"][1]
-            is_sharp = self.builder.icmp_signed(">=", whole, ir.Constant(whole.type, EXACT_FROM))
-            with self.builder.if_then(is_sharp, likely=False):
-                scale.set(Vector(self.builder, self.like(1.0)) / self.dot(components, components).most(1.0).root())
-            return [component * scale.get() for component in components], none
+            # Codes are within 2^-14 of length one: a step of Newton's takes them to 2^-28 of it.
+            square = self.dot(components, components)
+            scale = square.fused(-0.5 * PER_CODE**3, Vector(self.builder, self.like(1.5 * PER_CODE)))
+            return [component * scale for component in components], none
 
         def to_eye(self, depth):
             """Unit vectors from voxels of the slice number ``depth`` to the eye."""
             builder, parts = self.builder, []
             lanes = Vector(builder, ir.Constant(self.kind, [float(lane) for lane in range(self.count)]))
-            x, y, z = (
-                builder.sitofp(number, DOUBLE) for number in (self.given["to"][1], self.given["scanline"][1], depth)
-            )
+            lanes += Vector.spread(builder, builder.sitofp(self.given["to"][1], FLOAT), self.count)
+            y, z = (builder.sitofp(number, DOUBLE) for number in (self.given["scanline"][1], depth))
             for row in range(3):
                 step, *others, away = (builder.load(self.at("from_line", 4 * row + column)) for column in range(4))
-                for number, along in zip((x, y, z), (step, *others)):
+                for number, along in zip((y, z), others):
                     away = builder.fadd(away, builder.fmul(number, along))
                 first, step = (
                     Vector.spread(builder, builder.fptrunc(number, FLOAT), self.count) for number in (away, step)
                 )
                 parts.append(lanes.fused(step, first))
-            scale = Vector(builder, self.like(1.0)) / self.dot(parts, parts).most(1e-30).root()
+            scale = Vector(builder, self.like(1.0)) / self.length_of(self.dot(parts, parts), 1e-18)
             return [part * scale for part in parts]
 
         def like(self, number: float):
@@ -158,9 +163,8 @@ if numba is not None:
         with builder.if_else(group.given["is_near"][1]) as (near, far):
             with near:
                 eye = [part.get() for part in to_eye]
-                length = group.dot(towards, eye).fused(2.0, Vector(builder, group.like(2.0)))
-                length = length.most(1e-12).root()
-                cosine.set((facing + group.dot(normal, eye)) / length)
+                square = group.dot(towards, eye).fused(2.0, Vector(builder, group.like(2.0)))
+                cosine.set((facing + group.dot(normal, eye)) / group.length_of(square, 1e-6))
             with far:
                 cosine.set(group.dot(normal, spread(HALFWAY, 3)))
         lit = builder.or_(

@@ -106,7 +106,7 @@ def test_where_the_system_tells_nothing_all_of_it_is_there(tmp_path, monkeypatch
 # Part of an estimate -> the stages whose results it is of.
 STAGES_OF = {
     "visible": ("visible", "relevant", "light"), "normals": ("normals",), "runs": ("runs",),
-    "records": ("records", "scalars", "lights"),
+    "records": ("records", "scalars", "lights", "normal codes"),
 }  # fmt: skip
 
 
