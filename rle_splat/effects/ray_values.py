@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,9 +45,15 @@ def shown_values(tf, mode: str) -> np.ndarray:
     (k, 2) ndarray of float64
         Half-open intervals of physical values: a cell with any of them may decide a pixel in this mode.
     """
+    return _shown_values(tf.opacity, mode)
+
+
+@lru_cache(maxsize=8)
+def _shown_values(opacity: tuple, mode: str) -> np.ndarray:
+    """As ``shown_values``; kept, since most frames ask for the previous one's."""
     if mode == "average":
         return np.array(((-np.inf, np.inf),))
-    shown = positive_intervals(pieces(tf.opacity))
+    shown = positive_intervals(pieces(opacity))
     if len(shown) == 0:
         return shown
     if mode == "mip":

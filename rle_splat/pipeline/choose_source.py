@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from ..effects.analyze import EffectSet, analyzed
 from ..runtime.jit import compiled
 from ..scene import Quality, Scene
-from ..scene.changed import changed
 from ..view.base_plane import BasePlane
 from .file_source import FileSource
 from .pooled_source import pooled
@@ -47,7 +47,7 @@ def settled(scene: Scene, quality: Quality) -> Settled:
     RleSplatError
         Where there is no such quality.
     """
-    quality = changed(quality, backend="numba" if compiled(quality.backend) else "numpy")
+    quality = _with_backend(quality, "numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified("pre")
     effects, left = analyzed(scene, quality)
@@ -56,6 +56,12 @@ def settled(scene: Scene, quality: Quality) -> Settled:
         quality = fitted
         effects, left = analyzed(scene, quality)
     return Settled(left, quality, effects, remarks)
+
+
+@lru_cache(maxsize=8)
+def _with_backend(quality: Quality, backend: str) -> Quality:
+    """Kept, since most frames have the previous one's, and a copy checks all of its fields."""
+    return replace(quality, backend=backend)
 
 
 def choose_source(scene: Scene, quality: Quality) -> Source:

@@ -140,6 +140,8 @@ def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
     is the distance to the sphere around the volume.
     """
     matrix, rows = falling.matrix, falling.rows
+    if (rows[:, KIND] == SUN).all():
+        return np.ones(len(rows))
     half = 0.5 * (np.array(shape_xyz) - 1.0)
     corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half
     radius = np.linalg.norm(corners @ matrix[:3, :3].T, axis=1).max()

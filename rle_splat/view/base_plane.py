@@ -387,11 +387,16 @@ def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) 
     """(2,) sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel."""
     if sheet_density == 0.0:
         return np.ones(2)
-    points = np.concatenate((polygon, polygon.mean(axis=0, keepdims=True)))
-    a, b, c = homography @ np.concatenate((points, np.ones((len(points), 1))), axis=1).T
-    stretch = np.empty((2, len(points)))
-    for d in range(2):  # image pixels per voxel along X, then Y, at each point
-        h = homography[:, d]
-        stretch[d] = np.hypot(h[0] * c - a * h[2], h[1] * c - b * h[2]) / c**2
+    points = polygon.tolist()  # plain Python: see ``_seen_through``
+    points.append([sum(along) / len(points) for along in zip(*points)])
+    rows, stretch = homography.tolist(), []
+    for x, y in points:
+        a, b, c = (row[0] * x + row[1] * y + row[2] for row in rows)
+        across, down, weight = rows
+        # Image pixels per voxel along X, then Y, at this point.
+        stretch.append(
+            [math.hypot(across[d] * c - a * weight[d], down[d] * c - b * weight[d]) / c**2 for d in range(2)]
+        )
     cap = DENSEST_CORNER if sheet_density >= QUICK else 1.0
-    return sheet_density * np.minimum(stretch.max(axis=1), cap * stretch[:, -1])
+    most = (max(along) for along in zip(*stretch))
+    return sheet_density * np.array([min(one, cap * middle) for one, middle in zip(most, stretch[-1])])
