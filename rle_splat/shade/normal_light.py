@@ -1,10 +1,9 @@
-"""Parallel light on voxels by their normals alone, reckoned where a run of voxels is read.
+"""Parallel light on voxels, computed from coded normals where a run of voxels is read.
 
-Light that follows the view, as a headlight and highlights do, would have to be made again for every voxel of every
-frame (``voxel_light``). Where it depends on the normal alone, or on the normal and the direction to the eye, it is made
-from coded normals while a sheet is splatted, for the voxels that the sheet reads. Shear-warp renderers look it up in a
-table of all coded normals instead (Lacroute and Levoy 1994, section 4.2); that would be as quick only for normals so
-coarse that they show.
+Light that follows the view (a headlight, highlights) would have to be computed again for every voxel in every frame
+(``voxel_light``). Where it depends on the normal and the direction to the eye alone, it is computed while a sheet is
+splatted, for the voxels that the sheet reads. Shear-warp renderers look it up in a table of all coded normals instead
+(Lacroute and Levoy 1994); the normals are then as coarse as the table is small.
 """
 
 from __future__ import annotations
@@ -25,7 +24,8 @@ from .voxel_light import light_bounds
 ONE = np.float32(32767.0)  # code of a component of 1
 PART_BITS = 8  # binary places of a shininess
 SHARPEST = 1024.0  # shininess up to which a coded normal is exact enough: its direction errs by up to 2^-15
-# Cosines are raised to the shininess from the least on whose power's square is no denormal number.
+# Cosines are bounded from below, such that their power is 2^-FAINT_BITS at least: its square, the smallest number that
+# occurs, is then no denormal number, which would be slow.
 FAINT_BITS = 60.0
 # Columns of ``Lamps.rays``.
 TOWARDS, HALFWAY, MATT, GLOSS, RAY = 0, 3, 6, 9, 12

@@ -1,7 +1,7 @@
-"""Light that is made of coded normals, for groups of voxels of a scanline in vector registers.
+"""Light that is computed from coded normals, for groups of voxels of a scanline in vector registers.
 
 As ``voxel_groups``, for ``shade.normal_light.Lamps`` in place of codes of light: what a group has in two slices is
-reckoned by the formula of ``shading.shade``, and mixed.  A voxel has the same bits in whichever group it is.
+computed by the formula of ``shading.shade``, and mixed.  A voxel has the same bits in whichever group it is.
 """
 
 from __future__ import annotations
