@@ -257,6 +257,14 @@ def test_light_from_kernel_and_reference(name):
     assert (first.lights == second.lights).mean() > 0.9
 
 
+@pytest.mark.parametrize("knobs, by_normal", [
+    ({}, True), ({"depth_rule": "slice"}, True), ({"depth_rule": "midpoint-2"}, False), ({"rays": 0.5}, False),
+])  # fmt: skip
+def test_light_is_made_where_it_is_read_where_that_is_once(knobs, by_normal):
+    table = encoded(lit_scene("headlight, glossy"), axes=(2,), backend="numpy", **knobs)[2]
+    assert (table.lamps is not None) == by_normal and (len(table.lights) == 0) == by_normal
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_normals_of_all_axes(backend):
     found = encoded(lit_scene("red sun, glossy"), backend=backend)

@@ -10,7 +10,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.scene import DEPTH_RULES, NO_DEPTH, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.arguments import rays_of
 from rle_splat.view.base_plane import base_plane
-from rle_splat.view.depth_rules import cell_nodes, place_sheets
+from rle_splat.view.depth_rules import cell_nodes, place_sheets, sheets_per_cell
 from rle_splat.view.eye import index_view
 from rle_splat.view.footprints import FOOTPRINTS
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
@@ -206,6 +206,16 @@ def test_midpoints_halve_m_equal_parts_of_a_cell(m):
     edges = np.linspace(0.0, 1.0, m + 1)
     np.testing.assert_allclose(position, (edges[:-1] + edges[1:]) / 2, atol=1e-12)
     np.testing.assert_allclose(weight, np.diff(edges), atol=1e-12)
+
+
+@pytest.mark.parametrize("rule, count", [
+    ("slice", 1), ("simpson", 2), ("gauss2", 2), ("midpoint-1", 1), ("midpoint-4", 4), ("preintegrated", 1),
+    ("preintegrated-2", 2),
+])  # fmt: skip
+def test_sheets_per_cell(rule, count):
+    assert sheets_per_cell(rule) == count
+    few, many = (len(place_sheets(n, 1, rule, None, boxed=True)) for n in (10, 30))
+    assert many - few == 20 * count
 
 
 @pytest.mark.parametrize(
