@@ -73,10 +73,10 @@ def _volume_report(shape_xyz, medium: Medium) -> dict:
 
 
 def _memory_report(held: dict) -> dict:
-    tables = (*TABLES, "scanline_data_pointers")
+    tables, sizes = (*TABLES, "scanline_data_pointers"), [encoded.table_bytes for encoded in held.values()]
     return {
-        **{name: sum(encoded.table_bytes[name] for encoded in held.values()) for name in tables},
-        "total": sum(encoded.nbytes for encoded in held.values()),
+        **{name: sum(bytes_of[name] for bytes_of in sizes) for name in tables},
+        "total": sum(sum(bytes_of.values()) for bytes_of in sizes),
         "axes_held": [AXIS_NAMES[axis] for axis in sorted(held)],
     }
 

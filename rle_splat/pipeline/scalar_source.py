@@ -390,12 +390,8 @@ def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
 
     These are the transfer function's ends, beyond which nothing changes; empty where nothing is infinite.
     """
-    seen = blocks.low <= blocks.high  # others hold no number
-    low, high = blocks.low[seen], blocks.high[seen]
-    finite = [ends[np.isfinite(ends)].astype(np.float64) for ends in (low, high)]
-    least, most = float(finite[0].min(initial=np.inf)), float(finite[1].max(initial=-np.inf))
-    infinite = ()
-    if volume.voxels.dtype.kind == "f" and (np.isinf(low).any() or np.isinf(high).any()):
+    (least, most), infinite = blocks.finite_range, ()
+    if blocks.holds_infinite:
         points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
         infinite = min(points), max(points)
         # Blocks that hold infinite values do not tell their finite ones.

@@ -102,13 +102,11 @@ class BasePlane:
         u0, v0 = self.origin
         u1, v1 = self.origin + size - 1
         # Rays go through pixel centers, half a pixel inside: enough margin for rounding of this polygon.
-        polygon = _seen_through(
-            self.homography, np.array(((u0, v0), (u1, v0), (u1, v1), (u0, v1))) / self.density,
-            left, top, right, bottom,
-        )
+        corners = np.array(((u0, v0), (u1, v0), (u1, v1), (u0, v1))) / self.density
+        polygon = _seen_through(self.homography.tolist(), corners.tolist(), left, top, right, bottom)
         if len(polygon) < 3:
             return None
-        pixels = polygon * self.density - self.origin
+        pixels = np.array(polygon) * self.density - self.origin
         return self.part(np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)), reach)
 
     def part(self, first, last, reach: int) -> BasePlane:
@@ -194,19 +192,18 @@ def _clip(polygon: list, line) -> list:
     return kept
 
 
-def _seen_through(homography: np.ndarray, polygon, left, top, right, bottom) -> np.ndarray:
-    """(n, 2): the part of a base-plane polygon that is visible through a rectangle of the picture, given in its pixels.
+def _seen_through(homography: list, polygon: list, left, top, right, bottom) -> list:
+    """The part of a base-plane polygon that is visible through a rectangle of the picture, given in its pixels.
 
     In plain Python, because numpy's overhead per call is larger for four corners.
     """
-    first, second, third = homography.tolist()
-    polygon = [tuple(point) for point in np.asarray(polygon).tolist()]
+    first, second, third = homography
     # Inside means left <= a/c <= right and top <= b/c <= bottom with c > 0 for (a, b, c) = H (X, Y, 1).
     for sign, row, end in ((1.0, first, left), (-1.0, first, right), (1.0, second, top), (-1.0, second, bottom)):
         line = [sign * (one - end * last) for one, last in zip(row, third)]
-        largest = max(map(abs, line))
+        largest = max(map(abs, line)) or 1.0
         polygon = _clip(polygon, [number / largest for number in line])
-    return np.array(polygon, np.float64).reshape(-1, 2)
+    return polygon
 
 
 def _sides(polygon: list) -> list:
@@ -306,7 +303,7 @@ def base_plane(
     """
     axes = i, j, k = AXES[axis]
     eye = view.eye
-    counts = np.array([shape_xyz[a] for a in axes], dtype=np.float64)
+    counts = [float(shape_xyz[a]) for a in axes]
     eye_position = None if view.is_parallel else float(eye[k])
     sheets = place_sheets(int(counts[2]), sign, rule, eye_position, footprint, boxed)
     radius = 0.0 if boxed else footprint.radius
@@ -318,25 +315,23 @@ def base_plane(
     scale, move_x, move_y = _slice_map(view, axes, reference, sheets.position)
 
     # Extent of the volume with the footprints of its outermost voxels. It is monotone in depth, so the ends decide.
-    ends = [0, -1]
-    moves = np.stack((move_x[ends], move_y[ends]), axis=1)
-    low = (moves - radius * scale[ends, None]).min(axis=0)
-    high = (moves + (counts[:2] - 1.0 + radius) * scale[ends, None]).max(axis=0)
-    homography = np.stack((
-        view.projection[:, i], view.projection[:, j], view.projection[:, 3] + reference * view.projection[:, k]
-    ), axis=1)
+    ends = [[(float(move[end]), float(scale[end])) for end in (0, -1)] for move in (move_x, move_y)]
+    low = [min(move - radius * stretch for move, stretch in along) for along in ends]
+    high = [max(move + (n - 1.0 + radius) * stretch for move, stretch in along) for along, n in zip(ends, counts)]
+    homography = [[row[i], row[j], row[3] + reference * row[k]] for row in view.projection.tolist()]
 
     def window(pixel_margin, slope_margin):
-        """Visible part of the plane as a polygon, with margins in pixels of the picture and in slopes."""
+        """Visible part of the plane as a polygon, a list of points; margins in pixels of the picture and in slopes."""
         least, most = low, high
         if not view.is_parallel:
             ahead = abs(reference - eye_position)
             reach = ahead * (1.0 + slope_margin)
-            eye_at = eye[[i, j]]
-            least, most = np.maximum(low, eye_at - reach), np.minimum(high, eye_at + reach)
-            if (least >= most).any():
-                return np.empty((0, 2))
-        polygon = np.array([(least[0], least[1]), (most[0], least[1]), (most[0], most[1]), (least[0], most[1])])
+            eye_at = float(eye[i]), float(eye[j])
+            least = [max(end, at - reach) for end, at in zip(low, eye_at)]
+            most = [min(end, at + reach) for end, at in zip(high, eye_at)]
+            if any(a >= b for a, b in zip(least, most)):
+                return []
+        polygon = [(least[0], least[1]), (most[0], least[1]), (most[0], most[1]), (least[0], most[1])]
         margin = pixel_margin
         return _seen_through(homography, polygon, -margin, -margin, view.width + margin, view.height + margin)
 
@@ -345,24 +340,25 @@ def base_plane(
         return None
     density = _density(homography, polygon, sheet_density)
     # A margin of one image pixel and MARGIN sheet pixels on every side.
-    slack = MARGIN / (density * (1.0 if view.is_parallel else abs(reference - eye_position)))
-    polygon = window(1.0 + MARGIN / max(sheet_density, 0.5), 0.0 if view.is_parallel else slack.max())
-    first = np.floor(polygon.min(axis=0) * density).astype(np.int64) - MARGIN
-    last = np.ceil(polygon.max(axis=0) * density).astype(np.int64) + MARGIN
-    size = last - first + 1
+    slack = 0.0 if view.is_parallel else MARGIN / max(min(density) * abs(reference - eye_position), 1e-300)
+    polygon = window(1.0 + MARGIN / max(sheet_density, 0.5), slack)
+    spans = [(min(along) * each, max(along) * each) for along, each in zip(zip(*polygon), density)]
+    first = [math.floor(least) - MARGIN for least, _ in spans]
+    last = [math.ceil(most) + MARGIN for _, most in spans]
+    size = [end - begin + 1 for begin, end in zip(first, last)]
     sides = []
     if reach is not None:
         outline = _outline(view, axes, sign, reference, sheets, counts, radius)
-        for a, b, c in _sides(polygon.tolist()) + outline:
+        for a, b, c in _sides(polygon) + outline:
             a, b = a / density[0], b / density[1]
             sides.append((a, b, c + (reach + MARGIN) * (abs(a) + abs(b))))
-    seen = _columns_within(sides, first, int(size[0]), int(size[1]))
+    seen = _columns_within(sides, first, *size)
     scales = scale[:, None] * density
     lands = np.stack((move_x, move_y), axis=1) * density
-    offsets = _exactly_movable(lands, float(np.abs((first, last)).max())) - first
+    offsets = _exactly_movable(lands, float(max(map(abs, (*first, *last))))) - first
     return BasePlane(
-        axis, sign, reference, tuple(density), tuple(int(f) for f in first), int(size[0]), int(size[1]),
-        homography, sheets, np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view, seen,
+        axis, sign, reference, tuple(density), tuple(first), *size, np.array(homography), sheets,
+        np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view, seen,
     )
 
 
@@ -378,25 +374,22 @@ def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets,
     rectangles = []
     for scale, *moves in zip(*(each.tolist() for each in _slice_map(view, axes, reference, sign * np.array(ends)))):
         left, top = (move - radius * scale for move in moves)
-        right, bottom = (move + (count - 1.0 + radius) * scale for move, count in zip(moves, counts.tolist()))
+        right, bottom = (move + (count - 1.0 + radius) * scale for move, count in zip(moves, counts))
         rectangles.append([(left, top), (right, top), (right, bottom), (left, bottom)])
     return _slanted_sides(*rectangles)
 
 
-def _density(homography: np.ndarray, polygon: np.ndarray, sheet_density: float) -> np.ndarray:
-    """(2,) sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel."""
+def _density(homography: list, polygon: list, sheet_density: float) -> list:
+    """Two: sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel."""
     if sheet_density == 0.0:
-        return np.ones(2)
-    points = polygon.tolist()  # plain Python: see ``_seen_through``
-    points.append([sum(along) / len(points) for along in zip(*points)])
-    rows, stretch = homography.tolist(), []
+        return [1.0, 1.0]
+    points = [*polygon, [sum(along) / len(polygon) for along in zip(*polygon)]]
+    (across, down, weight), stretch = homography, []
     for x, y in points:
-        a, b, c = (row[0] * x + row[1] * y + row[2] for row in rows)
-        across, down, weight = rows
-        # Image pixels per voxel along X, then Y, at this point.
-        stretch.append(
-            [math.hypot(across[d] * c - a * weight[d], down[d] * c - b * weight[d]) / c**2 for d in range(2)]
-        )
+        a, b, c = (row[0] * x + row[1] * y + row[2] for row in homography)
+        # Image pixels per voxel along X, then Y, at this point; without bound where it is beside the eye.
+        moved = [math.hypot(across[d] * c - a * weight[d], down[d] * c - b * weight[d]) for d in range(2)]
+        stretch.append([length / (c * c) if c * c > 0.0 else math.inf for length in moved])
     cap = DENSEST_CORNER if sheet_density >= QUICK else 1.0
     most = (max(along) for along in zip(*stretch))
-    return sheet_density * np.array([min(one, cap * middle) for one, middle in zip(most, stretch[-1])])
+    return [sheet_density * min(one, cap * middle) for one, middle in zip(most, stretch[-1])]

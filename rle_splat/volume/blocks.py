@@ -7,6 +7,7 @@ voxels of visible blocks are read.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,21 @@ class Blocks:
     low: np.ndarray
     high: np.ndarray
     nan_voxels: int
+
+    @cached_property
+    def finite_range(self) -> tuple[float, float]:
+        """Smallest and largest finite value; inf and -inf where there is none."""
+        seen = self.low <= self.high  # others hold no number
+        low, high = (ends[seen & np.isfinite(ends)].astype(np.float64) for ends in (self.low, self.high))
+        return float(low.min(initial=np.inf)), float(high.max(initial=-np.inf))
+
+    @cached_property
+    def holds_infinite(self) -> bool:
+        """Whether any value is infinite."""
+        if self.low.dtype.kind != "f":
+            return False
+        seen = self.low <= self.high
+        return bool(np.isinf(self.low[seen]).any() or np.isinf(self.high[seen]).any())
 
     @property
     def nbytes(self) -> int:
