@@ -124,7 +124,7 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     if not owner.rle_splat.label_file or len(properties.labels) == 0:
         return None
     styles = [row.plain() for row in properties.labels]
-    return labels_of(load_labels(owner, volume), styles, volume, transfer_function)
+    return labels_of(load_labels(owner, volume), styles, volume, transfer_function, properties.smooth_labels)
 
 
 def list_labels(owner, volume) -> tuple[int, int, tuple]:

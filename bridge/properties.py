@@ -126,6 +126,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         "If a label is hidden or has its own transfer function or color, the volume is drawn pre-classified",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and color of each label")
+    smooth_labels: LiveBool(
+        name="Smooth Edges", description="Smooth the edges of labels instead of showing the steps of their voxels",
+        default=True)
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
     clip_keep: LiveEnum(

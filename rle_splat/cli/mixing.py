@@ -10,6 +10,8 @@ from ..classify.transfer_function import TransferFunction
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
 from ..scene import Channel, RleSplatError, Scene
 
+LABEL_EDGES = ("smooth", "voxels")
+
 
 def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
@@ -21,6 +23,10 @@ def add_mixing_options(parser) -> None:
         help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
         "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
         "the label file",
+    )
+    group.add_argument(
+        "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0],
+        help="smooth edges of labels (default), or voxels, which show the steps of the label map as it is",
     )
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
@@ -89,7 +95,7 @@ def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
     Parameters
     ----------
     args : argparse.Namespace
-        With ``labels`` and ``channel``.
+        With ``labels``, ``label_edges`` and ``channel``.
     scene : Scene
         The scene.
     styles, functions
@@ -108,7 +114,8 @@ def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
         found = line.follow(read_label_steps(args.labels, scene.volume))
         if styles is None:
             styles = _named_styles(args.labels, found)
-        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function))
+        smooth = args.label_edges == LABEL_EDGES[0]
+        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function, smooth))
         remarks = found.remarks
     channels = zip(args.channel, functions, strict=True)
     channels = tuple(Channel(_read_beside(scene, path), function) for path, function in channels)

@@ -22,6 +22,9 @@ class Labels:
         Transfer function of a label; None hides the label. Labels without an entry use the scene's transfer function.
     names : dict of int to str
         Names of labels, for display.
+    smooth : bool
+        Whether voxels beside an edge of a label are shared by the transfer functions on both sides, so that edges are
+        smooth; else an edge shows the steps of the voxels.
 
     Raises
     ------
@@ -32,6 +35,7 @@ class Labels:
     volume: object
     functions: dict = field(default_factory=dict)
     names: dict = field(default_factory=dict)
+    smooth: bool = True
 
     def __post_init__(self):
         if self.volume.voxels.dtype.kind not in "iu":

@@ -62,6 +62,8 @@ def test_labels_are_listed_hidden_and_colored(owner):
     rows[1].show = False
     hidden = picture()[20:28]
     assert hidden[:, column_of(0.5), 3].max() < 0.01 < 0.3 < hidden[:, column_of(6.0), 3].min()
+    owner.rle_splat.smooth_labels = False
+    assert np.abs(picture()[20:28] - hidden).max() > 0.02
     rows[1].label_name = "liver"
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert rows[1].label_name == "liver" and not rows[1].show, "what was said of a label stays"

@@ -42,6 +42,15 @@ def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     assert any("the classification is pre" in remark for remark in report["remarks"])
 
 
+def test_edges_of_labels_show_voxels_where_that_is_wanted(picture, labels, write_json):
+    words = "--labels", labels, "--label-functions", write_json([{"label": 1, "hidden": True}])
+    smooth, by_default, voxels = (
+        picture(*words, *more)[0] for more in (("--label-edges", "smooth"), (), ("--label-edges", "voxels"))
+    )
+    np.testing.assert_array_equal(smooth, by_default)
+    assert np.abs(smooth - voxels).max() > 0.02
+
+
 def test_a_label_by_preset_or_by_function(picture, labels, write_json, function_file):
     own = json.loads(function_file.read_text())
     functions = [{"label": 1, "preset": "x-ray"}, {"label": 2, "transfer_function": own}]
@@ -127,7 +136,7 @@ def test_a_flipped_label_map_gives_the_same_picture(call, function_file, tmp_pat
         assert ("another order; they were reordered" in result.out) == (name == "flipped")
         pictures.append(np.load(out))
     np.testing.assert_array_equal(*pictures)
-    assert pictures[0][18, 12, 0] > 0.1 > 1e-6 > pictures[0][18, 12, 2]  # red at the patient's right, the viewer's left
+    assert pictures[0][18, 10, 0] > 0.1 > 1e-6 > pictures[0][18, 10, 2]  # red at the patient's right, the viewer's left
     assert pictures[0][18, 28, 2] > 0.1 > 1e-6 > pictures[0][18, 28, 0]
 
 
