@@ -5,8 +5,6 @@ Like a volume's voxels, the label file stays outside the .blend and is read when
 
 from __future__ import annotations
 
-import os
-
 import bpy
 import numpy as np
 
@@ -15,7 +13,7 @@ from ..rle_splat.read.formats import RAW, format_of
 from ..rle_splat.read.labels import read_label_steps
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import Labels, RleSplatError
-from . import volumes
+from . import file_state, volumes
 from .decimals import typed
 from .overridable import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from .preset_items import IMPORT_ITEMS, SUGGESTED
@@ -26,7 +24,7 @@ FUNCTION_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function
 ]
 MOST_LABELS = 512  # a file with more different values is a scan, not a label map
 
-_kept: dict = {}  # (path, size, time, shape, affine, space) of the last label file -> its Volume
+_kept: dict = {}  # (path, its state, shape, affine, space) of the last label file -> its Volume
 
 
 def _evaluate_anew(row, _context):
@@ -79,12 +77,12 @@ def load_labels(owner, volume):
     """
     path = volumes.resolved_path(owner, "label_file")
     try:
-        status = os.stat(path)
+        state = file_state.state_of(path)
     except OSError:
         raise RleSplatError(
             f"The label file of {owner.name!r} is not at {path}; choose the file, or clear the field."
         ) from None
-    key = (path, status.st_size, status.st_mtime_ns, volume.shape_xyz, volume.affine.tobytes(), volume.space)
+    key = (path, state, volume.shape_xyz, volume.affine.tobytes(), volume.space)
     if key not in _kept:
         try:
             volumes.expose_modules()

@@ -112,6 +112,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
+    files_digest: StringProperty(
+        name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
     facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
     remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
     histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")

@@ -78,7 +78,7 @@ def want(owner, depsgraph=None) -> bool:
 
 
 def consider() -> None:
-    """Read the next frame ahead, if a volume in time follows the timeline."""
+    """Read the next frame ahead, if a volume in time follows the timeline or keyframes."""
     if not bpy.app.background:
         _is_due[0] = True
         _start(LOOK_AROUND)
@@ -145,8 +145,7 @@ def _next_frame() -> list:
     """The work of reading the next frame of the first volume that needs one; empty if none does."""
     for window in bpy.context.window_manager.windows:
         for owner in volumes.volume_objects(window.scene):
-            follows = owner.rle_splat.frame_count > 1 and owner.rle_splat.playback != playback.FIXED
-            if follows and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
+            if owner.rle_splat.frame_count > 1 and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
                 try:
                     key = volumes.source_of(owner, playback.shown_frame(owner, ahead=1)).key
                     return [] if key in _failed else [Work(volumes.load_ahead_steps(owner), key, None)]

@@ -187,6 +187,26 @@ def test_several_series_are_listed(tmp_path: Path):
     assert "There is no series 3" in refusal(tmp_path, series=3)
 
 
+def test_a_series_is_found_again_among_others(tmp_path: Path):
+    """By the hash of its identifier, whatever its number is by now; of another place, the only series is read."""
+    phantoms.write_classic(tmp_path / "a" / "b", AXIAL, series=(series := generate_uid()))
+    key = read_volume(tmp_path / "a").series
+    assert key and series not in key
+    for at in (1, 2):
+        number = -at  # so that it comes before
+        phantoms.write_classic(
+            tmp_path / "a" / str(at), GEOMETRIES["tilt, even steps"],
+            change=lambda dataset, i, number=number: setattr(dataset, "SeriesNumber", number),
+        )
+        found = read_volume(tmp_path / "a", series_key=key, series=1)
+        assert found.series == key and found.affine[1, 2] == 0.0
+    assert read_volume(tmp_path / "a" / "1", series_key=key, series=7).series not in ("", key)
+    assert "There are 3 series" in refusal(tmp_path / "a", series_key="of another")
+    path = tmp_path / "a.raw"
+    path.write_bytes(bytes(8))
+    assert read_volume(path, shape=(2, 2, 2), dtype="uint8", series_key=key).series == ""
+
+
 def test_one_file_stands_for_its_series(tmp_path: Path):
     series = [generate_uid(), generate_uid()]
     axial = phantoms.write_classic(tmp_path, AXIAL, series=series[0])
