@@ -186,25 +186,6 @@ def _cached_steps(source: Source, uid: int | None):
     return volume
 
 
-def missing_steps(owner):
-    """Generator of Progress: load what a picture of a volume object needs and is not in memory; None if all is there.
-
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume object. Its channels are loaded too.
-    """
-    rows = owner.rle_splat.channels
-    wanted = [owner, *(row.source for row in rows if row.show and row.source is not None)]
-    wanted = [one for one in wanted if not is_at_hand(one)]
-    return _one_after_another([load_steps(one) for one in wanted]) if wanted else None
-
-
-def _one_after_another(works: list):
-    for i, steps in enumerate(works):
-        yield from part(steps, i / len(works), (i + 1) / len(works))
-
-
 def load_volume(owner, warn=None, depsgraph=None):
     """The voxels of a volume object, from memory or from its file.
 
@@ -242,8 +223,8 @@ def load_volume(owner, warn=None, depsgraph=None):
     return volume
 
 
-def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
-    """Whether the voxels of a volume object are in memory, so that ``load_volume`` returns at once.
+def at_hand(owner, depsgraph=None, ahead: int = 0):
+    """The voxels of a volume object if they are in memory, so that ``load_volume`` returns at once.
 
     Parameters
     ----------
@@ -253,11 +234,21 @@ def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
         As for ``load_volume``.
     ahead : int
         Frames of the timeline after that time.
+
+    Returns
+    -------
+    Volume or None
+        None if they are not, or the file is missing.
     """
     try:
-        return source_of(owner, shown_frame(owner, depsgraph, ahead)).key in _kept
+        return _kept.get(source_of(owner, shown_frame(owner, depsgraph, ahead)).key)
     except RleSplatError:
-        return False
+        return None
+
+
+def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
+    """Whether ``at_hand`` finds voxels."""
+    return at_hand(owner, depsgraph, ahead) is not None
 
 
 def shows_another(owner, depsgraph=None) -> bool:
