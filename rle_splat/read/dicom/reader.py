@@ -191,9 +191,9 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
         picture = pictures[i]
         padding = padding_of(picture)
         if mapping is None:
-            plane = physical(plane, picture.slope, picture.intercept)
+            plane = physical(plane, picture)
             if padding is not None:
-                ends = physical(np.array(padding), picture.slope, picture.intercept)
+                ends = physical(np.array(padding), picture)
                 padding = (ends.min(), ends.max())
         target[i] = plane
         if padding is not None:
@@ -242,10 +242,12 @@ def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
         found.append(f"Slices are up to {stack.off_line:.3f} mm off a straight line.")
     if not has_geometry(group.first):
         found.append("The files do not say where the slices lie; their order is that of their numbers.")
-    if mapping is None:
+    if series.table is not None:
+        found.append("The files hold a table of values (Modality LUT), which was applied; the values became float32.")
+    elif mapping is None:
         found.append("Slices have different scales of values; the values were converted to float32.")
-    if series.odd_values:
-        found.append("The files hold a table of values (Modality LUT), which is not applied.")
+    if series.odd_values and series.table is None:
+        found.append("The files hold a damaged table of values (Modality LUT), which is not applied.")
     if series.inverted:
         found.append("Low values are meant to be shown bright (MONOCHROME1); the values are unchanged.")
     if padded:
