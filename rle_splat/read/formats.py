@@ -117,7 +117,7 @@ def _chosen(path: Path, given: dict) -> Format:
     chosen = format_of(path)
     if chosen is None and path.is_dir():
         raise no_images(path, sum(1 for file in islice(path.rglob("*"), FILES_COUNTED) if file.is_file()))
-    if "shape" in given and format_named(path) in (None, RAW):
+    if "shape" in given and path.is_file() and format_named(path) in (None, RAW):
         chosen = RAW
     if chosen is None:
         raise RleSplatError(
