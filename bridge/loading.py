@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from ..rle_splat.runtime.steps import part
-from . import labels, volumes
+from ..rle_splat.scene import RleSplatError
+from . import channels, labels, volumes
 from .playback import shown_frame
 
-VOXELS = 0.7  # share of the time until the voxels are read; the rest is for the labels
+VOXELS = 0.7  # share of a channel's time until its voxels are read; the rest is for bringing it onto the volume's grid
 
 
 def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
-    """What decides which files are read for a volume object; RleSplatError if its file is missing.
+    """What decides which files are read for a volume object.
 
     Parameters
     ----------
@@ -24,13 +25,19 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
     Returns
     -------
     tuple
+
+    Raises
+    ------
+    RleSplatError
+        If a file of voxels is missing.
     """
-    file = labels.file_of(owner) if labels.are_used(owner) else None
-    return (*volumes.source_of(owner, shown_frame(owner, depsgraph, ahead)).key, file and file.path)
+    wanted = [owner, *channels.sources_of(owner, depsgraph)]
+    keys = tuple(volumes.source_of(one, shown_frame(one, depsgraph, ahead)).key for one in wanted)
+    return (*keys, labels.file_of(owner) if labels.are_used(owner) else None)
 
 
-def is_at_hand(owner, depsgraph=None) -> bool:
-    """Whether nothing need be read for a picture of a volume object but its channels.
+def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
+    """Whether nothing need be read for a picture of a volume object.
 
     Parameters
     ----------
@@ -38,20 +45,35 @@ def is_at_hand(owner, depsgraph=None) -> bool:
         The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time.
+    with_labels, further
+        As for ``load_steps``.
 
     Returns
     -------
     bool
-        Labels whose file is missing are not waited for: whoever needs them is told at once.
+        Labels and channels whose file is missing are not waited for: whoever needs them is told at once.
     """
     volume = volumes.at_hand(owner, depsgraph)
-    return volume is not None and (not labels.are_used(owner) or labels.are_at_hand(owner, volume))
+    with_labels = labels.are_used(owner) if with_labels is None else with_labels
+    if volume is None or (with_labels and not labels.are_at_hand(owner, volume)):
+        return False
+    return all(_is_placed(one, volume, depsgraph) for one in (*channels.sources_of(owner, depsgraph), *further))
 
 
-def load_steps(owner, depsgraph=None, with_labels: bool | None = None):
-    """Generator of Progress: load the voxels of a volume object, and its labels; return the Volume.
+def _is_placed(source, volume, depsgraph) -> bool:
+    """Whether a channel is in memory on the grid of a volume, or its file is missing."""
+    try:
+        volumes.source_of(source, shown_frame(source, depsgraph))
+    except RleSplatError:
+        return True
+    found = volumes.at_hand(source, depsgraph)
+    return found is not None and channels.is_placed(found, volume)
 
-    The object is read before the first step, so it may be deleted meanwhile.
+
+def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=()):
+    """Generator of Progress: load the voxels of a volume object, its labels and its channels; return the Volume.
+
+    The objects are read before the first step, so they may be deleted meanwhile.
 
     Parameters
     ----------
@@ -61,43 +83,39 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None):
         Gives the time.
     with_labels : bool, optional
         Whether to load the labels; without it, if a picture shows them.
-    """
-    with_labels = labels.are_used(owner) if with_labels is None else with_labels
-    return _both_steps(volumes.load_steps(owner, depsgraph), labels.file_of(owner) if with_labels else None)
-
-
-def _both_steps(steps, file):
-    volume = yield from part(steps, 0.0, VOXELS)
-    if file is not None:
-        yield from part(labels.load_steps(file, volume), VOXELS, 1.0)
-    return volume
-
-
-def missing_steps(owner, with_labels: bool | None = None):
-    """Generator of Progress: load what a picture of a volume object needs and is not in memory; None if all is there.
-
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume object. Its channels are loaded too.
-    with_labels : bool, optional
-        As for ``load_steps``.
+    further : sequence of bpy.types.Object
+        Volume objects that are about to become channels.
 
     Raises
     ------
     RleSplatError
         If a file is missing.
     """
-    rows = owner.rle_splat.channels
-    sources = [row.source for row in rows if row.show and row.source is not None]
-    works = [volumes.load_steps(one) for one in sources if not volumes.is_at_hand(one)]
     with_labels = labels.are_used(owner) if with_labels is None else with_labels
-    volume = volumes.at_hand(owner)
-    if volume is None or (with_labels and not labels.are_at_hand(owner, volume)):
-        works.insert(0, load_steps(owner, with_labels=with_labels))
-    return _one_after_another(works) if works else None
+    file = labels.file_of(owner) if with_labels else None
+    sources = [*channels.sources_of(owner, depsgraph), *further]
+    return _one_after_another(
+        volumes.load_steps(owner, depsgraph), file, [volumes.load_steps(one, depsgraph) for one in sources]
+    )
 
 
-def _one_after_another(works: list):
-    for i, steps in enumerate(works):
-        yield from part(steps, i / len(works), (i + 1) / len(works))
+def _one_after_another(steps, file, channel_steps):
+    """Generator of Progress, as ``load_steps``; ``file``: LabelFile or None."""
+    each = 1.0 / (1 + (file is not None) + len(channel_steps))
+    volume = yield from part(steps, 0.0, each)
+    done = each
+    if file is not None:
+        yield from part(labels.load_steps(file, volume), done, done + each)
+        done += each
+    for one in channel_steps:
+        channel = yield from part(one, done, done + VOXELS * each)
+        yield from part(channels.placed_steps(channel, volume), done + VOXELS * each, done + each)
+        done += each
+    return volume
+
+
+def missing_steps(owner, with_labels: bool | None = None, further=()):
+    """Generator of Progress, as ``load_steps`` without a depsgraph; None if all is in memory."""
+    if is_at_hand(owner, None, with_labels, further):
+        return None
+    return load_steps(owner, None, with_labels, further)

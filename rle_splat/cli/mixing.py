@@ -9,6 +9,7 @@ from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
 from ..classify.transfer_function import TransferFunction
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
 from ..scene import Channel, RleSplatError, Scene
+from ..volume.regrid import on_grid_steps
 
 LABEL_EDGES = ("smooth", "voxels")
 
@@ -107,7 +108,7 @@ def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
     scene : Scene
         The scene with labels and channels.
     remarks : tuple of str
-        What was noticed about the label file.
+        What was noticed about these files.
     """
     remarks = ()
     if args.labels is not None:
@@ -117,15 +118,19 @@ def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
         smooth = args.label_edges == LABEL_EDGES[0]
         scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function, smooth))
         remarks = found.remarks
-    channels = zip(args.channel, functions, strict=True)
-    channels = tuple(Channel(_read_beside(scene, path), function) for path, function in channels)
-    return replace(scene, channels=channels), remarks
+    channels = []
+    for path, function in zip(args.channel, functions, strict=True):
+        found = line.follow(_beside_steps(scene.volume, path))
+        channels.append(Channel(found, function))
+        remarks = (*remarks, *found.remarks)
+    return replace(scene, channels=tuple(channels)), remarks
 
 
-def _read_beside(scene: Scene, path):
-    """Read a volume; a raw file is read with the shape of the scene's volume."""
-    from ..read.formats import format_of, read_volume
+def _beside_steps(volume, path):
+    """Generator of Progress: read a channel onto the grid of a volume; a raw file is read with its shape."""
+    from ..read.formats import format_of, read_steps
 
     kind = format_of(path)
-    shape = scene.volume.shape_xyz if kind is not None and "shape" in kind.options else None
-    return read_volume(path, shape=shape)
+    shape = volume.shape_xyz if kind is not None and "shape" in kind.options else None
+    found = yield from read_steps(path, shape=shape)
+    return (yield from on_grid_steps(found, volume, values=True))

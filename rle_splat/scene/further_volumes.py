@@ -9,6 +9,32 @@ import numpy as np
 
 from .errors import RleSplatError
 
+TOLERANCE = 0.05  # voxels; grids that differ by less anywhere are the same
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
+
+
+def moved_corners(one, other) -> tuple[np.ndarray, np.ndarray]:
+    """The corners of a volume's grid as voxel indices of itself and of another volume.
+
+    Parameters
+    ----------
+    one, other : Volume
+
+    Returns
+    -------
+    own, others : (8, 3) ndarray of float64
+        Indices (x, y, z) of ``one``'s corners in ``one``, and the same places in ``other``.
+    """
+    matrix = np.linalg.inv(other.affine) @ one.affine
+    own = CORNERS * (np.array(one.shape_xyz) - 1.0)
+    return own, own @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def is_same_grid(one, other) -> bool:
+    """Whether two volumes have voxels of the same places, in number and by their affines."""
+    own, others = moved_corners(one, other)
+    return one.shape_xyz == other.shape_xyz and bool(np.abs(others - own).max() <= TOLERANCE)
+
 
 @dataclass(frozen=True, eq=False)
 class Labels:
