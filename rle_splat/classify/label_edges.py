@@ -29,6 +29,7 @@ OWN_SHARE = _coverage**3 / (_coverage**3 + (1.0 - _coverage) ** 3)
 OWN_SHARE[OWN_SHARE > 1.0 - 0.5 / 255.0] = 1.0
 OWN_SHARE.setflags(write=False)
 NEIGHBORS = 27
+AROUND = [(dz, dy, dx) for dz in (-1, 0, 1) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +91,35 @@ def edge_shares(numbers, hidden, first: int, last: int, *, backend: str = "auto"
     return EdgeShares(at, np.repeat(np.arange(len(at)), counts), number, source, share)
 
 
+def nearest_seen(seen, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
+    """The voxels beside those of a mask, and for each the nearest voxel of the mask among its 26 neighbors.
+
+    Parameters
+    ----------
+    seen : (planes, ny, nx) ndarray of bool
+    first, last : int
+        Half-open range of the planes to look at.
+
+    Returns
+    -------
+    at, nearest : (n,) ndarray of int64
+        Indices into the flat mask.
+    """
+    nz, ny, nx = seen.shape
+    beside = _beside_edge(seen.astype(np.uint8)) & ~seen
+    beside[:first], beside[last:] = False, False
+    at, flat = np.flatnonzero(beside), seen.reshape(-1)
+    z, y, x = np.unravel_index(at, seen.shape)
+    nearest = np.full(len(at), -1)
+    for dz, dy, dx in sorted(AROUND, key=lambda steps: sum(map(abs, steps))):
+        left = nearest < 0
+        near_z, near_y, near_x = z[left] + dz, y[left] + dy, x[left] + dx
+        inside = (near_z >= 0) & (near_z < nz) & (near_y >= 0) & (near_y < ny) & (near_x >= 0) & (near_x < nx)
+        place = np.where(inside, (near_z * ny + near_y) * nx + near_x, at[left])
+        nearest[np.flatnonzero(left)] = np.where(flat[place], place, -1)
+    return at, nearest
+
+
 def _beside_edge(numbers) -> np.ndarray:
     """Bool, shape of ``numbers``: whether a voxel and its 26 neighbors have several functions."""
     least = most = numbers
@@ -111,11 +141,10 @@ def _shares_numpy(numbers, hidden, first: int, at) -> EdgeShares:
     """Reference implementation of the kernels."""
     _, ny, nx = numbers.shape
     own = np.unravel_index(at + first * ny * nx, numbers.shape)
-    around = [(dz, dy, dx) for dz in (-1, 0, 1) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
-    weight = np.array([np.prod([2 - abs(step) for step in steps]) for steps in around])
+    weight = np.array([np.prod([2 - abs(step) for step in steps]) for steps in AROUND])
     places = [
         np.ravel_multi_index([np.clip(i + d, 0, n - 1) for i, d, n in zip(own, steps, numbers.shape)], numbers.shape)
-        for steps in around
+        for steps in AROUND
     ]
     places = np.stack(places, axis=1).reshape(-1, NEIGHBORS)
     kinds = numbers.reshape(-1)[places]

@@ -9,7 +9,7 @@ voxels interpolate classified voxels, as in the paper's pipeline.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,8 +17,17 @@ import numpy as np
 from ..runtime.jit import read_only
 from ..volume.blocks import Blocks, slabs
 from ..volume.counts import counts_values
-from .classification import EXTINCTION, OPACITY, PROPERTIES, RED, ClassifiedVolume, opacity_distance, optical_depth
-from .label_edges import EdgeShares, edge_shares
+from .classification import (
+    ALPHA_CAP,
+    EXTINCTION,
+    OPACITY,
+    PROPERTIES,
+    RED,
+    ClassifiedVolume,
+    opacity_distance,
+    optical_depth,
+)
+from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
 from .mixture_kernels import add_channel, count_seen, mark_seen, mix, put_columns
 from .sizes import MIXED_AT_ONCE
@@ -130,16 +139,26 @@ class _Part:
         own = self._distances(volume, length)[numbers]
         return alpha, optical_depth(alpha) / own, color, own == distance
 
+    def hides(self, flat: slice) -> np.ndarray:
+        """Which voxels of a range of the flat volume are hidden."""
+        return self._hidden[self._numbers_of(self.labels.reshape(-1)[flat])]
+
+    @cached_property
+    def _hidden(self) -> np.ndarray:
+        """(functions,) bool: which hide."""
+        return np.array([function is None for function in self.functions])
+
+    def _numbers_of(self, labels) -> np.ndarray:
+        """Function numbers of labels, uint16; by the table where there can be one."""
+        if counts_values(labels.dtype):
+            return self.number_table[labels.view(f"u{labels.dtype.itemsize}")]
+        return self._numbers(labels).astype(np.uint16)
+
     def edges(self, first: int, last: int, machine: dict) -> EdgeShares:
         """The shares of voxels beside edges of labels in planes [first, last)."""
         begin = max(first - 1, 0)
-        labels = self.labels[begin : last + 1]
-        if counts_values(labels.dtype):
-            numbers = self.number_table[labels.view(f"u{labels.dtype.itemsize}")]
-        else:
-            numbers = self._numbers(labels).astype(np.uint16)
-        hidden = np.array([function is None for function in self.functions])
-        return edge_shares(numbers, hidden, first - begin, last - begin, **machine)
+        numbers = self._numbers_of(self.labels[begin : last + 1])
+        return edge_shares(numbers, self._hidden, first - begin, last - begin, **machine)
 
     def blended(self, edges: EdgeShares, offset: int, tables, volume, length: float, distance: float) -> tuple:
         """As ``looked_up``, for the voxels beside edges: opacities and associated colors averaged by share.
@@ -307,6 +326,75 @@ class Mixture:
             properties[begin:end, EXTINCTION], properties[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
             properties[begin:end, RED:] = mixed[:, 2:]
         return ClassifiedVolume(voxels, properties, False, length, distance)
+
+    def revealed_steps(self, *, backend: str = "auto", threads: int = 0):
+        """The volume for post-classification with labels that only hide, whose hidden values must show nowhere.
+
+        Yields
+        ------
+        float
+            Fraction done.
+
+        Returns
+        -------
+        Volume
+            A hidden voxel with a neighbor that ``factor_steps`` shows, be it in part, has the value of a visible one
+            near it: between them values are interpolated.
+        """
+        own, voxels = self._parts[0], self.volume.voxels.copy()
+        nx, ny, nz = self.volume.shape_xyz
+        flat = self.volume.voxels.reshape(-1)
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+            yield first / nz
+            begin, end = max(first - 1, 0), min(last + 1, nz)
+            edges, offset = own.edges(begin, end, dict(backend=backend, threads=threads)), begin * ny * nx
+            seen = ~own.hides(slice(offset, end * ny * nx))
+            sources = np.arange(len(seen))
+            at = edges.at[edges.voxel]
+            seen[at], sources[at] = True, edges.source
+            rows, found = nearest_seen(seen.reshape(-1, ny, nx), first - begin, last - begin)
+            sources[rows] = sources[found]
+            voxels[first:last] = flat[offset + sources].reshape(-1, ny, nx)[first - begin : last - begin]
+        return replace(self.volume, voxels=voxels)
+
+    def factor_steps(self, voxels: VisibleVoxels, depth, *, backend: str = "auto", threads: int = 0):
+        """What labels that only hide leave of the extinction of post-classified voxels.
+
+        Parameters
+        ----------
+        voxels : VisibleVoxels
+            Voxels of the volume of ``revealed_steps``.
+        depth : (m,) ndarray of float32
+            Their optical depth over the smallest spacing.
+        backend : {"auto", "numba", "numpy"}
+        threads : int
+            0 for one per core.
+
+        Yields
+        ------
+        float
+            Fraction done.
+
+        Returns
+        -------
+        (m,) ndarray of float32
+            0 where a label hides, 1 where none does and no edge is near. A voxel of share s and optical depth t has the
+            opacity s (1 - exp(-t)), as in ``blended``.
+        """
+        own, factor = self._parts[0], np.empty(len(voxels), np.float32)
+        nx, ny, nz = self.volume.shape_xyz
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+            yield first / nz
+            row_start = voxels.row_start[first * ny : last * ny + 1]
+            begin, end = row_start[[0, -1]]
+            rows = np.repeat(np.arange((last - first) * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
+            share = (~own.hides(slice(first * ny * nx, last * ny * nx))).astype(np.float64)
+            edges = own.edges(first, last, dict(backend=backend, threads=threads))
+            share[edges.at] = np.bincount(edges.voxel, edges.share, len(edges.at))
+            share, deep = share[rows], depth[begin:end].astype(np.float64)
+            thinned = -np.log1p(np.maximum(share * np.expm1(-deep), -ALPHA_CAP))
+            factor[begin:end] = np.divide(thinned, deep, out=share.copy(), where=(deep > 0.0) & (share < 1.0))
+        return factor
 
     def _seen(self, first: int, last: int, backend: str, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) are visible in any channel."""
