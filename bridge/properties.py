@@ -125,7 +125,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
 
     label_file: LiveString(
         name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
-        "If a label is hidden or has its own transfer function or color, the volume is drawn pre-classified",
+        "If a label has its own transfer function or color, the volume is drawn pre-classified",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and color of each label")
     smooth_labels: LiveBool(

@@ -57,6 +57,10 @@ class EdgeShares:
     source: np.ndarray
     share: np.ndarray
 
+    def summed(self, each) -> np.ndarray:
+        """(n,) float64: ``each`` (m,), summed over the functions of each voxel."""
+        return np.bincount(self.voxel, each, len(self.at)).astype(np.float64)  # integers where nothing is summed
+
 
 def edge_shares(numbers, hidden, first: int, last: int, *, backend: str = "auto", threads: int = 0) -> EdgeShares:
     """Find the voxels beside an edge, and the shares of the functions in them.

@@ -174,8 +174,8 @@ class _Part:
         step = max(length * float(volume.spacing.min()), LEAST_DISTANCE)
         matter = edges.share * -np.expm1(-extinction * step)
         count = len(edges.at)
-        alpha = np.bincount(edges.voxel, matter, count)
-        colors = np.stack([np.bincount(edges.voxel, matter * color[:, c], count) for c in range(3)], axis=1)
+        alpha = edges.summed(matter)
+        colors = np.stack([edges.summed(matter * color[:, c]) for c in range(3)], axis=1)
         colors = np.divide(colors, alpha[:, None], out=np.zeros_like(colors), where=alpha[:, None] > 0.0)
         extinction = optical_depth(alpha) / step
         return -np.expm1(-extinction * distance), extinction, colors, np.ones(count, bool)
@@ -187,7 +187,7 @@ class _Part:
             alpha = self.alphas[self._entries(stored, edges.number)]
         else:
             alpha = self._evaluated(stored, edges.number, self.volume, 1.0, 1.0)[0]
-        return np.bincount(edges.voxel, alpha > 0.0, len(edges.at)) > 0.0
+        return edges.summed(alpha > 0.0) > 0.0
 
     def _entries(self, stored, numbers) -> np.ndarray:
         """Table entries of bit patterns (n,) for function ``numbers`` (n,)."""
@@ -320,7 +320,9 @@ class Mixture:
                 if part.is_smooth:
                     edges, offset = part.edges(first, last, machine), first * ny * nx
                     blended = part.blended(edges, offset, table, self.volume, length, distance)
-                    _, rows, own = np.intersect1d(indices, edges.at + offset, assume_unique=True, return_indices=True)
+                    rows = np.searchsorted(indices, edges.at + offset)
+                    own = np.flatnonzero(np.append(indices, -1)[rows] == edges.at + offset)  # those that are visible
+                    rows = rows[own]
                     mixed[rows] = 0.0
                     mixed[rows] = mix(mixed[rows], *(each[own] for each in blended), distance)
             properties[begin:end, EXTINCTION], properties[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
@@ -354,7 +356,9 @@ class Mixture:
             seen[at], sources[at] = True, edges.source
             rows, found = nearest_seen(seen.reshape(-1, ny, nx), first - begin, last - begin)
             sources[rows] = sources[found]
-            voxels[first:last] = flat[offset + sources].reshape(-1, ny, nx)[first - begin : last - begin]
+            changed = np.flatnonzero(sources != np.arange(len(sources)))
+            changed = changed[(changed >= (first - begin) * ny * nx) & (changed < (last - begin) * ny * nx)]
+            voxels.reshape(-1)[offset + changed] = flat[offset + sources[changed]]
         return replace(self.volume, voxels=voxels)
 
     def factor_steps(self, voxels: VisibleVoxels, depth, *, backend: str = "auto", threads: int = 0):
@@ -390,7 +394,7 @@ class Mixture:
             rows = np.repeat(np.arange((last - first) * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
             share = (~own.hides(slice(first * ny * nx, last * ny * nx))).astype(np.float64)
             edges = own.edges(first, last, dict(backend=backend, threads=threads))
-            share[edges.at] = np.bincount(edges.voxel, edges.share, len(edges.at))
+            share[edges.at] = edges.summed(edges.share)
             share, deep = share[rows], depth[begin:end].astype(np.float64)
             thinned = -np.log1p(np.maximum(share * np.expm1(-deep), -ALPHA_CAP))
             factor[begin:end] = np.divide(thinned, deep, out=share.copy(), where=(deep > 0.0) & (share < 1.0))

@@ -220,6 +220,18 @@ def test_types_of_voxels_and_labels_make_no_difference():
         np.testing.assert_allclose(other.properties, found[0].properties, rtol=1e-6)
 
 
+def test_maps_without_an_edge_or_without_anything_to_see(stage):
+    """No label has a function, or all are hidden: no edge, and edges that nothing shares."""
+    scene = half_hidden(stage)
+    plain = stage.render(scene, classification="pre")
+    nothing = Volume(np.zeros((N, N, N), np.uint8), np.eye(4))
+    same = stage.render(replace(scene, labels=Labels(nothing, {1: OPAQUE})), classification="pre")
+    assert same.rgba.tobytes() == plain.rgba.tobytes()
+    for classification in ("pre", "post"):
+        hidden = replace(scene, labels=Labels(majority(in_sphere), {0: None, 1: None}))
+        assert stage.render(hidden, classification=classification, depth_rule="slice").rgba.max() == 0.0
+
+
 def test_what_is_hidden_never_shows_its_own_values():
     """Bright bone around dim tissue: where the bone is hidden, no voxel is as opaque or as white as bone."""
     labels = majority(in_sphere)
