@@ -160,7 +160,7 @@ def rows():
         yield name, where, phantoms.PLAIN, (0, 1, 2), JUDGES
     for name, encoding in phantoms.ENCODINGS.items():
         yield name, geometries["axial"], encoding, (1,), JUDGES
-    for syntax in dict.fromkeys((*phantoms.WRITABLE, *phantoms.BY_IMAGECODECS)):
+    for syntax in dict.fromkeys((*phantoms.WRITABLE, *phantoms.BY_IMAGECODECS, *phantoms.BY_PILLOW)):
         encoding = phantoms.LOSSY.get(syntax, phantoms.Encoding(stored=12, intercepts=(200.0,)))
         yield syntax.keyword, geometries["non-square"], phantoms.with_syntax(encoding, syntax), (1,), (ours,)
 

@@ -1,18 +1,24 @@
-"""The channels of a volume object: further volume objects on the same grid that are added to its picture.
+"""The channels of a volume object: further volume objects that are added to its picture.
 
-A channel is imported like any other volume, so it has its own file, transfer function and window.
+A channel is imported like any other volume, so it has its own file, transfer function and window.  Where both files say
+how they lie in the patient, its values are brought onto the grid of the volume; the objects' own places do not count.
 """
 
 from __future__ import annotations
 
 import uuid
+from weakref import WeakKeyDictionary
 
 import bpy
 
+from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import Channel, RleSplatError
+from ..rle_splat.volume.regrid import on_grid_steps
 from . import linked, presence, transfer, volumes
 from .labels import remove_row
 from .overridable import BoolProperty, PointerProperty
+
+_placed = WeakKeyDictionary()  # Volume of a channel -> (grid of the volume, the channel on it)
 
 
 def _evaluate_anew(row, _context):
@@ -24,7 +30,7 @@ class ChannelProperties(bpy.types.PropertyGroup):
 
     source: PointerProperty(
         name="Volume", type=bpy.types.Object, poll=lambda row, other: can_be_added(row.id_data, other),
-        description="A volume on the same grid, shown with its own transfer function", update=_evaluate_anew)
+        description="A volume of the same place, shown with its own transfer function", update=_evaluate_anew)
     show: BoolProperty(name="Show", description="Add this volume to the picture", default=True, update=_evaluate_anew)
 
 
@@ -33,7 +39,37 @@ def can_be_added(owner, other) -> bool:
     return other.rle_splat.is_volume and other != owner
 
 
-def add_channels(owner, others) -> None:
+def _grid_of(volume) -> tuple:
+    return volume.shape_xyz, volume.affine.tobytes(), volume.space
+
+
+def is_placed(channel, volume) -> bool:
+    """Whether ``placed_steps`` takes no time for the Volume of a channel."""
+    return channel in _placed and _placed[channel][0] == _grid_of(volume)
+
+
+def placed_steps(channel, volume):
+    """Generator of Progress: a channel on the grid of a volume; both are Volumes.
+
+    Raises
+    ------
+    RleSplatError
+        If the channel lies elsewhere.
+    """
+    if not is_placed(channel, volume):
+        found = yield from on_grid_steps(channel, volume, values=True)
+        _placed[channel] = _grid_of(volume), None if found is channel else found
+    return _placed[channel][1] or channel
+
+
+def sources_of(owner, depsgraph=None) -> list:
+    """The volume objects of the channels that are switched on, without deleted ones; ``depsgraph`` gives the time."""
+    properties = owner.rle_splat if depsgraph is None else owner.evaluated_get(depsgraph).rle_splat
+    sources = [row.source.original for row in properties.channels if row.show and row.source is not None]
+    return [one for one in sources if not presence.is_deleted(one)]
+
+
+def add_channels(owner, others) -> tuple[str, ...]:
     """Add volume objects as channels; all or, on an error, none.
 
     Parameters
@@ -43,23 +79,33 @@ def add_channels(owner, others) -> None:
     others : list of bpy.types.Object
         Volume objects.
 
+    Returns
+    -------
+    tuple of str
+        Sentences on how channels were brought onto the grid of the volume.
+
     Raises
     ------
     RleSplatError
-        If one is a channel already, has another number of voxels, or cannot be read.
+        If one is a channel already, lies elsewhere, has another grid and no place in the patient, or cannot be read.
     """
-    grid = volumes.load_volume(owner).shape_xyz
+    volume, remarks = volumes.load_volume(owner), []
     for other in others:
         if any(row.source == other for row in owner.rle_splat.channels):
             raise RleSplatError(f"{other.name!r} is already a channel of {owner.name!r}; choose another volume.")
-        mine, its = (" x ".join(map(str, shape)) for shape in (grid, volumes.load_volume(other).shape_xyz))
+        channel = volumes.load_volume(other)
+        placed = drain(placed_steps(channel, volume))
+        mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, placed))
         if mine != its:
             raise RleSplatError(
-                f"{other.name!r} has {its} voxels and {owner.name!r} {mine}; choose a volume on the same grid."
+                f"{other.name!r} has {its} voxels and {owner.name!r} {mine}; choose a volume on the same grid, or "
+                "files that say how they lie in the patient."
             )
+        remarks += placed.remarks[len(channel.remarks) :]
     for other in others:
         row = owner.rle_splat.channels.add()
         row.name, row.source = uuid.uuid4().hex, other
+    return tuple(remarks)
 
 
 def remove_channel(owner, index: int) -> None:
@@ -89,7 +135,7 @@ def remove_channel(owner, index: int) -> None:
     owner.update_tag()
 
 
-def read_channels(owner, depsgraph) -> tuple[Channel, ...]:
+def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
     """The channels that are switched on at the depsgraph's time, without deleted ones.
 
     Parameters
@@ -98,15 +144,16 @@ def read_channels(owner, depsgraph) -> tuple[Channel, ...]:
         The volume.
     depsgraph : bpy.types.Depsgraph
         The evaluated scene.
+    volume : Volume
+        The volume's voxels.
 
     Returns
     -------
     tuple of Channel
         Volume and transfer function of each.
     """
-    rows = owner.evaluated_get(depsgraph).rle_splat.channels
-    sources = [row.source.original for row in rows if row.show and row.source is not None]
-    sources = [one for one in sources if not presence.is_deleted(one)]
     return tuple(
-        Channel(volumes.load_volume(one, depsgraph=depsgraph), transfer.read_transfer(one, depsgraph))
-        for one in sources)
+        Channel(
+            drain(placed_steps(volumes.load_volume(one, depsgraph=depsgraph), volume)),
+            transfer.read_transfer(one, depsgraph))
+        for one in sources_of(owner, depsgraph))

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..rle_splat.scene import RleSplatError, Scene
 from ..rle_splat.volume.volume import Volume
-from . import backdrop, pictures, render_scene, settings, transfer, volumes
+from . import backdrop, loading, pictures, render_scene, settings, transfer, volumes
 
 MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: MadeFrom as JSON
 
@@ -120,7 +120,7 @@ def forget() -> None:
 def update_status(scene, depsgraph) -> bool:
     """Compare the scene's last picture and its camera's backdrop with the scene.
 
-    A picture whose volume is not in memory is skipped, because reading the volume could take long; but if another frame
+    A picture whose volume or labels are not in memory is skipped, because reading could take long; but if another frame
     of the volume is in memory, the picture is outdated.
 
     Parameters
@@ -139,7 +139,7 @@ def update_status(scene, depsgraph) -> bool:
     for row in shown_rows(scene):
         if volumes.shows_another(row.volume, depsgraph):
             _out_of_date.add(row.image.session_uid)
-        elif volumes.is_at_hand(row.volume, depsgraph):
+        elif loading.is_at_hand(row.volume, depsgraph):
             known = made_from(row.image)
             if known == _made_now(row.volume, depsgraph, known.meshes):
                 _out_of_date.discard(row.image.session_uid)

@@ -14,7 +14,7 @@ import bpy
 from ..rle_splat.pipeline.previews import Preview
 from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import Cancelled, RleSplatError
-from . import volumes
+from . import loading, volumes
 from .canvas import redraw, redraw_sidebars
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
@@ -83,9 +83,9 @@ class StepwiseOperator:
         return self._guarded(context, self._start)
 
     def loading(self, context):
-        """Steps that load the voxels of the volume that the operator works on; None if they are in memory."""
+        """Steps that load what a picture of the operator's volume needs; None if it is in memory."""
         owner = volumes.volume_object(context)
-        return None if owner is None else volumes.missing_steps(owner)
+        return None if owner is None else loading.missing_steps(owner)
 
     def refused(self, _context, problem) -> None:
         """Report why there is no result; everything is as it was before."""

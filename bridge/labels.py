@@ -5,7 +5,7 @@ Like a volume's voxels, the label file stays outside the .blend and is read when
 
 from __future__ import annotations
 
-import os
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -13,9 +13,11 @@ import numpy as np
 from ..rle_splat.classify.label_styles import LabelStyle, labels_of
 from ..rle_splat.read.formats import RAW, format_of
 from ..rle_splat.read.labels import read_label_steps
-from ..rle_splat.runtime.steps import drain
+from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import Labels, RleSplatError
-from . import volumes
+from ..rle_splat.volume.counts import counts_values, stored_values
+from ..rle_splat.volume.measure import measured_steps
+from . import file_state, volumes
 from .decimals import typed
 from .overridable import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from .preset_items import IMPORT_ITEMS, SUGGESTED
@@ -24,9 +26,10 @@ OWN = "OWN"
 FUNCTION_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function")] + [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
+READING = 0.8  # share of the time until a label file is read; the rest is for counting its values
 MOST_LABELS = 512  # a file with more different values is a scan, not a label map
 
-_kept: dict = {}  # (path, size, time, shape, affine, space) of the last label file -> its Volume
+_kept: dict = {}  # (path, its state, shape, affine, space) of the last label file -> its Volume
 
 
 def _evaluate_anew(row, _context):
@@ -57,48 +60,77 @@ class LabelProperties(bpy.types.PropertyGroup):
         )
 
 
-def load_labels(owner, volume):
-    """The label map of a volume object, from memory or from its file.
+class LabelFile(NamedTuple):
+    """The label file of a volume object, whose name is in errors."""
+
+    path: str
+    owner: str
+
+    def key(self, volume) -> tuple:
+        """Key of the file's labels on the grid of a volume; RleSplatError if the file is missing."""
+        try:
+            state = file_state.state_of(self.path)
+        except OSError:
+            raise RleSplatError(
+                f"The label file of {self.owner!r} is not at {self.path}; choose the file, or clear the field."
+            ) from None
+        return self.path, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
+
+
+def file_of(owner) -> LabelFile:
+    """The label file of a volume object."""
+    return LabelFile(volumes.resolved_path(owner, "label_file"), owner.name)
+
+
+def are_used(owner) -> bool:
+    """Whether a picture of a volume object shows labels."""
+    return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
+
+
+def are_at_hand(owner, volume) -> bool:
+    """Whether the labels of a volume object are in memory, or their file is missing, which ``load_labels`` says."""
+    try:
+        return file_of(owner).key(volume) in _kept
+    except RleSplatError:
+        return True
+
+
+def load_steps(file: LabelFile, volume):
+    """Generator of Progress: load a label map; return it on the grid of a volume.
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
+    file : LabelFile
     volume : Volume
-        Its voxels; a raw label file is read with their shape.
-
-    Returns
-    -------
-    Volume
-        The label map on the grid of the volume.
+        A raw label file is read with its shape.
 
     Raises
     ------
     RleSplatError
         If the file is missing, cannot be read, or a raw file has another size.
     """
-    path = volumes.resolved_path(owner, "label_file")
+    key = file.key(volume)
+    if key in _kept:
+        return _kept[key]
     try:
-        status = os.stat(path)
-    except OSError:
+        volumes.expose_modules()
+        found = yield from part(read_label_steps(file.path, volume), 0.0, READING)
+    except RleSplatError as problem:
+        if format_of(file.path) is not RAW:
+            raise
+        grid = " x ".join(map(str, volume.shape_xyz))
         raise RleSplatError(
-            f"The label file of {owner.name!r} is not at {path}; choose the file, or clear the field."
-        ) from None
-    key = (path, status.st_size, status.st_mtime_ns, volume.shape_xyz, volume.affine.tobytes(), volume.space)
-    if key not in _kept:
-        try:
-            volumes.expose_modules()
-            found = drain(read_label_steps(path, volume))
-        except RleSplatError as problem:
-            if format_of(path) is not RAW:
-                raise
-            grid = " x ".join(map(str, volume.shape_xyz))
-            raise RleSplatError(
-                f"{path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
-            ) from problem
-        _kept.clear()
-        _kept[key] = found
-    return _kept[key]
+            f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
+        ) from problem
+    yield from part(measured_steps(found), READING, 1.0)
+    _kept.clear()
+    _kept[key] = found
+    return found
+
+
+def load_labels(owner, volume):
+    """The label map of a volume object, from memory or from its file; as ``load_steps`` without the steps."""
+    return drain(load_steps(file_of(owner), volume))
 
 
 def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
@@ -121,10 +153,10 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
         None without a label file or without rows.
     """
     properties = owner.evaluated_get(depsgraph).rle_splat
-    if not owner.rle_splat.label_file or len(properties.labels) == 0:
+    if not are_used(owner):
         return None
     styles = [row.plain() for row in properties.labels]
-    return labels_of(load_labels(owner, volume), styles, volume, transfer_function)
+    return labels_of(load_labels(owner, volume), styles, volume, transfer_function, properties.smooth_labels)
 
 
 def list_labels(owner, volume) -> tuple[int, int, tuple]:
@@ -156,7 +188,7 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
         raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
-    numbers = np.unique(found.voxels)
+    numbers = _values_of(found)
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
             f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
@@ -175,6 +207,18 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
             if number in named and named[number].color is not None:
                 row.use_color, row.color = True, named[number].color
     return len(numbers), further, found.remarks
+
+
+def _values_of(volume) -> np.ndarray:
+    """The stored values of a label map, ascending; of one that is none, at least MOST_LABELS + 1 of them."""
+    if counts_values(volume.voxels.dtype):
+        return stored_values(volume.voxels.dtype)[volume.value_counts > 0]
+    found = np.zeros(0, volume.voxels.dtype)
+    for plane in volume.voxels:
+        found = np.union1d(found, plane)
+        if len(found) > MOST_LABELS:
+            break
+    return found
 
 
 def remove_row(rows, index: int) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ..rle_splat.scene import Pose
+from .animation import curves_of
 from .camera import camera_object, without_scale
 
 POSES = 5  # while the shutter is open; motion is linear between two poses
@@ -147,14 +148,9 @@ def _own_place(one, time: float) -> Matrix:
 
 def _curves(one) -> dict:
     """(property, index) -> F-curve, for the F-curves that transform the object."""
-    data = one.animation_data
-    if data is None or data.action is None or data.action_slot is None:
-        return {}
-    bags = (strip.channelbag(data.action_slot) for layer in data.action.layers for strip in layer.strips)
     return {
         (curve.data_path, curve.array_index): curve
-        for bag in bags if bag is not None
-        for curve in bag.fcurves
+        for curve in curves_of(one)
         if _places(curve) and not curve.is_empty  # Blender evaluates F-curves of muted groups too
     }
 

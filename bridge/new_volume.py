@@ -64,7 +64,7 @@ def add_volume(context, found: Found, options, transfer_function, at_cursor: boo
 
 
 def fill_volume(scene, owner, found: Found) -> None:
-    """Set the path, hash, frames, facts and box of a volume object, and keep its voxels in memory.
+    """Set the path, hashes, frames, facts and box of a volume object, and keep its voxels in memory.
 
     Parameters
     ----------
@@ -78,9 +78,10 @@ def fill_volume(scene, owner, found: Found) -> None:
     properties, volume = owner.rle_splat, found.volume
     properties.is_volume = True
     source_paths.write_path(owner, "filepath", os.path.abspath(found.path), bpy.data.filepath)
-    properties.data_key = volume.voxel_key
+    properties.data_key, properties.series_key = volume.voxel_key, volume.series
     properties.frame_count, properties.data_frame = found.frames, found.frame
     write_facts(owner, volume, found.counted)
     properties.remarks = "\n".join(found.remarks)
+    properties.files_digest = volumes.files_digest(owner)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
     volumes.keep_volume(owner, volume)

@@ -11,6 +11,7 @@ from functools import partial
 
 import bpy
 
+from .animation import curves_of
 from .decimals import typed
 from .overridable import EnumProperty, FloatProperty, IntProperty
 
@@ -20,6 +21,7 @@ PLAYBACK_ITEMS = [
     (HOLD, "Hold", "Follow the timeline; before the first volume and after the last one, show that one"),
     (LOOP, "Loop", "Follow the timeline, and begin again after the last volume"),
 ]
+PREFIX = "rle_splat."  # of the paths of a volume object's properties
 NEAR = 1e-6  # of a frame; 3 frames at a step of 1/3 are one volume, not a little less
 
 
@@ -67,10 +69,18 @@ def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:
     """
     properties = owner.rle_splat if depsgraph is None else owner.evaluated_get(depsgraph).rle_splat
     scene = bpy.context.scene if depsgraph is None else depsgraph.scene_eval
-    count, frame = properties.frame_count, properties.frame
+    time = scene.frame_current + ahead * scene.frame_step
+    keyed = _keyed_at(owner, time) if ahead else {}
+    count, frame = properties.frame_count, int(keyed.get("frame", properties.frame))
     if properties.playback != FIXED:
-        time = scene.frame_current + ahead * scene.frame_step + properties.frame_offset - 1
-        frame = 1 + math.floor(time * typed(properties.frame_step) + NEAR)
+        time += int(keyed.get("frame_offset", properties.frame_offset)) - 1
+        frame = 1 + math.floor(time * keyed.get("frame_step", typed(properties.frame_step)) + NEAR)
     if properties.playback == LOOP:
         return (frame - 1) % count + 1
     return min(max(frame, 1), count)
+
+
+def _keyed_at(owner, time: float) -> dict:
+    """The values that keyframes give to properties of a volume object at a time of the timeline."""
+    curves = [curve for curve in curves_of(owner) if curve.data_path.startswith(PREFIX) and not curve.mute]
+    return {curve.data_path.removeprefix(PREFIX): curve.evaluate(time) for curve in curves}

@@ -112,6 +112,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
+    files_digest: StringProperty(
+        name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
     facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
     remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
     histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
@@ -123,9 +125,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
 
     label_file: LiveString(
         name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
-        "If a label is hidden or has its own transfer function or color, the volume is drawn pre-classified",
+        "If a label has its own transfer function or color, the volume is drawn pre-classified",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and color of each label")
+    smooth_labels: LiveBool(
+        name="Smooth Edges", description="Smooth the edges of labels instead of showing the steps of their voxels",
+        default=True)
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
     clip_keep: LiveEnum(

@@ -14,7 +14,7 @@ import bpy
 
 from ..rle_splat.runtime.steps import Progress
 from ..rle_splat.scene import RleSplatError
-from . import jobs, playback, volumes
+from . import jobs, loading, volumes
 from .canvas import redraw_sidebars
 from .held import Held
 
@@ -30,7 +30,7 @@ class Work:
     ----------
     steps : generator of Progress
     key : tuple
-        Of the source, see ``volumes.Source``.
+        Of the files, see ``loading.key_of``.
     owner : Held or None
         The volume object that waits; None when reading ahead.
     """
@@ -47,7 +47,7 @@ _is_due = [False]  # whether the next frame may be read ahead; once for each fra
 
 
 def want(owner, depsgraph=None) -> bool:
-    """Ask for the voxels that a volume object shows now.
+    """Ask for the voxels that a volume object shows now, and for its labels.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def want(owner, depsgraph=None) -> bool:
         memory or could not be read, so that ``load_volume`` returns or says why at once.
     """
     try:
-        key = volumes.source_of(owner, playback.shown_frame(owner, depsgraph)).key
+        key = loading.key_of(owner, depsgraph)
     except RleSplatError:
         return False
-    if volumes.is_at_hand(owner, depsgraph) or key in _failed:
+    if loading.is_at_hand(owner, depsgraph) or key in _failed:
         return False
     if not any(work.key == key for work in _work):
         _drop()
-        _work.append(Work(volumes.load_steps(owner, depsgraph), key, Held(owner)))
+        _work.append(Work(loading.load_steps(owner, depsgraph), key, Held(owner)))
         _start(PAUSE)
     elif _work[0].owner is None:  # it was read ahead, and is wanted now
         _work[0] = Work(_work[0].steps, key, Held(owner))
@@ -78,7 +78,7 @@ def want(owner, depsgraph=None) -> bool:
 
 
 def consider() -> None:
-    """Read the next frame ahead, if a volume in time follows the timeline."""
+    """Read the next frame ahead, if a volume in time follows the timeline or keyframes."""
     if not bpy.app.background:
         _is_due[0] = True
         _start(LOOK_AROUND)
@@ -145,10 +145,9 @@ def _next_frame() -> list:
     """The work of reading the next frame of the first volume that needs one; empty if none does."""
     for window in bpy.context.window_manager.windows:
         for owner in volumes.volume_objects(window.scene):
-            follows = owner.rle_splat.frame_count > 1 and owner.rle_splat.playback != playback.FIXED
-            if follows and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
+            if owner.rle_splat.frame_count > 1 and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
                 try:
-                    key = volumes.source_of(owner, playback.shown_frame(owner, ahead=1)).key
+                    key = loading.key_of(owner, ahead=1)
                     return [] if key in _failed else [Work(volumes.load_ahead_steps(owner), key, None)]
                 except RleSplatError:
                     return []  # the frame is missing; it is said when it is shown

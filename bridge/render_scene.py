@@ -99,7 +99,7 @@ def read_scene(
         triangles=triangles if triangles is not None and len(triangles) else None,
         crop=frame_crop(scene.render) if in_region else None,
         clips=read_clips(depsgraph),
-        channels=read_channels(volume_object, depsgraph),
+        channels=read_channels(volume_object, depsgraph, volume),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         mode=scene.rle_splat.mode,
         mist=read_mist(depsgraph),

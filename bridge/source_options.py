@@ -44,6 +44,7 @@ class PlainOptions:
     value_unit: str = ""
     grid: str = ""
     series: int = 0
+    series_key: str = ""
     frame: int = 0
     use_sequence: bool = False
     modality: str = "AUTO"
@@ -79,6 +80,9 @@ class SourceOptions:
     series: IntProperty(
         name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
         min=0)
+    series_key: StringProperty(
+        name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
+        options={"HIDDEN"})
     frame: IntProperty(
         name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
         "the first", default=0, min=0)
@@ -113,7 +117,7 @@ def read_options(source) -> dict:
     for name in ("dtype", "byte_order", "modality"):
         if getattr(source, name) != "AUTO":
             options[name] = getattr(source, name)
-    for name in ("grid", "value_unit", "series", "frame"):
+    for name in ("grid", "value_unit", "series", "series_key", "frame"):
         if getattr(source, name):
             options[name] = getattr(source, name)
     return options

@@ -9,6 +9,7 @@ from ..rle_splat.classify.transfer_function import GradientOpacity, Shade, Trans
 from ..rle_splat.scene import RleSplatError
 from . import linked
 from . import transfer_nodes as nodes
+from .animation import curves_of
 from .decimals import rounded_to_span, typed
 
 
@@ -174,11 +175,7 @@ def _is_animated(tree, name: str) -> bool:
     data = tree.animation_data
     if data is None or data.nla_tracks:
         return data is not None
-    curves = list(data.drivers)
-    if data.action is not None and data.action_slot is not None:
-        bags = (strip.channelbag(data.action_slot) for layer in data.action.layers for strip in layer.strips)
-        curves += [curve for bag in bags if bag is not None for curve in bag.fcurves]
-    return any(curve.data_path.startswith(f'nodes["{name}"]') for curve in curves)
+    return any(curve.data_path.startswith(f'nodes["{name}"]') for curve in (*data.drivers, *curves_of(tree)))
 
 
 def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:

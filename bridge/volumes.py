@@ -1,14 +1,11 @@
 """Volume objects and their voxels.
 
 Voxels stay outside the .blend.  They are read when first needed and cached in memory.  The key of the cache is the
-file, its size, its modification time (of a folder, those of its files) and the options, the frame among them.  Of the
-frames of a volume object, the last one that was asked for is cached, and one that was read ahead.  No reference to a
-Blender datablock is stored.
+file, its size, its modification time (of a series, those of its folder's files) and the options, the frame among them.
+Of the frames of a volume object, the last one that was asked for is cached, and one that was read ahead.  No reference
+to a Blender datablock is stored.
 """
 
-import os
-import stat
-import time
 from dataclasses import dataclass
 
 import bpy
@@ -19,16 +16,15 @@ from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.measure import measured_steps
+from . import file_state
 from .playback import shown_frame
 from .source_options import read_options
 from .source_paths import resolved_path
 
-FRESH = 1.0  # seconds
 READING = 0.9  # share of the time until a file is read; the rest is for measuring its values
 
 _kept: dict = {}  # source key -> Volume
 _in_use: dict = {}  # session id of a volume object -> the source key that it asked for last
-_folders: dict = {}  # path of a folder -> (time when it was looked at, its state)
 _ahead: list = []  # the source key that was read ahead, if any
 
 
@@ -121,7 +117,7 @@ def source_of(owner, frame: int) -> Source:
             options.pop("frame", None)
         elif properties.frame_count > 1:
             options["frame"] = frame
-        state = _state_of(path)
+        state = file_state.state_of(path, bool(properties.series_key))
     except OSError:
         raise RleSplatError(
             f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
@@ -129,21 +125,16 @@ def source_of(owner, frame: int) -> Source:
     return Source(path, options, (path, state, tuple(sorted(options.items()))))
 
 
-def _state_of(path: str) -> tuple:
-    """What changes when a file, or one in a folder, is written: sizes, times, and names.
-
-    Panels and handlers ask often, so that a folder is looked at once in FRESH seconds.
-    """
-    status = os.stat(path)
-    own = status.st_size, status.st_mtime_ns
-    if not stat.S_ISDIR(status.st_mode):
-        return own
-    now = time.monotonic()
-    if path not in _folders or now - _folders[path][0] > FRESH or _folders[path][1][0] != own:
-        with os.scandir(path) as entries:
-            inside = sorted((one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in entries)
-        _folders[path] = now, (own, hash(tuple(inside)))
-    return _folders[path][1]
+def files_digest(owner) -> str:
+    """Hash of the names, sizes and times of all files of a volume object, whatever it shows; "" if one is gone."""
+    properties, path = owner.rle_splat, resolved_path(owner)
+    try:
+        numbered = sequence_of(path) if properties.use_sequence else None
+        if numbered is not None:
+            return file_state.digest((file.name, *file_state.state_of(file)) for file in numbered.files.values())
+        return file_state.digest(file_state.state_of(path, bool(properties.series_key)))
+    except OSError:
+        return ""
 
 
 def file_of_frame(path: str, frame: int) -> str:
@@ -195,25 +186,6 @@ def _cached_steps(source: Source, uid: int | None):
     return volume
 
 
-def missing_steps(owner):
-    """Generator of Progress: load what a picture of a volume object needs and is not in memory; None if all is there.
-
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume object. Its channels are loaded too.
-    """
-    rows = owner.rle_splat.channels
-    wanted = [owner, *(row.source for row in rows if row.show and row.source is not None)]
-    wanted = [one for one in wanted if not is_at_hand(one)]
-    return _one_after_another([load_steps(one) for one in wanted]) if wanted else None
-
-
-def _one_after_another(works: list):
-    for i, steps in enumerate(works):
-        yield from part(steps, i / len(works), (i + 1) / len(works))
-
-
 def load_volume(owner, warn=None, depsgraph=None):
     """The voxels of a volume object, from memory or from its file.
 
@@ -238,15 +210,21 @@ def load_volume(owner, warn=None, depsgraph=None):
     """
     volume = drain(load_steps(owner, depsgraph))
     properties = owner.rle_splat
-    is_known = properties.data_key and shown_frame(owner, depsgraph) == properties.data_frame
-    if warn is not None and is_known and volume.voxel_key != properties.data_key:
+    if warn is None or not properties.data_key:
+        return volume
+    frame = shown_frame(owner, depsgraph)
+    if frame != properties.data_frame:
+        if properties.files_digest and properties.files_digest != files_digest(owner):
+            warn(f"The files of {owner.name!r} have changed since the import; if frame {frame} looks wrong, import "
+                 "them again.")
+    elif volume.voxel_key != properties.data_key:
         warn(f"The voxels of {owner.name!r} are not those that were imported, because {resolved_path(owner)} has "
              "changed; import it again, or press Relocate to choose the original file.")
     return volume
 
 
-def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
-    """Whether the voxels of a volume object are in memory, so that ``load_volume`` returns at once.
+def at_hand(owner, depsgraph=None, ahead: int = 0):
+    """The voxels of a volume object if they are in memory, so that ``load_volume`` returns at once.
 
     Parameters
     ----------
@@ -256,11 +234,21 @@ def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
         As for ``load_volume``.
     ahead : int
         Frames of the timeline after that time.
+
+    Returns
+    -------
+    Volume or None
+        None if they are not, or the file is missing.
     """
     try:
-        return source_of(owner, shown_frame(owner, depsgraph, ahead)).key in _kept
+        return _kept.get(source_of(owner, shown_frame(owner, depsgraph, ahead)).key)
     except RleSplatError:
-        return False
+        return None
+
+
+def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
+    """Whether ``at_hand`` finds voxels."""
+    return at_hand(owner, depsgraph, ahead) is not None
 
 
 def shows_another(owner, depsgraph=None) -> bool:
@@ -278,7 +266,7 @@ def forget_all() -> None:
     """Clear the cache."""
     _kept.clear()
     _in_use.clear()
-    _folders.clear()
+    file_state.forget()
     _ahead.clear()
 
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import IntProperty
 
-from ..bridge import channels, volumes
+from ..bridge import channels, loading, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import has_editable_volume, refuse
@@ -22,19 +22,28 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
             return False
         owner = volumes.volume_object(context)
         if not any(channels.can_be_added(owner, one) for one in context.selected_objects):
-            cls.poll_message_set("Select another volume on the same grid, then Shift-click this volume")
+            cls.poll_message_set("Select another volume of the same place, then Shift-click this volume")
             return False
         return True
 
+    def loading(self, context):
+        return loading.missing_steps(volumes.volume_object(context), further=self._others(context))
+
     def execute(self, context):
-        owner = volumes.volume_object(context)
-        others = [one for one in context.selected_objects if channels.can_be_added(owner, one)]
+        owner, others = volumes.volume_object(context), self._others(context)
         try:
-            channels.add_channels(owner, others)
+            remarks = channels.add_channels(owner, others)
         except RleSplatError as problem:
             return refuse(self, problem)
+        for remark in remarks:
+            self.report({"INFO"}, remark)
         self.report({"INFO"}, f"{len(others)} channel(s) added to {owner.name}")
         return {"FINISHED"}
+
+    @staticmethod
+    def _others(context) -> list:
+        owner = volumes.volume_object(context)
+        return [one for one in context.selected_objects if channels.can_be_added(owner, one)]
 
 
 class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):

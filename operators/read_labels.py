@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import labels, volumes
+from ..bridge import labels, loading, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import has_editable_volume, refuse
@@ -23,6 +23,9 @@ class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
             cls.poll_message_set("Choose a label file first")
             return False
         return True
+
+    def loading(self, context):
+        return loading.missing_steps(volumes.volume_object(context), with_labels=True)
 
     def execute(self, context):
         owner = volumes.volume_object(context)

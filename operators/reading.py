@@ -35,7 +35,8 @@ class LoadsFirst(StepwiseOperator):
 class ReadsFiles(StepwiseOperator):
     """Mix-in for operators that read volume files, most of them after a dialog.
 
-    A subclass sets ``is_confirmed`` when it shows a dialog, and defines ``options_again``.
+    A subclass sets ``is_confirmed`` when it shows a dialog, and defines ``options_again()``: a dict of the properties
+    with which the operator ``operator_again`` reads the same place again, without a dialog.
     """
 
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would read the file again
@@ -43,7 +44,7 @@ class ReadsFiles(StepwiseOperator):
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
     time_budget = READ_BUDGET
     out_of_memory = TOO_LARGE
-    operator_again = "import_volume"  # name of the operator that ``options_again`` is for
+    operator_again = "import_volume"  # name of an operator
     is_confirmed = False  # whether a dialog was shown, whose button calls ``execute``
 
     def execute(self, context):
@@ -54,10 +55,6 @@ class ReadsFiles(StepwiseOperator):
 
     def loading(self, context):
         return None  # the voxels of other volumes are not needed
-
-    def options_again(self) -> dict:
-        """Properties with which the operator reads the same place again, without a dialog."""
-        raise NotImplementedError
 
     def with_thumbnails(self, steps):
         """Generator: the steps; in a window a SeveralSeries that they raise gets ``thumbnails`` for the chooser."""

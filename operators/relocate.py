@@ -46,7 +46,8 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
         owner = volumes.volume_object(context)
         self._owner, self._options = Held(owner), source_options.PlainOptions()
         source_options.copy(owner.rle_splat, self._options)
-        self._options.series = self.series or self._options.series
+        if self.series:  # chosen by hand
+            self._options.series, self._options.series_key = self.series, ""
         if owner.rle_splat.frame_count > 1:
             self._options.frame = owner.rle_splat.data_frame
         path = os.path.abspath(bpy.path.abspath(self.filepath))
@@ -54,10 +55,13 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
 
     def commit(self, context, found):
         owner = self._owner.get()
-        before = owner.rle_splat.data_key
+        before, series = owner.rle_splat.data_key, owner.rle_splat.series_key
         owner.rle_splat.series = self._options.series
         new_volume.fill_volume(context.scene, owner, found)
-        if before and before != owner.rle_splat.data_key:
+        if series and series != found.volume.series:
+            self.report({"WARNING"}, f"{os.path.basename(found.path)} does not hold the series that was imported; "
+                                     "another one was read. Undo if this is the wrong place.")
+        elif before and before != owner.rle_splat.data_key:
             self.report({"WARNING"}, f"The voxels of {os.path.basename(found.path)} differ from those that were "
                                      "imported; undo if this is the wrong file.")
 

@@ -19,6 +19,8 @@ class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
         row.operator("rle_splat.read_labels", text="Read")
+        if len(properties.labels) > 0:
+            layout.prop(properties, "smooth_labels")
         for label in properties.labels:
             row = layout.row(align=True)
             row.prop(label, "show", text="")

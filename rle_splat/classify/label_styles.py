@@ -94,7 +94,7 @@ def read_label_styles(path) -> tuple[LabelStyle, ...]:
     return found
 
 
-def labels_of(label_volume, styles, volume, own: TransferFunction) -> Labels:
+def labels_of(label_volume, styles, volume, own: TransferFunction, smooth: bool = True) -> Labels:
     """Make the Labels of a scene.
 
     Parameters
@@ -106,6 +106,8 @@ def labels_of(label_volume, styles, volume, own: TransferFunction) -> Labels:
     volume : Volume
     own : TransferFunction
         The volume's transfer function.
+    smooth : bool
+        Whether edges of labels are smooth.
 
     Returns
     -------
@@ -113,4 +115,4 @@ def labels_of(label_volume, styles, volume, own: TransferFunction) -> Labels:
     """
     changed = {style.label: style.function(volume, own) for style in styles}
     functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}
-    return Labels(label_volume, functions, {style.label: style.name for style in styles if style.name})
+    return Labels(label_volume, functions, {style.label: style.name for style in styles if style.name}, smooth)

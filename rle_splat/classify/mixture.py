@@ -1,14 +1,15 @@
 """Labels and channels: voxels of one grid classified by several transfer functions (algorithm.md 4.2).
 
 A voxel's label selects its transfer function, or hides the voxel. Channels are added: extinctions add up, and colors
-are averaged by extinction, which is the sum of associated colors. Labels are never interpolated: each voxel is
-classified by its own label, and samples between voxels interpolate classified voxels, as in the paper's pipeline.
+are averaged by extinction, which is the sum of associated colors. Label numbers are never interpolated: each voxel is
+classified by its own label, or, beside an edge, by the functions that share it (``label_edges.py``). Samples between
+voxels interpolate classified voxels, as in the paper's pipeline.
 """
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,11 +17,21 @@ import numpy as np
 from ..runtime.jit import read_only
 from ..volume.blocks import Blocks, slabs
 from ..volume.counts import counts_values
-from .classification import EXTINCTION, OPACITY, PROPERTIES, RED, ClassifiedVolume, opacity_distance, optical_depth
+from .classification import (
+    ALPHA_CAP,
+    EXTINCTION,
+    OPACITY,
+    PROPERTIES,
+    RED,
+    ClassifiedVolume,
+    opacity_distance,
+    optical_depth,
+)
+from .label_edges import EdgeShares, edge_shares, nearest_seen
+from .limits import LEAST_DISTANCE
 from .mixture_kernels import add_channel, count_seen, mark_seen, mix, put_columns
+from .sizes import MIXED_AT_ONCE
 from .visible import VisibleVoxels, row_offsets
-
-VOXELS_AT_ONCE = 1 << 20  # voxels whose float64 properties still fit into the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +47,15 @@ class _Part:
         Label of each voxel; None where function 0 is used everywhere.
     known : (k,) ndarray of integers or None
         Ascending labels that have functions 1 to k.
+    is_smooth : bool
+        Whether voxels beside edges of labels are shared.
     """
 
     volume: object
     functions: tuple
     labels: np.ndarray | None = None
     known: np.ndarray | None = None
+    is_smooth: bool = False
 
     @cached_property
     def has_tables(self) -> bool:
@@ -110,18 +124,74 @@ class _Part:
 
     def looked_up(self, indices, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
         """As ``tables``, evaluated for the voxels at ``indices``, indices into the flat volume."""
+        numbers = 0 if self.labels is None else self._numbers(self.labels.reshape(-1)[indices])
         stored = self.stored[indices]
-        numbers = np.zeros(len(stored), np.intp)
-        if self.labels is not None:
-            numbers = self._numbers(self.labels.reshape(-1)[indices])
+        return self._evaluated(stored, np.broadcast_to(numbers, stored.shape), volume, length, distance)
+
+    def _evaluated(self, stored, numbers, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
+        """As ``tables``, evaluated for ``stored`` values (n,) and function ``numbers`` (n,)."""
         alpha, color = np.zeros(len(stored)), np.zeros((len(stored), 3))
-        for number, function in enumerate(self.functions):
-            chosen = numbers == number
-            if function is not None and chosen.any():
+        for number in np.unique(numbers):
+            function, chosen = self.functions[number], numbers == number
+            if function is not None:
                 alpha[chosen] = self._alpha(function, stored[chosen])
                 color[chosen] = self._color(function, stored[chosen])
         own = self._distances(volume, length)[numbers]
         return alpha, optical_depth(alpha) / own, color, own == distance
+
+    def hides(self, flat: slice) -> np.ndarray:
+        """Which voxels of a range of the flat volume are hidden."""
+        return self._hidden[self._numbers_of(self.labels.reshape(-1)[flat])]
+
+    @cached_property
+    def _hidden(self) -> np.ndarray:
+        """(functions,) bool: which hide."""
+        return np.array([function is None for function in self.functions])
+
+    def _numbers_of(self, labels) -> np.ndarray:
+        """Function numbers of labels, uint16; by the table where there can be one."""
+        if counts_values(labels.dtype):
+            return self.number_table[labels.view(f"u{labels.dtype.itemsize}")]
+        return self._numbers(labels).astype(np.uint16)
+
+    def edges(self, first: int, last: int, machine: dict) -> EdgeShares:
+        """The shares of voxels beside edges of labels in planes [first, last)."""
+        begin = max(first - 1, 0)
+        numbers = self._numbers_of(self.labels[begin : last + 1])
+        return edge_shares(numbers, self._hidden, first - begin, last - begin, **machine)
+
+    def blended(self, edges: EdgeShares, offset: int, tables, volume, length: float, distance: float) -> tuple:
+        """As ``looked_up``, for the voxels beside edges: opacities and associated colors averaged by share.
+
+        ``offset``: index into the flat volume of the planes' first voxel. Opacities are those of the smallest spacing,
+        about the length of a ray in a voxel: in an opaque label that covers half of a voxel, half of the light stays.
+        """
+        stored = self.stored[edges.source + offset]
+        if tables is None:
+            _, extinction, color, _ = self._evaluated(stored, edges.number, volume, length, distance)
+        else:
+            _, extinction, color, _ = (table[self._entries(stored, edges.number)] for table in tables)
+        step = max(length * float(volume.spacing.min()), LEAST_DISTANCE)
+        matter = edges.share * -np.expm1(-extinction * step)
+        count = len(edges.at)
+        alpha = edges.summed(matter)
+        colors = np.stack([edges.summed(matter * color[:, c]) for c in range(3)], axis=1)
+        colors = np.divide(colors, alpha[:, None], out=np.zeros_like(colors), where=alpha[:, None] > 0.0)
+        extinction = optical_depth(alpha) / step
+        return -np.expm1(-extinction * distance), extinction, colors, np.ones(count, bool)
+
+    def seen_beside(self, edges: EdgeShares, offset: int) -> np.ndarray:
+        """Which voxels beside edges are visible; ``offset`` as in ``blended``."""
+        stored = self.stored[edges.source + offset]
+        if self.has_tables:
+            alpha = self.alphas[self._entries(stored, edges.number)]
+        else:
+            alpha = self._evaluated(stored, edges.number, self.volume, 1.0, 1.0)[0]
+        return edges.summed(alpha > 0.0) > 0.0
+
+    def _entries(self, stored, numbers) -> np.ndarray:
+        """Table entries of bit patterns (n,) for function ``numbers`` (n,)."""
+        return stored + self.size * numbers.astype(np.intp)
 
     def _distances(self, volume, length: float) -> np.ndarray:
         """(functions,) world length to which opacities refer; see ``classification.opacity_distance``."""
@@ -163,14 +233,14 @@ class Mixture:
         if self.labels is not None and self.labels.functions:
             known = np.array(sorted(self.labels.functions))
             functions = (self.tf, *(self.labels.functions[int(label)] for label in known))
-            own = _Part(self.volume, functions, self.labels.volume.voxels, known)
+            own = _Part(self.volume, functions, self.labels.volume.voxels, known, self.labels.smooth)
         return (own, *(_Part(channel.volume, (channel.transfer_function,)) for channel in self.channels))
 
     @cached_property
     def key(self) -> str:
         """Hash of everything on which the classified voxels depend, except the first volume's voxels."""
         functions = [(part.volume.key, [f and f.key for f in part.functions]) for part in self._parts]
-        labels = None if self.labels is None else (self.labels.volume.key, sorted(self.labels.functions))
+        labels = self.labels and (self.labels.volume.key, sorted(self.labels.functions), self.labels.smooth)
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
     def count_steps(self, *, backend: str = "auto", threads: int = 0):
@@ -190,7 +260,7 @@ class Mixture:
         """
         nx, ny, nz = self.volume.shape_xyz
         counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
-        for first, last in slabs(nz, ny * nx, VOXELS_AT_ONCE):
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             seen, rows = self._seen(first, last, backend, threads), slice(first * ny, last * ny)
             count_seen(seen, counts[rows], row_pieces[rows], backend, threads)
@@ -218,7 +288,7 @@ class Mixture:
         counts, row_pieces = counted
         row_start = row_offsets(counts)
         column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
-        for first, last in slabs(nz, ny * nx, VOXELS_AT_ONCE):
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             seen = self._seen(first, last, backend, threads)
             put_columns(seen, row_start[first * ny : last * ny + 1], column, backend, threads)
@@ -232,12 +302,12 @@ class Mixture:
         distance = opacity_distance(self.volume, self.tf, length)
         tables = [part.tables(self.volume, length, distance) if part.has_tables else None for part in self._parts]
         properties = np.empty((len(voxels), PROPERTIES), np.float32)
-        nx, row_start = self.volume.shape_xyz[0], voxels.row_start
-        for begin in range(0, len(voxels), VOXELS_AT_ONCE):
-            end = min(begin + VOXELS_AT_ONCE, len(voxels))
-            first, last = np.searchsorted(row_start, (begin, end - 1), side="right") - 1
-            held = np.diff(np.clip(row_start[first : last + 2], begin, end))
-            indices = np.repeat(np.arange(first, last + 1) * nx, held) + voxels.column[begin:end]
+        nx, ny, nz = self.volume.shape_xyz
+        machine = dict(backend=backend, threads=threads)
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+            row_start = voxels.row_start[first * ny : last * ny + 1]
+            begin, end = row_start[[0, -1]]
+            indices = np.repeat(np.arange(first * ny, last * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
             mixed = np.zeros((end - begin, PROPERTIES))
             for part, table in zip(self._parts, tables):
                 if table is None:
@@ -245,23 +315,104 @@ class Mixture:
                 else:
                     add_channel(
                         indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
-                        backend, threads,
+                        **machine,
                     )
+                if part.is_smooth:
+                    edges, offset = part.edges(first, last, machine), first * ny * nx
+                    blended = part.blended(edges, offset, table, self.volume, length, distance)
+                    rows = np.searchsorted(indices, edges.at + offset)
+                    own = np.flatnonzero(np.append(indices, -1)[rows] == edges.at + offset)  # those that are visible
+                    rows = rows[own]
+                    mixed[rows] = 0.0
+                    mixed[rows] = mix(mixed[rows], *(each[own] for each in blended), distance)
             properties[begin:end, EXTINCTION], properties[begin:end, OPACITY] = mixed[:, 0], mixed[:, 1]
             properties[begin:end, RED:] = mixed[:, 2:]
         return ClassifiedVolume(voxels, properties, False, length, distance)
+
+    def revealed_steps(self, *, backend: str = "auto", threads: int = 0):
+        """The volume for post-classification with labels that only hide, whose hidden values must show nowhere.
+
+        Yields
+        ------
+        float
+            Fraction done.
+
+        Returns
+        -------
+        Volume
+            A hidden voxel with a neighbor that ``factor_steps`` shows, be it in part, has the value of a visible one
+            near it: between them values are interpolated.
+        """
+        own, voxels = self._parts[0], self.volume.voxels.copy()
+        nx, ny, nz = self.volume.shape_xyz
+        flat = self.volume.voxels.reshape(-1)
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+            yield first / nz
+            begin, end = max(first - 1, 0), min(last + 1, nz)
+            edges, offset = own.edges(begin, end, dict(backend=backend, threads=threads)), begin * ny * nx
+            seen = ~own.hides(slice(offset, end * ny * nx))
+            sources = np.arange(len(seen))
+            at = edges.at[edges.voxel]
+            seen[at], sources[at] = True, edges.source
+            rows, found = nearest_seen(seen.reshape(-1, ny, nx), first - begin, last - begin)
+            sources[rows] = sources[found]
+            changed = np.flatnonzero(sources != np.arange(len(sources)))
+            changed = changed[(changed >= (first - begin) * ny * nx) & (changed < (last - begin) * ny * nx)]
+            voxels.reshape(-1)[offset + changed] = flat[offset + sources[changed]]
+        return replace(self.volume, voxels=voxels)
+
+    def factor_steps(self, voxels: VisibleVoxels, depth, *, backend: str = "auto", threads: int = 0):
+        """What labels that only hide leave of the extinction of post-classified voxels.
+
+        Parameters
+        ----------
+        voxels : VisibleVoxels
+            Voxels of the volume of ``revealed_steps``.
+        depth : (m,) ndarray of float32
+            Their optical depth over the smallest spacing.
+        backend : {"auto", "numba", "numpy"}
+        threads : int
+            0 for one per core.
+
+        Yields
+        ------
+        float
+            Fraction done.
+
+        Returns
+        -------
+        (m,) ndarray of float32
+            0 where a label hides, 1 where none does and no edge is near. A voxel of share s and optical depth t has the
+            opacity s (1 - exp(-t)), as in ``blended``.
+        """
+        own, factor = self._parts[0], np.empty(len(voxels), np.float32)
+        nx, ny, nz = self.volume.shape_xyz
+        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+            yield first / nz
+            row_start = voxels.row_start[first * ny : last * ny + 1]
+            begin, end = row_start[[0, -1]]
+            rows = np.repeat(np.arange((last - first) * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
+            share = (~own.hides(slice(first * ny * nx, last * ny * nx))).astype(np.float64)
+            edges = own.edges(first, last, dict(backend=backend, threads=threads))
+            share[edges.at] = edges.summed(edges.share)
+            share, deep = share[rows], depth[begin:end].astype(np.float64)
+            thinned = -np.log1p(np.maximum(share * np.expm1(-deep), -ALPHA_CAP))
+            factor[begin:end] = np.divide(thinned, deep, out=share.copy(), where=(deep > 0.0) & (share < 1.0))
+        return factor
 
     def _seen(self, first: int, last: int, backend: str, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) are visible in any channel."""
         nx, ny, _ = self.volume.shape_xyz
         flat = slice(first * ny * nx, last * ny * nx)
         seen = np.zeros((last - first) * ny * nx, bool)
+        machine = dict(backend=backend, threads=threads)
         for part in self._parts:
             if part.has_tables:
                 labels = None if part.labels is None else part.label_patterns[flat]
-                mark_seen(
-                    part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, backend, threads
-                )
+                mark_seen(part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, **machine)
             else:
                 seen |= part.looked_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
+            if part.is_smooth:  # the first one, so that nothing else is marked yet
+                edges = part.edges(first, last, machine)
+                seen[edges.at] = part.seen_beside(edges, flat.start)
         return seen.reshape(-1, nx)

@@ -95,8 +95,8 @@ def add_channel(
         mix(properties, *(table[entry] for table in tables), distance)
 
 
-def mix(properties, alpha, extinction, color, per_distance, distance: float) -> None:
-    """Add a medium of ``extinction`` and ``color`` to ``properties``; reference implementation of ``add_channel``."""
+def mix(properties, alpha, extinction, color, per_distance, distance: float) -> np.ndarray:
+    """Add a medium of ``extinction`` and ``color`` to ``properties`` and return these; ``add_channel`` in numpy."""
     # A voxel with a single medium, whose alpha refers to ``distance``, keeps opacity and color bit for bit.
     alone = (properties[:, 0] == 0.0) & per_distance
     adds = extinction > 0.0
@@ -105,6 +105,7 @@ def mix(properties, alpha, extinction, color, per_distance, distance: float) -> 
     properties[:, 1] = np.where(adds, opacity, properties[:, 1])
     share = np.divide(extinction, properties[:, 0], out=np.zeros(len(properties)), where=adds)
     properties[:, 2:] += share[:, None] * (color - properties[:, 2:])
+    return properties
 
 
 def _entries(stored, labels, numbers, size: int) -> np.ndarray:

@@ -9,6 +9,9 @@ from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
 from ..classify.transfer_function import TransferFunction
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
 from ..scene import Channel, RleSplatError, Scene
+from ..volume.regrid import on_grid_steps
+
+LABEL_EDGES = ("smooth", "voxels")
 
 
 def add_mixing_options(parser) -> None:
@@ -21,6 +24,10 @@ def add_mixing_options(parser) -> None:
         help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
         "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
         "the label file",
+    )
+    group.add_argument(
+        "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0],
+        help="smooth edges of labels (default), or voxels, which show the steps of the label map as it is",
     )
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
@@ -89,7 +96,7 @@ def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
     Parameters
     ----------
     args : argparse.Namespace
-        With ``labels`` and ``channel``.
+        With ``labels``, ``label_edges`` and ``channel``.
     scene : Scene
         The scene.
     styles, functions
@@ -101,24 +108,29 @@ def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
     scene : Scene
         The scene with labels and channels.
     remarks : tuple of str
-        What was noticed about the label file.
+        What was noticed about these files.
     """
     remarks = ()
     if args.labels is not None:
         found = line.follow(read_label_steps(args.labels, scene.volume))
         if styles is None:
             styles = _named_styles(args.labels, found)
-        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function))
+        smooth = args.label_edges == LABEL_EDGES[0]
+        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function, smooth))
         remarks = found.remarks
-    channels = zip(args.channel, functions, strict=True)
-    channels = tuple(Channel(_read_beside(scene, path), function) for path, function in channels)
-    return replace(scene, channels=channels), remarks
+    channels = []
+    for path, function in zip(args.channel, functions, strict=True):
+        found = line.follow(_beside_steps(scene.volume, path))
+        channels.append(Channel(found, function))
+        remarks = (*remarks, *found.remarks)
+    return replace(scene, channels=tuple(channels)), remarks
 
 
-def _read_beside(scene: Scene, path):
-    """Read a volume; a raw file is read with the shape of the scene's volume."""
-    from ..read.formats import format_of, read_volume
+def _beside_steps(volume, path):
+    """Generator of Progress: read a channel onto the grid of a volume; a raw file is read with its shape."""
+    from ..read.formats import format_of, read_steps
 
     kind = format_of(path)
-    shape = scene.volume.shape_xyz if kind is not None and "shape" in kind.options else None
-    return read_volume(path, shape=shape)
+    shape = volume.shape_xyz if kind is not None and "shape" in kind.options else None
+    found = yield from read_steps(path, shape=shape)
+    return (yield from on_grid_steps(found, volume, values=True))

@@ -25,6 +25,19 @@ def is_mixed(scene: Scene) -> bool:
     return scene.labels is not None or bool(scene.channels)
 
 
+def only_hides(scene: Scene) -> bool:
+    """Whether the labels of a scene are smooth and only hide: a factor of extinction then does it in ``post``, too."""
+    labels = scene.labels
+    return labels is not None and labels.smooth and not scene.channels and set(labels.functions.values()) == {None}
+
+
+def _fitted_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
+    """The quality for labels: any post-classified one where they only hide, else as ``_classified_by_pre``."""
+    if quality.classification == "post" and only_hides(scene):
+        return quality, ""
+    return _classified_by_pre(scene, quality)
+
+
 def _classified_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     """The quality for labels and channels: what lies between two labels, or two functions, has no value to classify."""
     try:
@@ -66,7 +79,7 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 LABELS = Kind(
     "gives each label its own transfer function, or hides it", _labels_called_for,
     lambda scene: changed(scene, labels=None), stage="mixing",
-    fitted=_classified_by_pre,
+    fitted=_fitted_to_labels,
 )  # fmt: skip
 CHANNELS = Kind(
     "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,

@@ -89,6 +89,14 @@ class MemoryEstimate:
         """The same with what ``count`` lights leave to each voxel, the ambient light among them."""
         return replace(self, normals=self.normals + shadow_bytes(count, self.visible_voxels))
 
+    def with_visible(self, more: int) -> MemoryEstimate:
+        """The same with ``more`` bytes beside the visible voxels, however many these are."""
+        return replace(self, visible=self.visible + more, rows=self.rows + more)
+
+    def with_work(self, work: int) -> MemoryEstimate:
+        """The same where something before the records takes ``work`` bytes meanwhile."""
+        return replace(self, work=max(self.work, work))
+
     def three_axes(self) -> MemoryEstimate:
         """The same with every principal axis held."""
         return self.with_axes(len(AXES))

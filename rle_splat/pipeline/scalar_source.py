@@ -6,6 +6,8 @@ What each stage result depends on, so that a change redoes no more than it must:
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
               a wider one that is kept; there short gaps are closed, too
     normals   relevant, and how the volume lies in the world
+    revealed  the voxels, and where labels hide
+    factor    relevant, where labels hide, and the transfer function
     gradients relevant, where opacity depends on them; thinned, from gradients and light
     shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them
     light     normals, lights and shadows; the view too if a highlight or a headlight follows it, unless that light is
@@ -24,9 +26,12 @@ import numpy as np
 
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.gaps import close_gaps
+from ..classify.limits import LEAST_DISTANCE
 from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
+from ..classify.mixture import Mixture
 from ..classify.points import LARGEST
 from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from ..classify.sizes import mixed_work_bytes
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, shown_values, value_map
@@ -58,6 +63,7 @@ ONE_VOXEL_THICK = (
 )
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0
+HIDING = "Hiding labels"
 IN_ROWS = "rows"  # the voxels' own order
 
 
@@ -135,12 +141,16 @@ class ScalarSource(Source):
     @property
     def preview_stages(self) -> tuple[str, ...]:
         """Tables of scalars are the same whatever the transfer function makes of the values; nodes tell no values."""
-        return ("visible", "normals") if self.scene.mode == MODES[0] else ()
+        return ("visible", "normals") if self.scene.mode == MODES[0] and self.scene.labels is None else ()
 
     @property
     def depth_rule(self) -> str:
         rule = self.quality.depth_rule
         return value_rule(rule) if self.shows_values else rule
+
+    @property
+    def _mixture(self) -> Mixture:
+        return Mixture(self.scene.volume, self.scene.transfer_function, self.scene.labels)
 
     @property
     def shows_values(self) -> bool:
@@ -188,17 +198,28 @@ class ScalarSource(Source):
         volume, tf = scene.volume, scene.transfer_function
         length = unit_length(volume, scene.index_to_world)
         voxels_key = (volume.key if job.cache.keeps else "", self.quality.backend)
+        if scene.labels is not None:
+            voxels_key = (*voxels_key, self._mixture.key)
+            steps = job.steps("revealed", voxels_key, lambda: self._mixture.revealed_steps(**self.machine), _bytes_of)
+            volume = yield from portion(timed(steps, clock, "mixing"), 0.0, 0.0, HIDING)
         steps = timed(job.steps("blocks", voxels_key, lambda: block_steps(volume, **self.machine)), clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         falling = scene_lighting(scene, scene.index_to_world)
         by_normal = self._normal_light(falling)
         lit = falling is not None, by_normal is not None
-        relevant, needed = yield from self._relevant_steps(work, blocks, voxels_key, *lit)
+        relevant, needed = yield from self._relevant_steps(work, volume, blocks, voxels_key, *lit)
         voxels, key = relevant.voxels, (voxels_key, relevant.key)
         with clock.stage("classify"):
             ends, infinite = _value_ends(volume, tf, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
         factor = None
+        if scene.labels is not None:
+            step = max(length * float(volume.spacing.min()), LEAST_DISTANCE)
+            of_function = key, tf.classification_key, length
+            factor = yield from self._hidden_steps(
+                work, voxels, of_function,
+                lambda: extinction_of(transfer, voxels.stored, volume.voxels.dtype, infinite) * step,
+            )
         if tf.gradient_opacity is not None and not self.shows_values:
             with clock.stage("gradients"):
                 factor = self._factor(work, voxels, key)
@@ -220,19 +241,22 @@ class ScalarSource(Source):
         with clock.stage("shade"):
             light, light_key, *made = self._light(work, voxels, key, falling, shadows_key, by_normal)
         if factor is not None:
-            light_key = (light_key, key, tf.gradient_opacity)
+            light_key = (light_key, key, tf.gradient_opacity, tf.classification_key, length)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
         center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
         thinned = factor is not None
         return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, *made, thinned, needed)
 
-    def _relevant_steps(self, work: Work, blocks: Blocks, voxels_key, lit: bool, by_normal: bool):
+    def _relevant_steps(self, work: Work, volume, blocks: Blocks, voxels_key, lit: bool, by_normal: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
-        volume, job, clock = self.scene.volume, work.job, work.clock
+        job, clock = work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
         def needed_by(found: Found) -> MemoryEstimate:
-            needed = estimate_scalars(found, work.axes, lit, work.picture, by_normal=by_normal)
+            labeled = self.scene.labels is not None
+            needed = estimate_scalars(found, work.axes, lit or labeled, work.picture, by_normal=by_normal)
+            if labeled:
+                needed = needed.with_work(mixed_work_bytes(volume.shape_xyz)).with_visible(volume.voxels.nbytes)
             return needed.with_shadows(shadow_count(self.scene) if lit else 0)
 
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
@@ -276,6 +300,11 @@ class ScalarSource(Source):
         distance = opacity_distance(volume, tf, length)
         return work.job.get("table", key, lambda: lookup_table(volume, tf, ends, distance))
 
+    def _hidden_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
+        """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""
+        steps = work.job.steps("factor", key, lambda: self._mixture.factor_steps(voxels, depth(), **self.machine))
+        return (yield from portion(timed(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
+
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
         """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""
         volume = self.scene.volume
@@ -294,7 +323,7 @@ class ScalarSource(Source):
         scene, quality = self.scene, self.quality
         if falling is None or not follows_view(scene, falling) or shadow_count(scene):
             return None
-        if scene.transfer_function.gradient_opacity is not None or quality.rays > 0.0:
+        if scene.transfer_function.gradient_opacity is not None or scene.labels is not None or quality.rays > 0.0:
             return None
         if sheets_per_cell(self.depth_rule) > 1:
             return None
@@ -398,3 +427,8 @@ def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
         finite = sorted((value - volume.intercept) / volume.slope for value in volume.value_range)
         least, most = min(finite[0], infinite[0]), max(finite[1], infinite[1])
     return (least, most) if least <= most else (0.0, 0.0), infinite
+
+
+def _bytes_of(volume) -> int:
+    """Of a volume whose voxels are a copy."""
+    return volume.voxels.nbytes

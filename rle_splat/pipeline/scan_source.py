@@ -21,6 +21,7 @@ import numpy as np
 from ..classify.classification import ClassifiedVolume, classified, unit_length
 from ..classify.mixture import Mixture
 from ..classify.refined import RefinedVolume, fine_block_steps
+from ..classify.sizes import mixed_work_bytes
 from ..classify.visible import Visibility, count_steps, fill_steps
 from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
@@ -106,6 +107,10 @@ class ScanSource(Source):
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return classified(shown, voxels, length, **self.machine)
 
+    def estimated(self, needed: MemoryEstimate) -> MemoryEstimate:
+        """An estimate of memory with what only this kind of scan takes."""
+        return needed
+
     @property
     def record_type(self):
         """Type of the voxels for the estimate of memory: float32 where each has its own optical properties."""
@@ -180,7 +185,7 @@ class ScanSource(Source):
                 self.scene.volume, counted, self.quality, axes=work.axes, shaded=shaded, picture=work.picture,
                 dtype=self.record_type,
             )  # fmt: skip
-            return found.with_shadows(shadow_count(self.scene) if shaded else 0)
+            return self.estimated(found.with_shadows(shadow_count(self.scene) if shaded else 0))
 
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
@@ -255,6 +260,9 @@ class MixedSource(ScanSource):
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return shown.classified(voxels, length, **self.machine)
+
+    def estimated(self, needed: MemoryEstimate) -> MemoryEstimate:
+        return needed.with_work(mixed_work_bytes(self.scene.volume.shape_xyz))
 
     @property
     def record_type(self):

@@ -40,7 +40,7 @@ FORMATS = (
     ),
     Format(
         "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
-        ("series", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
+        ("series", "series_key", "frame", "spacing"), read_dicom_steps, recognizes_dicom, reads_dicom_folder,
         names_volume=True,
     ),
     Format(
@@ -117,7 +117,7 @@ def _chosen(path: Path, given: dict) -> Format:
     chosen = format_of(path)
     if chosen is None and path.is_dir():
         raise no_images(path, sum(1 for file in islice(path.rglob("*"), FILES_COUNTED) if file.is_file()))
-    if "shape" in given and format_named(path) in (None, RAW):
+    if "shape" in given and path.is_file() and format_named(path) in (None, RAW):
         chosen = RAW
     if chosen is None:
         raise RleSplatError(
@@ -137,7 +137,10 @@ def read_steps(path, **options):
     """
     path = Path(path)
     given = {name: value for name, value in options.items() if value is not None}
+    key = given.pop("series_key", None)  # of what was read before; another format has no use for it
     chosen = _chosen(path, given)
+    if key is not None and "series_key" in chosen.options:
+        given["series_key"] = key
     numbered = None
     if "frame" in given and "frame" not in chosen.options:
         numbered = _numbered(path)
@@ -186,7 +189,8 @@ def read_volume(path, **options) -> Volume:
 
         Raw voxels: ``shape`` (nx, ny, nz), ``dtype``, ``byte_order``, ``header_bytes``, ``spacing`` (sx, sy, sz).
         OpenVDB: ``grid``, the name of a grid.
-        Several series in one place: ``series``, the number of one, from 1.
+        Several series in one place: ``series``, the number of one, from 1; ``series_key``, the ``Volume.series`` of one
+        that was read before, to find it again.
         Several volumes in time, in one file or in numbered files such as smoke_0001.vdb: ``frame``, the number of one,
         from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,

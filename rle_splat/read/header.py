@@ -102,6 +102,8 @@ def checked_kind(path, dtype: np.dtype) -> np.dtype:
         what, remedy = "complex numbers", "export their magnitude"
     elif dtype.names:
         what, remedy = "colors", "export one number for each voxel"
+    elif dtype.itemsize > 8 or dtype.kind == "V":  # a void is nibabel's for what numpy lacks
+        what, remedy = "numbers of 128 bits", "export it as float32"
     else:
         what, remedy = f"numbers of type {dtype.name}", "export it as float32"
     raise RleSplatError(f"The voxels of {Path(path).name} are {what}, which cannot be read; {remedy}.")

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.steps import Progress
+from ..runtime.steps import Progress, portion
 from ..scene import RleSplatError
+from ..volume.counts import counts_values
 from ..volume.regrid import on_grid_steps
-from ..volume.volume import NamedLabel, Volume
+from ..volume.volume import NamedLabel, Volume, range_steps
 from .color import linear
 from .formats import RAW, format_of, read_steps
 
@@ -19,6 +20,8 @@ TEXT_SUFFIXES = (".txt", ".label")
 MOST_TEXT = 1 << 20  # bytes of a file of names
 ROW = re.compile(r'^\s*(\d{1,9})\s+(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})\s+([\d.]+)\s+([01])\s+([01])\s+"(.*)"\s*$')
 LARGEST = 2**31 - 1
+NARROW = (np.uint16, np.int16)
+DOING = "reading labels"
 
 
 def read_label_steps(path, volume: Volume):
@@ -44,7 +47,7 @@ def read_label_steps(path, volume: Volume):
     path = Path(path)
     bare = path.is_file() and format_of(path) is RAW
     labels = yield from read_steps(path, **(dict(shape=volume.shape_xyz, spacing=volume.spacing) if bare else {}))
-    labels = yield from _whole_steps(labels)
+    labels = yield from _narrow_steps((yield from _whole_steps(labels)))
     if not labels.named_labels:
         labels = replace(labels, named_labels=_names_beside(path))
     return (yield from on_grid_steps(labels, volume))
@@ -60,8 +63,23 @@ def _whole_steps(labels: Volume):
         if not (np.abs(values) <= LARGEST).all() or (values != np.round(values)).any():
             return labels  # no label map; Labels says so
         voxels[z] = values
-        yield Progress(z / len(voxels), "reading labels")
+        yield Progress(z / len(voxels), DOING)
     return replace(labels, voxels=voxels, slope=1.0, intercept=0.0)
+
+
+def _narrow_steps(labels: Volume):
+    """Generator of Progress: a label map of 32 bits in 16, if its values fit, so that lookup tables classify it."""
+    if labels.voxels.dtype.kind not in "iu" or counts_values(labels.voxels.dtype):
+        return labels
+    low, high = yield from portion(range_steps(labels), 0.0, 1.0, DOING)
+    fits = [kind for kind in NARROW if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max]
+    if not fits:
+        return labels
+    voxels = np.empty(labels.voxels.shape, dtype=fits[0])
+    for z, stored in enumerate(labels.voxels):
+        voxels[z] = stored
+        yield Progress(z / len(voxels), DOING)
+    return replace(labels, voxels=voxels)
 
 
 def _names_beside(path: Path) -> tuple[NamedLabel, ...]:

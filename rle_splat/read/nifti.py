@@ -32,6 +32,7 @@ from .header import (
     library,
     sensible_spacing,
 )
+from .library_import import library_steps
 from .streaming import EndsEarly, Part, bytes_steps, plain_name, voxel_steps, write_voxel_steps, written
 
 MAGICS = {b"n+1\0": 1, b"ni1\0": 1, b"n+2\0": 2, b"ni2\0": 2}  # at byte 344 of version 1, at byte 4 of version 2
@@ -181,6 +182,7 @@ def read_nifti_steps(path, frame=None):
     """
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")
+    yield from library_steps("nibabel", "nibabel", "NIfTI")
     facts = _facts(path)
     frame = checked_frame(path, frame, facts.frames)
     packing = "gzip" if head_of(facts.data).is_gzip else None

@@ -9,6 +9,32 @@ import numpy as np
 
 from .errors import RleSplatError
 
+TOLERANCE = 0.05  # voxels; grids that differ by less anywhere are the same
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
+
+
+def moved_corners(one, other) -> tuple[np.ndarray, np.ndarray]:
+    """The corners of a volume's grid as voxel indices of itself and of another volume.
+
+    Parameters
+    ----------
+    one, other : Volume
+
+    Returns
+    -------
+    own, others : (8, 3) ndarray of float64
+        Indices (x, y, z) of ``one``'s corners in ``one``, and the same places in ``other``.
+    """
+    matrix = np.linalg.inv(other.affine) @ one.affine
+    own = CORNERS * (np.array(one.shape_xyz) - 1.0)
+    return own, own @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def is_same_grid(one, other) -> bool:
+    """Whether two volumes have voxels of the same places, in number and by their affines."""
+    own, others = moved_corners(one, other)
+    return one.shape_xyz == other.shape_xyz and bool(np.abs(others - own).max() <= TOLERANCE)
+
 
 @dataclass(frozen=True, eq=False)
 class Labels:
@@ -22,6 +48,9 @@ class Labels:
         Transfer function of a label; None hides the label. Labels without an entry use the scene's transfer function.
     names : dict of int to str
         Names of labels, for display.
+    smooth : bool
+        Whether voxels beside an edge of a label are shared by the transfer functions on both sides, so that edges are
+        smooth; else an edge shows the steps of the voxels.
 
     Raises
     ------
@@ -32,6 +61,7 @@ class Labels:
     volume: object
     functions: dict = field(default_factory=dict)
     names: dict = field(default_factory=dict)
+    smooth: bool = True
 
     def __post_init__(self):
         if self.volume.voxels.dtype.kind not in "iu":

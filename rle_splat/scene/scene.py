@@ -12,7 +12,7 @@ from .camera import Camera
 from .checks import as_color, as_matrix, identity, is_finite_number, positive
 from .clip import Clip
 from .errors import RleSplatError
-from .further_volumes import Labels
+from .further_volumes import Labels, is_same_grid
 from .mist import Mist
 
 # What a pixel shows of the values along its ray; see effects/ray_values.py. Shown in help texts and tooltips.
@@ -165,10 +165,15 @@ class Scene:
             self._check_grid(channel.volume, "channel")
 
     def _check_grid(self, other, what: str) -> None:
-        """Refuse a volume ``other`` whose grid has another shape."""
+        """Refuse a volume ``other`` whose grid has another shape or another place in the patient."""
         mine, others = (" x ".join(map(str, one.shape_xyz)) for one in (self.volume, other))
         if mine != others:
             raise RleSplatError(f"The {what} has {others} voxels and the volume has {mine}; give one on the same grid.")
+        if None not in (self.volume.space, other.space) and not is_same_grid(self.volume, other):
+            raise RleSplatError(
+                f"The {what} lies elsewhere in the patient than the volume; bring it onto the volume's grid with "
+                "volume.regrid.on_grid_steps."
+            )
 
     @property
     def region(self) -> tuple[int, int, int, int]:

@@ -1,4 +1,7 @@
-"""Labels brought onto the grid of a volume by the places of both in the patient, by nearest neighbor."""
+"""Further volumes brought onto the grid of a volume by the places of both in the patient.
+
+Labels take the nearest voxel; the values of channels are interpolated linearly.
+"""
 
 from __future__ import annotations
 
@@ -8,72 +11,90 @@ from dataclasses import replace
 import numpy as np
 
 from ..runtime.memory import refuse_beyond
-from ..runtime.steps import Progress
+from ..runtime.steps import Progress, mapped
 from ..scene import RleSplatError
-from .volume import PATIENT, Volume
+from ..scene.further_volumes import CORNERS, TOLERANCE, is_same_grid, moved_corners
+from .volume import PATIENT, Volume, range_steps
 
-TOLERANCE = 0.05  # voxels; grids that differ by less anywhere are the same
-CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
-DOING = "matching the labels to the volume"
+DOING = "matching {} to the volume"
+NAMES = {False: "The label file", True: "The channel"}
 
 
-def on_grid_steps(labels: Volume, volume: Volume):
-    """Generator of Progress: a label map on the grid of a volume.
+def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
+    """Generator of Progress: a label map or a channel on the grid of a volume.
 
     Parameters
     ----------
-    labels : Volume
-        Whole numbers.
+    one : Volume
+        A label map, or a channel.
     volume : Volume
+    values : bool
+        Whether ``one`` holds values, which may be interpolated, and not labels.
 
     Returns
     -------
     Volume
-        ``labels`` itself if both have one grid, or if one of them is not in patient space: then voxels of the same
-        index belong together. Else a new label map: voxels in another order are reordered exactly, and on another grid
-        each voxel takes the nearest label, 0 outside. ``remarks`` say what was done.
+        ``one`` itself if both have one grid, or if one of them is not in patient space: then voxels of the same index
+        belong together. Else a new volume: voxels in another order are reordered exactly. On another grid each voxel
+        takes the nearest label, 0 outside, or the value between its neighbors, the lowest one outside. ``remarks`` say
+        what was done.
 
     Raises
     ------
     RleSplatError
-        If no voxel of the volume lies within the label map.
+        If no voxel of the volume lies within ``one``.
     """
-    if PATIENT not in (labels.space, volume.space):
-        return labels
-    if labels.space != volume.space:
-        which = "volume" if volume.space is None else "label file"
-        remark = f"The {which} does not say how it lies in the patient, so labels were matched voxel by voxel."
-        return replace(labels, remarks=(*labels.remarks, remark))
-    matrix = np.linalg.inv(labels.affine) @ volume.affine  # index of the volume -> index of the labels
-    last = np.array(volume.shape_xyz) - 1.0
-    moved = CORNERS * last @ matrix[:3, :3].T + matrix[:3, 3]
-    if labels.shape_xyz == volume.shape_xyz and np.abs(moved - CORNERS * last).max() <= TOLERANCE:
-        return labels
-    needed = math.prod(volume.shape_xyz) * labels.voxels.dtype.itemsize
-    refuse_beyond(needed, "Labels on the grid of the volume need", "crop or downsample the volume")
-    yield Progress(0.0, DOING)
-    order = _axis_order(matrix, last)
-    if order is None:
-        voxels, outside = yield from _gathered_steps(labels.voxels, matrix, volume.shape_xyz)
-    else:
-        voxels, outside = yield from _reordered_steps(labels.voxels, matrix, order, volume.shape_xyz)
-    if outside == voxels.size:
-        raise RleSplatError(
-            "The label file lies elsewhere: no voxel of the volume is within it; choose the labels of this scan."
-        )
-    remark = _remark(labels, volume, moved, order, outside / voxels.size)
-    return replace(labels, voxels=voxels, affine=volume.affine, remarks=(*labels.remarks, remark))
-
-
-def _remark(labels: Volume, volume: Volume, moved, order, outside: float) -> str:
-    """What was done, in one sentence; ``moved``: the volume's corners as indices of the labels."""
+    if PATIENT not in (one.space, volume.space):
+        return one
+    name = NAMES[values]
+    if one.space != volume.space:
+        which = "The volume" if volume.space is None else name
+        what = "channels" if values else "labels"
+        remark = f"{which} does not say how it lies in the patient, so {what} were matched voxel by voxel."
+        return replace(one, remarks=(*one.remarks, remark))
+    if is_same_grid(volume, one):
+        return one
+    needed = math.prod(volume.shape_xyz) * one.voxels.dtype.itemsize
+    what = "A channel" if values else "Labels"
+    refuse_beyond(needed, f"{what} on the grid of the volume need", "crop or downsample the volume")
+    doing = DOING.format("a channel" if values else "the labels")
+    yield Progress(0.0, doing)
+    own, moved = moved_corners(volume, one)
+    matrix = np.linalg.inv(one.affine) @ volume.affine  # index of the volume -> index of the other
+    order = _axis_order(matrix, own[-1])
     whole = np.abs(moved - np.round(moved)).max() <= TOLERANCE
-    fits = order is not None and [labels.shape_xyz[i] for i in range(3)] == [volume.shape_xyz[a] for a in order]
+    filling = 0
+    if values:
+        low, _ = yield from _fractions(range_steps(one), doing)
+        filling = (low - one.intercept) / one.slope
+    if order is not None and (whole or not values):
+        steps = _reordered_steps(one.voxels, matrix, order, volume.shape_xyz, filling)
+    elif values:
+        steps = _interpolated_steps(one.voxels, matrix, volume.shape_xyz, filling)
+    else:
+        steps = _gathered_steps(one.voxels, matrix, volume.shape_xyz)
+    voxels, outside = yield from _fractions(steps, doing)
+    if outside == voxels.size:
+        scan = "a channel" if values else "the labels"
+        raise RleSplatError(f"{name} lies elsewhere: no voxel of the volume is within it; choose {scan} of this scan.")
+    remark = _remark(one, volume, name, order, whole, outside / voxels.size)
+    return replace(one, voxels=voxels, affine=volume.affine, remarks=(*one.remarks, remark))
+
+
+def _fractions(steps, doing: str):
+    """Generator of Progress: the steps of a generator of fractions."""
+    return (yield from mapped(steps, lambda done: Progress(done, doing)))
+
+
+def _remark(one: Volume, volume: Volume, name: str, order, whole: bool, outside: float) -> str:
+    """What was done, in one sentence."""
+    fits = order is not None and [one.shape_xyz[i] for i in range(3)] == [volume.shape_xyz[a] for a in order]
     if whole and fits and outside == 0.0:
-        return "The label file stores its voxels in another order; they were reordered."
-    shape = " x ".join(map(str, labels.shape_xyz))
+        return f"{name} stores its voxels in another order; they were reordered."
+    shape = " x ".join(map(str, one.shape_xyz))
     beyond = f", and {outside:.0%} of the volume lie outside it" if outside > 0.0 else ""
-    return f"The label file has another grid ({shape} voxels); each voxel takes the nearest label{beyond}."
+    takes = "each voxel takes the nearest label" if name == NAMES[False] else "its values were interpolated"
+    return f"{name} has another grid ({shape} voxels); {takes}{beyond}."
 
 
 def _axis_order(matrix, last) -> tuple | None:
@@ -86,8 +107,8 @@ def _axis_order(matrix, last) -> tuple | None:
     return tuple(int(a) for a in order)
 
 
-def _reordered_steps(voxels: np.ndarray, matrix, order, shape_xyz):
-    """Generator of Progress: gather along the axes one by one; return (voxels, how many lie outside)."""
+def _reordered_steps(voxels: np.ndarray, matrix, order, shape_xyz, filling):
+    """Generator of fractions: gather along the axes one by one; return (voxels, how many lie outside)."""
     counts = voxels.shape[::-1]
     found, inside = [], []
     for i, axis in enumerate(order):
@@ -96,21 +117,22 @@ def _reordered_steps(voxels: np.ndarray, matrix, order, shape_xyz):
         found.append(np.clip(index, 0, counts[i] - 1))
     along_z = order.index(2)  # the axis of the labels that follows the volume's slices
     others = [i for i in (2, 1, 0) if i != along_z]
-    result = np.zeros(shape_xyz[::-1], dtype=voxels.dtype)
+    result = np.full(shape_xyz[::-1], filling, dtype=voxels.dtype)
     grid = np.ix_(*(found[i] for i in others))
     keep = np.logical_and.outer(*(inside[i] for i in others))
     covered = 0
     for z in range(shape_xyz[2]):
         if inside[along_z][z]:
-            plane = np.take(voxels, found[along_z][z], axis=2 - along_z)[grid] * keep
+            plane = np.take(voxels, found[along_z][z], axis=2 - along_z)[grid]
+            plane[~keep] = filling
             result[z] = plane if order[others[0]] == 1 else plane.T
             covered += int(keep.sum())
-        yield Progress(z / shape_xyz[2], DOING)
+        yield z / shape_xyz[2]
     return result, result.size - covered
 
 
 def _gathered_steps(voxels: np.ndarray, matrix, shape_xyz):
-    """Generator of Progress: gather each voxel's nearest label; return (voxels, how many lie outside)."""
+    """Generator of fractions: gather each voxel's nearest label; return (voxels, how many lie outside)."""
     nx, ny, nz = shape_xyz
     counts = np.array(voxels.shape[::-1])
     result = np.zeros((nz, ny, nx), dtype=voxels.dtype)
@@ -122,5 +144,32 @@ def _gathered_steps(voxels: np.ndarray, matrix, shape_xyz):
         ix, iy, iz = (i[inside] for i in index)
         result[z][inside] = voxels[iz, iy, ix]
         covered += int(inside.sum())
-        yield Progress(z / nz, DOING)
+        yield z / nz
+    return result, result.size - covered
+
+
+def _interpolated_steps(voxels: np.ndarray, matrix, shape_xyz, filling):
+    """Generator of fractions: interpolate linearly between voxels; return (voxels, how many lie outside).
+
+    Integers are rounded. Places up to half a voxel beyond the outermost centers count as these.
+    """
+    nx, ny, nz = shape_xyz
+    counts = np.array(voxels.shape[::-1])
+    result = np.full((nz, ny, nx), filling, dtype=voxels.dtype)
+    x, y = np.arange(nx), np.arange(ny)[:, None]
+    covered = 0
+    for z in range(nz):
+        places = [row[0] * x + row[1] * y + (row[2] * z + row[3]) for row in matrix[:3]]
+        inside = np.logical_and.reduce([(p >= -0.5) & (p <= n - 0.5) for p, n in zip(places, counts)])
+        places = [np.clip(p[inside], 0.0, n - 1.0) for p, n in zip(places, counts)]
+        first = [np.minimum(p.astype(np.int64), max(n - 2, 0)) for p, n in zip(places, counts)]
+        value = np.zeros(len(places[0]))
+        for corner in CORNERS.astype(np.int64):
+            share = np.prod([p - i if far else 1.0 - (p - i) for p, i, far in zip(places, first, corner)], axis=0)
+            ix, iy, iz = (np.minimum(i + far, n - 1) for i, far, n in zip(first, corner, counts))
+            # A share of zero takes nothing, not even of a NaN.
+            value += np.multiply(share, voxels[iz, iy, ix], out=np.zeros(len(share)), where=share > 0.0)
+        result[z][inside] = np.rint(value) if result.dtype.kind in "iu" else value
+        covered += int(inside.sum())
+        yield z / nz
     return result, result.size - covered

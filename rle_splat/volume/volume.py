@@ -70,6 +70,9 @@ class Volume:
         What the volumes of the source differ in: "time", or another word for the reader, such as "echo time".
     named_labels : tuple of NamedLabel
         Names and colors of the labels of a label map; empty for other volumes.
+    series : str
+        Hash of the identifier of the DICOM series that it was read from, by which the series is found again; "" for
+        other volumes.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class Volume:
     frames: int = 1
     frame_axis: str = "time"
     named_labels: tuple = ()
+    series: str = ""
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
     refinement: ClassVar[int] = 1  # voxels per voxel of the scan, along each side

@@ -105,3 +105,39 @@ def test_what_cannot_be_a_channel_is_refused_in_a_sentence(pair, refused, tmp_pa
     refused(lambda: bpy.ops.rle_splat.remove_channel(index=5), "no channel 5")
     select(first)
     assert not bpy.ops.rle_splat.add_channels.poll()
+
+
+def test_channels_are_matched_by_their_places_in_the_patient(bridge, tmp_path, capfd, refused):
+    """Stored in another order, on a coarser grid, or elsewhere; a window does it in steps."""
+    nibabel = pytest.importorskip("nibabel")
+    values = np.random.default_rng(1).integers(0, 255, (9, 8, 7)).astype(np.uint8)
+    flip = np.diag((-1.0, 1, 1, 1))
+    flip[0, 3] = 8.0
+    affines = {
+        "first": np.eye(4), "flipped": flip, "coarse": np.diag((2.0, 2.0, 2.0, 1.0)),
+        "away": np.array([(1, 0, 0, 99), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1.0)]),
+    }  # fmt: skip
+    stored = {"first": values, "flipped": values[::-1], "coarse": values[::2, ::2, ::2], "away": values}
+    made = {}
+    for name, affine in affines.items():
+        nibabel.save(nibabel.Nifti1Image(stored[name], affine), tmp_path / f"{name}.nii")
+        bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / f"{name}.nii"))
+        made[name] = bpy.context.view_layer.objects.active
+    first, loading, channels = made["first"], bridge("loading"), bridge("channels")
+    select(first, made["away"])
+    refused(bpy.ops.rle_splat.add_channels, "lies elsewhere")
+    select(first, made["flipped"], made["coarse"])
+    steps = loading.missing_steps(first, further=[made["flipped"], made["coarse"]])
+    assert "matching a channel to the volume" in {step.message for step in steps}
+    capfd.readouterr()
+    assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
+    told = capfd.readouterr().out
+    assert "in another order; they were reordered" in told and "another grid (5 x 4 x 4 voxels)" in told
+    assert loading.missing_steps(first) is None and loading.is_at_hand(first)
+    volume, depsgraph = bridge("volumes").load_volume(first), bpy.context.evaluated_depsgraph_get()
+    found = {row.volume.name: row.volume for row in channels.read_channels(first, depsgraph, volume)}
+    np.testing.assert_array_equal(found["flipped"].voxels, volume.voxels)
+    assert found["coarse"].shape_xyz == volume.shape_xyz
+    np.testing.assert_array_equal(found["coarse"].voxels[::2, ::2, ::2], volume.voxels[::2, ::2, ::2])
+    bridge("volumes").forget_all()
+    assert loading.missing_steps(first) is not None and not loading.is_at_hand(first)

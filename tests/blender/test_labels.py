@@ -62,9 +62,44 @@ def test_labels_are_listed_hidden_and_colored(owner):
     rows[1].show = False
     hidden = picture()[20:28]
     assert hidden[:, column_of(0.5), 3].max() < 0.01 < 0.3 < hidden[:, column_of(6.0), 3].min()
+    owner.rle_splat.smooth_labels = False
+    assert np.abs(picture()[20:28] - hidden).max() > 0.02
     rows[1].label_name = "liver"
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert rows[1].label_name == "liver" and not rows[1].show, "what was said of a label stays"
+
+
+def test_label_maps_are_read_in_steps(owner, bridge, core):
+    """What a window reads first, in slices of work, and what Esc leaves: nothing."""
+    loading, labels, volumes = (bridge(name) for name in ("loading", "labels", "volumes"))
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    owner.rle_splat.labels[1].show = False
+    assert loading.missing_steps(owner) is None and loading.is_at_hand(owner)
+    for forget in (labels._kept.clear, volumes.forget_all):
+        forget()
+        assert not loading.is_at_hand(owner)
+        steps = loading.missing_steps(owner)
+        kept = dict(labels._kept)
+        messages = [next(steps).message]
+        steps.close()
+        assert labels._kept == kept and not loading.is_at_hand(owner)
+        messages += [step.message for step in loading.missing_steps(owner)]
+        assert any("labels" in message for message in messages) or forget == volumes.forget_all
+        assert loading.is_at_hand(owner) and loading.missing_steps(owner) is None
+    labels._kept.clear()
+    read_ahead = bridge("read_ahead")
+    assert read_ahead.want(owner)  # as a backdrop that follows the scene does
+    while read_ahead._tick() is not None:
+        pass
+    assert loading.is_at_hand(owner) and not read_ahead.want(owner)
+
+
+def test_a_label_file_that_is_gone_is_told_and_not_waited_for(owner, bridge, refused, tmp_path):
+    bpy.ops.rle_splat.read_labels()
+    owner.rle_splat.labels[1].show = False
+    (tmp_path / "labels.raw").unlink()
+    assert bridge("loading").is_at_hand(owner)
+    refused(bpy.ops.rle_splat.render_image, "choose the file, or clear the field")
 
 
 def test_a_preset_for_a_label(owner):

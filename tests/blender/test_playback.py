@@ -141,6 +141,39 @@ def test_the_next_frame_is_read_ahead(owner, bridge, core):
     assert shown_at(bridge, owner, (1,)) == [1] and len(volumes._kept) == 1  # after a jump nothing old stays
 
 
+@pytest.mark.parametrize("playback, name, keys", [
+    ("FIXED", "frame", ((1, 1), (2, 4))), ("HOLD", "frame_offset", ((1, 0), (2, 2))),
+    ("HOLD", "frame_step", ((1, 1), (2, 3))),
+])  # fmt: skip
+def test_the_next_keyframed_frame_is_read_ahead(owner, bridge, playback, name, keys):
+    read_ahead, volumes = bridge("read_ahead"), bridge("volumes")
+    owner.rle_splat.playback = playback
+    for time, value in keys:
+        setattr(owner.rle_splat, name, value)
+        owner.keyframe_insert(f"rle_splat.{name}", frame=time)
+    assert shown_at(bridge, owner, (1,)) == [1]
+    read_ahead._is_due[0] = True
+    run_timer(read_ahead)
+    assert len(volumes._kept) == 2
+    bpy.context.scene.frame_set(2)
+    assert volumes.is_at_hand(owner) and value_now(bridge, owner) == 4
+
+
+def test_the_one_frame_that_is_shown_is_not_read_again(owner, bridge):
+    owner.rle_splat.playback = "FIXED"
+    assert value_now(bridge, owner) == 1 and bridge("read_ahead")._next_frame() == []
+
+
+def test_another_frame_that_was_written_again_is_told(owner, bridge, sequence):
+    volumes, warnings = bridge("volumes"), []
+    bpy.context.scene.frame_set(3)
+    volumes.load_volume(owner, warnings.append)
+    assert not warnings
+    sequence.with_name("beat_0003.raw").write_bytes(bytes([99]) * N**3)
+    volumes.load_volume(owner, warnings.append)
+    assert len(warnings) == 1 and "have changed since the import; if frame 3 looks wrong" in warnings[0]
+
+
 def test_a_picture_of_another_frame_is_out_of_date(owner, bridge):
     freshness, scene = bridge("freshness"), bpy.context.scene
     scene.frame_set(1)

@@ -76,13 +76,47 @@ def test_relocate_takes_a_folder(study, bridge):
     assert bridge("volumes").load_volume(active()).shape_xyz[2] == 5
 
 
-def test_relocate_to_several_series_lists_them_and_changes_nothing(study, refused):
+def test_relocate_finds_the_series_among_others(study, bridge, tmp_path, capfd):
+    """By the hash of its identifier, which is all that the .blend holds of it."""
+    for name, count in (("first", 5), ("second", 7)):
+        bpy.ops.rle_splat.import_folder(directory=str(study / name))
+        assert bpy.ops.rle_splat.relocate(filepath=str(study)) == {"FINISHED"}
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+        assert bridge("volumes").load_volume(active()).shape_xyz[2] == count
+    assert "does not hold the series" not in "".join(capfd.readouterr())
+
+
+def test_relocate_to_other_series_lists_them_and_changes_nothing(study, refused, phantoms, tmp_path, capfd):
     bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
-    before = active().rle_splat.filepath
-    refused(bpy.ops.rle_splat.relocate, "There are 2 series", filepath=str(study))
-    assert active().rle_splat.filepath == before
-    assert bpy.ops.rle_splat.relocate(filepath=str(study), series=1) == {"FINISHED"}
-    assert active().rle_splat.series == 1
+    before, key = active().rle_splat.filepath, active().rle_splat.series_key
+    for name in ("third", "fourth"):
+        where = phantoms.geometry(name, (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(5)])
+        phantoms.write_classic(tmp_path / "others" / name, where)
+    refused(bpy.ops.rle_splat.relocate, "There are 2 series", filepath=str(tmp_path / "others"))
+    assert active().rle_splat.filepath == before and active().rle_splat.series_key == key
+    capfd.readouterr()
+    assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "others"), series=1) == {"FINISHED"}
+    assert "others does not hold the series that was imported; another one was read" in "".join(capfd.readouterr())
+    assert active().rle_splat.series == 1 and active().rle_splat.series_key not in ("", key)
+
+
+def test_changes_beside_a_file_and_deep_in_a_folder_are_noticed(study, bridge, phantoms):
+    (study / "second").rename(study.parent / "second")
+    changed = sorted((study / "first").iterdir())[2]
+    for path in (study, sorted((study / "first").iterdir())[0]):
+        bpy.ops.rle_splat.import_volume(filepath=str(path))
+        (study / "first" / "scene.blend").write_bytes(b"")
+        bridge("file_state").forget()  # as a second later
+        assert bridge("volumes").is_at_hand(active()), "a scene beside a scan is none of its files"
+        content = phantoms.read(changed)
+        content.PixelData = bytes(reversed(content.PixelData))
+        with open(changed, "r+b") as stream:  # in place: the folder's own time stays
+            content.save_as(stream)
+        bridge("file_state").forget()
+        warnings = []
+        bridge("volumes").load_volume(active(), warnings.append)
+        assert len(warnings) == 1 and "changed" in warnings[0]
 
 
 def test_what_the_chooser_shows(study, bridge, core):
@@ -133,7 +167,7 @@ def test_a_slice_that_is_written_again_is_noticed(study, bridge, phantoms):
     content.PixelData = bytes(len(content.PixelData))
     with open(path, "r+b") as stream:  # in place: the folder's own time stays
         content.save_as(stream)
-    volumes._folders.clear()  # as a second later
+    bridge("file_state").forget()  # as a second later
     warnings = []
     volumes.load_volume(active(), warnings.append)
     assert len(warnings) == 1 and "changed" in warnings[0]
@@ -154,5 +188,7 @@ def test_a_second_series_that_came_later_is_told_in_a_sentence(study, bridge, co
     bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
     (study / "second").rename(study / "first" / "more")
     bridge("volumes").forget_all()
+    assert bridge("volumes").load_volume(active()).shape_xyz[2] == 5, "it is found by its hash"
+    active().rle_splat.series_key = ""  # as in a scene of an earlier version
     with pytest.raises(core("scene").RleSplatError, match=r"There are 2 series at .*first; press Relocate"):
         bridge("volumes").load_volume(active())

@@ -42,6 +42,15 @@ def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     assert any("the classification is pre" in remark for remark in report["remarks"])
 
 
+def test_edges_of_labels_show_voxels_where_that_is_wanted(picture, labels, write_json):
+    words = "--labels", labels, "--label-functions", write_json([{"label": 1, "hidden": True}])
+    smooth, by_default, voxels = (
+        picture(*words, *more)[0] for more in (("--label-edges", "smooth"), (), ("--label-edges", "voxels"))
+    )
+    np.testing.assert_array_equal(smooth, by_default)
+    assert np.abs(smooth - voxels).max() > 0.02
+
+
 def test_a_label_by_preset_or_by_function(picture, labels, write_json, function_file):
     own = json.loads(function_file.read_text())
     functions = [{"label": 1, "preset": "x-ray"}, {"label": 2, "transfer_function": own}]
@@ -127,8 +136,41 @@ def test_a_flipped_label_map_gives_the_same_picture(call, function_file, tmp_pat
         assert ("another order; they were reordered" in result.out) == (name == "flipped")
         pictures.append(np.load(out))
     np.testing.assert_array_equal(*pictures)
-    assert pictures[0][18, 12, 0] > 0.1 > 1e-6 > pictures[0][18, 12, 2]  # red at the patient's right, the viewer's left
+    assert pictures[0][18, 10, 0] > 0.1 > 1e-6 > pictures[0][18, 10, 2]  # red at the patient's right, the viewer's left
     assert pictures[0][18, 28, 2] > 0.1 > 1e-6 > pictures[0][18, 28, 0]
+
+
+def test_channels_are_matched_by_their_places(call, refused, function_file, tmp_path):
+    """The same channel stored in another order is the same picture; one of another place is refused."""
+    from rle_splat.read.formats import write_volume
+    from rle_splat.volume.volume import PATIENT, Volume
+
+    values = np.random.default_rng(1).integers(0, 255, (12, 14, 16)).astype(np.uint8)
+    affine = np.array([(1.0, 0, 0, -8), (0, 1, 0, -7), (0, 0, 1, 3), (0, 0, 0, 1)])
+    flip = np.diag((-1.0, 1, 1, 1))
+    flip[0, 3] = 15.0
+    away = affine.copy()
+    away[2, 3] = 500.0
+    for name, stored, place in (
+        ("same", values, affine), ("flipped", values[:, :, ::-1], affine @ flip), ("away", values, away),
+        ("half", values[:, :, ::2], affine @ np.diag((2.0, 1, 1, 1))),
+    ):  # fmt: skip
+        write_volume(Volume(np.ascontiguousarray(stored), place, space=PATIENT), tmp_path / f"{name}.nii")
+
+    def words(name):
+        return (
+            "render", tmp_path / "same.nii", "--transfer-function", function_file, "--size", "40x36", "--channel",
+            tmp_path / f"{name}.nii", "--channel-function", function_file, "-o", tmp_path / f"{name}.npy",
+        )  # fmt: skip
+
+    told = {name: call(*words(name)) for name in ("same", "flipped", "half")}
+    assert [one.code for one in told.values()] == [0, 0, 0], told
+    pictures = {name: np.load(tmp_path / f"{name}.npy") for name in told}
+    np.testing.assert_array_equal(pictures["flipped"], pictures["same"])
+    assert "The channel stores its voxels in another order; they were reordered." in told["flipped"].out
+    assert "has another grid (8 x 14 x 12 voxels); its values were interpolated" in told["half"].out
+    assert 0.01 < np.abs(pictures["half"] - pictures["same"]).max() < 1.0
+    assert "The channel lies elsewhere" in refused(*words("away"))
 
 
 def test_labels_without_names_need_looks(call, raw, raw_options, labels, tmp_path):

@@ -5,6 +5,7 @@ So any reader's array and affine can be judged in millimeters without knowing ho
 
 from __future__ import annotations
 
+import io
 import random
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -41,11 +42,12 @@ CT, ENHANCED_CT, MR = "1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1"
 NATIVE = (
     ImplicitVRLittleEndian, ExplicitVRLittleEndian, ExplicitVRBigEndian, DeflatedExplicitVRLittleEndian,
 )  # fmt: skip
-WRITABLE = (*NATIVE, RLELossless, JPEG2000Lossless, JPEGLosslessSV1)  # with what the product itself is installed with
+# With what tests are installed with. A lossless JPEG of process 14 may have any predictor.
+WRITABLE = (*NATIVE, RLELossless, JPEG2000Lossless, JPEG2000, JPEGLosslessSV1, JPEGLossless)
 BY_IMAGECODECS = (  # with a package that only the judges' environment has
-    JPEGBaseline8Bit, JPEGExtended12Bit, JPEGLossless, JPEGLSLossless, JPEGLSNearLossless, JPEG2000Lossless, JPEG2000,
-    HTJ2KLossless, HTJ2KLosslessRPCL, HTJ2K,
-)  # fmt: skip
+    JPEGExtended12Bit, JPEGLSLossless, JPEGLSNearLossless, JPEG2000Lossless, HTJ2KLossless, HTJ2KLosslessRPCL, HTJ2K,
+)
+BY_PILLOW = (JPEGBaseline8Bit,)
 PERSON, NUMBER, BIRTH = "DOE^JANE", "ID-4711-X", "19510203"
 COLUMNS, ROWS = 36, 33  # JPEG 2000 needs 32
 
@@ -203,17 +205,25 @@ def _fill(dataset: Dataset, words: np.ndarray, encoding: Encoding) -> None:
 def _compressed(frame: np.ndarray, encoding: Encoding) -> bytes:
     """Codestream of one frame."""
     syntax, bits = encoding.syntax, encoding.stored
-    if syntax == JPEGLosslessSV1:
+    if syntax in (JPEGLosslessSV1, JPEGLossless):
         return lossless_jpeg.encode(frame, bits)
+    if syntax == JPEG2000:
+        import openjpeg
+
+        return openjpeg.utils.encode_array(frame, bits_stored=bits, photometric_interpretation=2)
+    if syntax == JPEGBaseline8Bit:
+        from PIL import Image
+
+        stream = io.BytesIO()
+        Image.fromarray(frame).save(stream, "JPEG", quality=100)
+        return stream.getvalue()
     import imagecodecs
 
-    if syntax in (JPEGBaseline8Bit, JPEGExtended12Bit):
+    if syntax == JPEGExtended12Bit:
         return imagecodecs.jpeg8_encode(frame, level=100, bitspersample=bits)
-    if syntax == JPEGLossless:
-        return imagecodecs.ljpeg_encode(frame, bitspersample=bits)
     if syntax in (JPEGLSLossless, JPEGLSNearLossless):
         return imagecodecs.jpegls_encode(frame, level=0 if syntax == JPEGLSLossless else 1)
-    if syntax in (JPEG2000, JPEG2000Lossless):
+    if syntax == JPEG2000Lossless:
         return imagecodecs.jpeg2k_encode(frame, codecformat="J2K", bitspersample=bits, reversible=True, level=0)
     return imagecodecs.htj2k_encode(frame)
 

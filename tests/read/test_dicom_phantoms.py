@@ -7,8 +7,10 @@ import pytest
 
 pytest.importorskip("pydicom")
 
-from pydicom.uid import JPEGLSNearLossless, generate_uid
+from pydicom.pixels import get_decoder
+from pydicom.uid import AllTransferSyntaxes, JPEGLSNearLossless, generate_uid
 
+from rle_splat.read.dicom import pictures
 from rle_splat.read.formats import read_volume
 from rle_splat.volume.volume import PATIENT
 
@@ -61,10 +63,22 @@ def test_transfer_syntax(tmp_path: Path, syntax: str, kind: str, name: str):
         assert error_of(tmp_path / key, 1) <= BOUND, key
 
 
-@pytest.mark.parametrize("syntax", phantoms.BY_IMAGECODECS, ids=lambda uid: uid.keyword)
+def test_every_transfer_syntax_that_pydicom_decodes_has_a_phantom():
+    def is_decoded(syntax) -> bool:
+        try:
+            return get_decoder(syntax).is_available
+        except NotImplementedError:
+            return False
+
+    read = {*pictures.NATIVE, pictures.RLE, *pictures.JPEG, *pictures.JPEG_2000} - {""}
+    assert {*phantoms.WRITABLE, *phantoms.BY_IMAGECODECS, *phantoms.BY_PILLOW} == read
+    assert read == {str(syntax) for syntax in AllTransferSyntaxes if is_decoded(syntax)}
+
+
+@pytest.mark.parametrize("syntax", (*phantoms.BY_PILLOW, *phantoms.BY_IMAGECODECS), ids=lambda uid: uid.keyword)
 @pytest.mark.parametrize("kind", ["classic", "enhanced"])
 def test_transfer_syntax_of_other_encoders(tmp_path: Path, syntax: str, kind: str):
-    pytest.importorskip("imagecodecs")
+    pytest.importorskip("PIL" if syntax in phantoms.BY_PILLOW else "imagecodecs")
     twelve = phantoms.Encoding(stored=12, intercepts=(200.0,))
     signed = phantoms.Encoding(stored=12, signed=True, intercepts=(2000.0,))
     encodings = (

@@ -1,6 +1,7 @@
 """Which pictures belong together: series, frames in time, copies, localizers, and the sentences that refuse."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -187,6 +188,26 @@ def test_several_series_are_listed(tmp_path: Path):
     assert "There is no series 3" in refusal(tmp_path, series=3)
 
 
+def test_a_series_is_found_again_among_others(tmp_path: Path):
+    """By the hash of its identifier, whatever its number is by now; of another place, the only series is read."""
+    phantoms.write_classic(tmp_path / "a" / "b", AXIAL, series=(series := generate_uid()))
+    key = read_volume(tmp_path / "a").series
+    assert key and series not in key
+    for at in (1, 2):
+        number = -at  # so that it comes before
+        phantoms.write_classic(
+            tmp_path / "a" / str(at), GEOMETRIES["tilt, even steps"],
+            change=lambda dataset, i, number=number: setattr(dataset, "SeriesNumber", number),
+        )
+        found = read_volume(tmp_path / "a", series_key=key, series=1)
+        assert found.series == key and found.affine[1, 2] == 0.0
+    assert read_volume(tmp_path / "a" / "1", series_key=key, series=7).series not in ("", key)
+    assert "There are 3 series" in refusal(tmp_path / "a", series_key="of another")
+    path = tmp_path / "a.raw"
+    path.write_bytes(bytes(8))
+    assert read_volume(path, shape=(2, 2, 2), dtype="uint8", series_key=key).series == ""
+
+
 def test_one_file_stands_for_its_series(tmp_path: Path):
     series = [generate_uid(), generate_uid()]
     axial = phantoms.write_classic(tmp_path, AXIAL, series=series[0])
@@ -291,6 +312,60 @@ def test_slices_of_several_types(tmp_path: Path):
         phantoms.write_classic(tmp_path, where, encoding=encoding, series=series, first=100 * number)
     volume = read_volume(tmp_path)
     assert volume.voxels.dtype == np.int32 and volume.voxels.shape[0] == SLICES and error_of(volume) <= 0.05 + 1e-6
+
+
+def modality_table(first: int, values, bits: int = 16, packed: bool = False) -> Dataset:
+    table = Dataset()
+    table.LUTDescriptor, table.ModalityLUTType = [len(values) % 65536, first, bits], "HU"
+    table["LUTDescriptor"].VR = "SS" if first < 0 else "US"
+    data = np.asarray(values, np.uint8 if packed else "<u2").tobytes()
+    table.add_new(0x00283006, "OW", data + b"\0" * (len(data) % 2))
+    return table
+
+
+@pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2", "1.2.840.10008.1.2.1", "1.2.840.10008.1.2.2"])
+@pytest.mark.parametrize("signed", [False, True])
+def test_a_table_of_values_is_applied(tmp_path: Path, signed: bool, syntax: str):
+    """Modality LUT: the values are those of the table; stored ones beyond its ends have those of its ends."""
+    first, entries = (-5, 900) if signed else (2240, 60)
+    values = (np.arange(entries) * 700 + 3) % 50000
+
+    def change(dataset, i):
+        table = modality_table(first, values)
+        if syntax.endswith(".2.2"):
+            table["LUTData"].value = np.asarray(values, ">u2").tobytes()
+        dataset.ModalityLUTSequence = [table]
+        del dataset.RescaleSlope, dataset.RescaleIntercept
+
+    encoding = phantoms.with_syntax(phantoms.Encoding(signed=signed), syntax)
+    phantoms.write_classic(tmp_path / "with", AXIAL, encoding=encoding, change=change)
+    phantoms.write_classic(tmp_path / "without", AXIAL, encoding=encoding)
+    stored = read_volume(tmp_path / "without").voxels.astype(int)
+    found = read_volume(tmp_path / "with")
+    np.testing.assert_array_equal(found.voxels, values[np.clip(stored - first, 0, entries - 1)])
+    assert found.value_unit == "HU" and "which was applied" in " ".join(found.remarks)
+    assert stored.min() < first or stored.max() >= first + entries, "beyond the table"
+
+
+def test_a_table_of_bytes_and_a_damaged_one(tmp_path: Path):
+    def change(dataset, i, table):
+        dataset.ModalityLUTSequence = [table]
+
+    values = np.arange(55)
+    tables = {
+        "packed": modality_table(2250, values, 8, packed=True), "words": modality_table(2250, values, 8),
+        "damaged": modality_table(2250, values),
+    }  # fmt: skip
+    tables["damaged"].LUTDescriptor = [700, 2250, 16]
+    found = {}
+    for name, table in tables.items():
+        phantoms.write_classic(tmp_path / name, AXIAL, change=partial(change, table=table))
+        found[name] = read_volume(tmp_path / name)
+    stored = found["damaged"].voxels.astype(int)
+    for name in ("packed", "words"):
+        np.testing.assert_array_equal(found[name].voxels, np.clip(stored - 2250, 0, 54))
+    assert "damaged table of values (Modality LUT), which is not applied" in " ".join(found["damaged"].remarks)
+    assert error_of(found["damaged"]) <= 0.05 + 1e-6
 
 
 def test_files_without_preamble_and_meta(tmp_path: Path):

@@ -127,7 +127,7 @@ def test_names_beside_the_label_file_are_found(tmp_path):
     nibabel.save(nibabel.Nifti1Image(values, ras(SCAN.affine)), tmp_path / "seg.nii.gz")
     (tmp_path / "seg.label").write_text(TEXT)
     found = drain(read_label_steps(tmp_path / "seg.nii.gz", SCAN))
-    assert found.voxels.dtype == np.int32 and found.voxels.sum() == 2 * 7 * 6
+    assert found.voxels.dtype == np.uint16 and found.voxels.sum() == 2 * 7 * 6
     assert [one.name for one in found.named_labels] == ["Clear Label", "left ventricle", "wall"]
 
 

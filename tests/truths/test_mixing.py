@@ -67,7 +67,8 @@ def test_each_label_has_its_own_slab(stage, kind):
     labels = layers(5, 4, 3)
     functions = {1: flat(0.3, GREEN, 2.0), 2: None}
     scene = seen_along_y(
-        stage, np.full(labels.shape, 100), flat(0.1, RED), kind, labels=Labels(Volume(labels, np.eye(4)), functions)
+        stage, np.full(labels.shape, 100), flat(0.1, RED), kind,
+        labels=Labels(Volume(labels, np.eye(4)), functions, smooth=False),
     )
     picture = stage.render(scene, depth_rule="midpoint-4")
     # In the ramp between the layers red and green are mixed: which comes first is off by that ramp's depth, squared.
@@ -86,7 +87,7 @@ def test_hiding_a_label_is_rendering_with_its_voxels_transparent(stage, kind, ba
     tf = TransferFunction(
         opacity=((50.0, 0.0), (255.0, 0.4)), color=((0.0, *RED), (255.0, *BLUE)), opacity_unit_distance=1.0, shade=None
     )
-    hidden = Labels(Volume(np.ascontiguousarray(labels), np.eye(4)), {2: None})
+    hidden = Labels(Volume(np.ascontiguousarray(labels), np.eye(4)), {2: None}, smooth=False)
     scene = seen_along_y(stage, voxels, tf, kind, labels=hidden)
     without = replace(scene, labels=None, volume=Volume(np.where(labels == 2, kind(0), voxels), np.eye(4)))
     one, other = (stage.render(each, classification="pre", backend=backend) for each in (scene, without))
@@ -135,7 +136,7 @@ def test_a_channel_without_anything_in_it_changes_no_bit(stage, kind, shade):
 
 @pytest.mark.parametrize("classification", ("post", "refined", "pre"))
 def test_every_classification_is_pre_and_says_so(stage, classification):
-    labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: None})
+    labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: flat(0.2, BLUE)})
     scene = seen_along_y(stage, np.full((N, N, N), 100), flat(0.1, RED), labels=labels)
     pictures = [render(scene, Quality(classification=one)) for one in (classification, "pre")]
     assert pictures[0].rgba.tobytes() == pictures[1].rgba.tobytes()

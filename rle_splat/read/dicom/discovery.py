@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...runtime.steps import Progress, mapped, within
-from ..header import library
+from ..library_import import library_steps
 from . import elements as read
 from .pictures import is_segmentation, picture_steps
 from .refusals import Damaged, Refused, damaged, no_images
@@ -68,7 +68,7 @@ def find_pictures(path):
     """
     path = Path(path)
     yield Progress(0.0, f"Looking for images in {path.name}")
-    library("pydicom", "pydicom", "DICOM")
+    yield from library_steps("pydicom", "pydicom", "DICOM")
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
         return _checked(found, path)

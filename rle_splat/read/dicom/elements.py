@@ -322,13 +322,13 @@ def quietly(function, *arguments, **options):
 # The functions below convert values, about which pydicom may warn: call them within ``quiet``.
 def text(dataset, name: str) -> str:
     """A named element as text, stripped; "" if it is absent or unreadable."""
-    found = _value(dataset, name)
+    found = value(dataset, name)
     return "" if found is None else str(found).strip()
 
 
 def texts(dataset, name: str) -> tuple[str, ...]:
     """The values of a named element as texts."""
-    found = _value(dataset, name)
+    found = value(dataset, name)
     if found is None or isinstance(found, str):
         found = [found] if found else []
     try:
@@ -339,7 +339,7 @@ def texts(dataset, name: str) -> tuple[str, ...]:
 
 def numbers(dataset, name: str, count: int | None = None) -> tuple[float, ...] | None:
     """The values of a named element as finite numbers; None if they are absent, unreadable or not ``count``."""
-    found = _value(dataset, name)
+    found = value(dataset, name)
     if found is None or isinstance(found, bytes):
         return None
     several = hasattr(found, "__len__") and not isinstance(found, str)
@@ -371,11 +371,11 @@ def item(dataset, name: str):
 
 def items(dataset, name: str) -> tuple:
     """The items of a named sequence."""
-    found = _value(dataset, name)
+    found = value(dataset, name)
     return tuple(found) if found is not None and type(found).__name__ == "Sequence" else ()
 
 
-def _value(dataset, name: str):
+def value(dataset, name: str):
     """Value of a named element, converted by pydicom; None if it is absent or unreadable."""
     if dataset is None:
         return None

@@ -238,7 +238,7 @@ def _frames_of(name: str, split: dict, count: int):
     return frames, axis, tuple(complete), remarks
 
 
-def chosen(groups, series: int | None, titles) -> Group:
+def chosen(groups, series: int | None, titles, key: str | None = None) -> Group:
     """The group to read.
 
     Parameters
@@ -248,12 +248,21 @@ def chosen(groups, series: int | None, titles) -> Group:
         Number of a group, from 1; None takes the only one that is a stack of slices.
     titles : callable
         ``titles(group) -> str`` for the list in the refusal.
+    key : str or None
+        ``Series.key`` of a series that was read before: it is taken wherever it is in the list now, and ``series`` only
+        tells its groups apart. Where it is not in the list, the only one that is a stack of slices is taken.
 
     Raises
     ------
     RleSplatError
         If there is no such group, or several and none is given (SeveralSeries).
     """
+    if key is not None:
+        own = [group for group in groups if group.first.series.key == key]
+        numbered = [group for number, group in enumerate(groups, 1) if number == series and group in own]
+        if len(numbered or own) == 1:
+            return (numbered or own)[0]
+        series = None
     if series is not None:
         if not 1 <= series <= len(groups):
             raise SeveralSeries(groups, titles, series)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import elements as read
+from .modality_table import Table, table_of
 from .refusals import Refused, breaks_off, damaged, segmentation_alone
 from .stacking import axes
 
@@ -79,6 +80,7 @@ class Series:
     """What the pictures of one file have in common.
 
     ``key`` is a hash of the series' UID, ``instance`` of the object's; the description is for the chooser alone.
+    ``table``: from stored to physical values, in place of slope and intercept; ``odd_values``: whether there is one.
     """
 
     key: str
@@ -90,6 +92,7 @@ class Series:
     value_unit: str | None
     inverted: bool
     odd_values: bool
+    table: Table | None
     window: tuple[float, float] | None
 
 
@@ -238,12 +241,14 @@ def _series(found: read.Elements, frame, shared) -> Series:
     modality = _coded(dataset, "Modality")
     uid = read.text(dataset, "SeriesInstanceUID") or f"folder {found.path.parent}"
     centers, widths = read.numbers(dataset, "WindowCenter"), read.numbers(dataset, "WindowWidth")
+    table, table_unit = table_of(found)
+    unit = _value_unit(dataset, modality, frame, shared) if table is None else table_unit or None
     return Series(
         key=hashed(uid), instance=hashed(read.text(dataset, "SOPInstanceUID")),
         number=read.whole(dataset, "SeriesNumber", 0), modality=modality, body_part=_coded(dataset, "BodyPartExamined"),
-        description=read.text(dataset, "SeriesDescription"), value_unit=_value_unit(dataset, modality, frame, shared),
+        description=read.text(dataset, "SeriesDescription"), value_unit=unit,
         inverted=read.text(dataset, "PhotometricInterpretation") == "MONOCHROME1",
-        odd_values=read.item(dataset, "ModalityLUTSequence") is not None,
+        odd_values=read.item(dataset, "ModalityLUTSequence") is not None, table=table,
         window=(centers[0], widths[0]) if centers and widths else None,
     )  # fmt: skip
 

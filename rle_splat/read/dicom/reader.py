@@ -89,7 +89,7 @@ def groups_in(found: Found) -> list[Group]:
     return groups_of(found.pictures, same_voxels)
 
 
-def read_dicom_steps(path, series=None, frame=None, spacing=None):
+def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=None):
     """Generator of Progress: read a DICOM series.
 
     Parameters
@@ -103,6 +103,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         Number of the frame, from 1, of a series in time.
     spacing : (sx, sy, sz) or None
         Distances between voxels in mm, for files that do not say where they lie.
+    series_key : str or None
+        ``Volume.series`` of a series that was read before, to be found again; see ``grouping.chosen``.
 
     Returns
     -------
@@ -121,7 +123,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
             raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     groups = groups_in(found)
-    group = chosen(groups, series, group_title)
+    group = chosen(groups, series, group_title, series_key)
     number = checked_frame(path, frame, len(group.frames))
     stack = group.stack(number - 1, spacing)
     pictures = group.frames[number - 1]
@@ -137,8 +139,9 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None):
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
         value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames), frame_axis=group.axis or "time",
+        series=first.series.key,
         remarks=(
-            *_broken_remark(found.broken), *(_left_out_remark(groups, group) if series is None else ()),
+            *_broken_remark(found.broken), *(() if series or series_key else _left_out_remark(groups, group)),
             *group.remarks, *_remarks(group, stack, mapping, padded),
             *frame_remark(number, len(group.frames), group.axis),
         ),
@@ -188,9 +191,9 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
         picture = pictures[i]
         padding = padding_of(picture)
         if mapping is None:
-            plane = physical(plane, picture.slope, picture.intercept)
+            plane = physical(plane, picture)
             if padding is not None:
-                ends = physical(np.array(padding), picture.slope, picture.intercept)
+                ends = physical(np.array(padding), picture)
                 padding = (ends.min(), ends.max())
         target[i] = plane
         if padding is not None:
@@ -239,10 +242,12 @@ def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
         found.append(f"Slices are up to {stack.off_line:.3f} mm off a straight line.")
     if not has_geometry(group.first):
         found.append("The files do not say where the slices lie; their order is that of their numbers.")
-    if mapping is None:
+    if series.table is not None:
+        found.append("The files hold a table of values (Modality LUT), which was applied; the values became float32.")
+    elif mapping is None:
         found.append("Slices have different scales of values; the values were converted to float32.")
-    if series.odd_values:
-        found.append("The files hold a table of values (Modality LUT), which is not applied.")
+    if series.odd_values and series.table is None:
+        found.append("The files hold a damaged table of values (Modality LUT), which is not applied.")
     if series.inverted:
         found.append("Low values are meant to be shown bright (MONOCHROME1); the values are unchanged.")
     if padded:

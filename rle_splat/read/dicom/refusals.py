@@ -62,7 +62,8 @@ def single_picture() -> Refused:
 
 def no_positions() -> Refused:
     return Refused(
-        "The files of this series do not say where their slices lie; give the distances between voxels with --spacing."
+        "The files of this series do not say where their slices lie; give the distances between voxels (Spacing, or "
+        "--spacing)."
     )
 
 

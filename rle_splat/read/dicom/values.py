@@ -58,15 +58,17 @@ def stored_values(words: np.ndarray, bits: int, high: int, signed: bool, dtype: 
 
 
 def common_mapping(pictures) -> tuple[float, float] | None:
-    """(slope, intercept) if all pictures have the same; else None, and their values become float32."""
+    """(slope, intercept) if all pictures have the same, and no table; else None, and their values become float32."""
+    if any(picture.series.table is not None for picture in pictures):
+        return None
     pairs = {(picture.slope, picture.intercept) for picture in pictures}
     return pairs.pop() if len(pairs) == 1 else None
 
 
 def padding_of(picture: Picture) -> tuple | None:
     """Smallest and largest stored value of padding, as numbers of the stored type."""
-    if picture.padding is None or picture.storage.kind != "integer":
-        return None
+    if picture.padding is None or picture.storage.kind != "integer" or picture.series.table is not None:
+        return None  # a table says what padding looks like
     storage = picture.storage
     found = []
     for value in picture.padding:
@@ -76,9 +78,11 @@ def padding_of(picture: Picture) -> tuple | None:
     return min(found), max(found)
 
 
-def physical(stored: np.ndarray, slope: float, intercept: float) -> np.ndarray:
-    """slope * stored + intercept as float32, computed in float64."""
-    return (stored * np.float64(slope) + np.float64(intercept)).astype(np.float32)
+def physical(stored: np.ndarray, picture: Picture) -> np.ndarray:
+    """Physical values, float32: those of the table, or slope * stored + intercept, computed in float64."""
+    if picture.series.table is not None:
+        return picture.series.table.physical(stored)
+    return (stored * np.float64(picture.slope) + np.float64(picture.intercept)).astype(np.float32)
 
 
 def lowest_real(plane: np.ndarray, padding: tuple | None):

@@ -1,0 +1,121 @@
+"""What a picture of a volume object needs in memory: its voxels, its labels and its channels."""
+
+from __future__ import annotations
+
+from ..rle_splat.runtime.steps import part
+from ..rle_splat.scene import RleSplatError
+from . import channels, labels, volumes
+from .playback import shown_frame
+
+VOXELS = 0.7  # share of a channel's time until its voxels are read; the rest is for bringing it onto the volume's grid
+
+
+def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
+    """What decides which files are read for a volume object.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+    ahead : int
+        Frames of the timeline after that time.
+
+    Returns
+    -------
+    tuple
+
+    Raises
+    ------
+    RleSplatError
+        If a file of voxels is missing.
+    """
+    wanted = [owner, *channels.sources_of(owner, depsgraph)]
+    keys = tuple(volumes.source_of(one, shown_frame(one, depsgraph, ahead)).key for one in wanted)
+    return (*keys, labels.file_of(owner) if labels.are_used(owner) else None)
+
+
+def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
+    """Whether nothing need be read for a picture of a volume object.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+    with_labels, further
+        As for ``load_steps``.
+
+    Returns
+    -------
+    bool
+        Labels and channels whose file is missing are not waited for: whoever needs them is told at once.
+    """
+    volume = volumes.at_hand(owner, depsgraph)
+    with_labels = labels.are_used(owner) if with_labels is None else with_labels
+    if volume is None or (with_labels and not labels.are_at_hand(owner, volume)):
+        return False
+    return all(_is_placed(one, volume, depsgraph) for one in (*channels.sources_of(owner, depsgraph), *further))
+
+
+def _is_placed(source, volume, depsgraph) -> bool:
+    """Whether a channel is in memory on the grid of a volume, or its file is missing."""
+    try:
+        volumes.source_of(source, shown_frame(source, depsgraph))
+    except RleSplatError:
+        return True
+    found = volumes.at_hand(source, depsgraph)
+    return found is not None and channels.is_placed(found, volume)
+
+
+def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=()):
+    """Generator of Progress: load the voxels of a volume object, its labels and its channels; return the Volume.
+
+    The objects are read before the first step, so they may be deleted meanwhile.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+    with_labels : bool, optional
+        Whether to load the labels; without it, if a picture shows them.
+    further : sequence of bpy.types.Object
+        Volume objects that are about to become channels.
+
+    Raises
+    ------
+    RleSplatError
+        If a file is missing.
+    """
+    with_labels = labels.are_used(owner) if with_labels is None else with_labels
+    file = labels.file_of(owner) if with_labels else None
+    sources = [*channels.sources_of(owner, depsgraph), *further]
+    return _one_after_another(
+        volumes.load_steps(owner, depsgraph), file, [volumes.load_steps(one, depsgraph) for one in sources]
+    )
+
+
+def _one_after_another(steps, file, channel_steps):
+    """Generator of Progress, as ``load_steps``; ``file``: LabelFile or None."""
+    each = 1.0 / (1 + (file is not None) + len(channel_steps))
+    volume = yield from part(steps, 0.0, each)
+    done = each
+    if file is not None:
+        yield from part(labels.load_steps(file, volume), done, done + each)
+        done += each
+    for one in channel_steps:
+        channel = yield from part(one, done, done + VOXELS * each)
+        yield from part(channels.placed_steps(channel, volume), done + VOXELS * each, done + each)
+        done += each
+    return volume
+
+
+def missing_steps(owner, with_labels: bool | None = None, further=()):
+    """Generator of Progress, as ``load_steps`` without a depsgraph; None if all is in memory."""
+    if is_at_hand(owner, None, with_labels, further):
+        return None
+    return load_steps(owner, None, with_labels, further)
