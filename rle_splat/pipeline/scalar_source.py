@@ -222,7 +222,8 @@ class ScalarSource(Source):
             )
         if tf.gradient_opacity is not None and not self.shows_values:
             with clock.stage("gradients"):
-                factor = self._factor(work, voxels, key)
+                by_gradient = self._factor(work, voxels, key)
+                factor = by_gradient if factor is None else factor * by_gradient
 
         def tables_of(axis):
             return job.get("runs", (key, axis), lambda: scalar_tables(voxels, axis, **self.machine))

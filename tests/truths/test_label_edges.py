@@ -7,7 +7,7 @@ import pytest
 
 from rle_splat.classify.label_edges import edge_shares
 from rle_splat.classify.mixture import Mixture
-from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.transfer_function import GradientOpacity, TransferFunction
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels
 from rle_splat.volume.blocks import block_steps
@@ -142,6 +142,14 @@ def test_labels_that_hide_nothing_change_nothing_under_post(stage):
     kernels, numpy = (stage.render(replace(scene, labels=Labels(majority(in_sphere), {1: None})), backend=b, **POST)
                       for b in ("numba", "numpy"))
     np.testing.assert_allclose(kernels.rgba, numpy.rgba, atol=1e-5)
+
+
+def test_a_gradient_opacity_that_thins_nothing_changes_nothing_of_what_labels_hide(stage):
+    scene = half_hidden(stage, labels=Labels(majority(in_sphere), {1: None}))
+    thinned = replace(scene.transfer_function, gradient_opacity=GradientOpacity(0.0, 0.0))
+    one, other = (stage.render(each, **POST) for each in (scene, replace(scene, transfer_function=thinned)))
+    assert other.report["plan"]["classification"] == "post"
+    np.testing.assert_array_equal(one.rgba, other.rgba)
 
 
 def test_steps_of_voxels_or_colors_are_pre_classified(stage):
