@@ -58,9 +58,10 @@ class Picture:
 # In the order in which users need them.  Sideways: the voxels' x is the principal axis, whose runs lie across rows.
 PICTURES = (
     Picture("orthographic", 21.3, 12.5),
-    Picture("perspective", 2.9, 0.0, perspective=True),
+    Picture("perspective", 0.0, 0.0, perspective=True),
     Picture("sideways", 3.6, 0.0, azimuth=90.0),
     Picture("lights", 6.9, 0.0, scene="lights", perspective=True),
+    Picture("lights without shadows", 1.9, 0.0, scene="no shadows", perspective=True),
     Picture("lights and meshes", 17.9, 6.7, scene="meshes", perspective=True),
     Picture("previews", 14.5, 2.0, scene="meshes", perspective=True, previews=True),
     Picture("draft", 1.2, 0.0, quality="draft"),
@@ -82,8 +83,8 @@ def prepare_steps():
 
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
 
-    - at the quality "standard", which classifies after interpolation: by the headlight; by white lamps with shadows
-      and the world's light, without and with meshes that hide the volume; with progressive previews.
+    - at the quality "standard", which classifies after interpolation: by the headlight; by white lamps and the world's
+      light, without shadows, and with shadows without and with meshes that hide the volume; with progressive previews.
     - at "draft": by the headlight.
 
     Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
@@ -167,7 +168,7 @@ def _scene(picture: Picture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
     By the headlight, or as ``picture.scene`` says: "lights", a lamp that casts shadows and the world's light;
-    "meshes", with these lights and a triangle that cuts the ball.
+    "no shadows", both without shadows; "meshes", with these lights and a triangle that cuts the ball.
     """
     camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
     function, _ = default_transfer_function(volume)
@@ -177,7 +178,8 @@ def _scene(picture: Picture, volume: Volume) -> Scene:
     beside = np.eye(4)
     beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
     lamp = Light("POINT", (1.0, 1.0, 1.0), float(SIDE**3), beside, radius=1.0)
-    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
+    shadows = picture.scene != "no shadows"
+    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=shadows, world=(0.05, 0.05, 0.05))
     if picture.scene != "meshes":
         return scene
     corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
