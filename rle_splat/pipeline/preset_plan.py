@@ -24,6 +24,7 @@ from .stage_cache import StageCache
 LEAST_ROUGHNESS = 0.1  # levels: the model of errors is not extrapolated to smoother media
 OF_999 = "at 999 of 1000 pixels"
 AS_GIVEN, FIRST_FRAMES = "The knobs are as they were given.", "The plan of the first frame is kept."
+BY_PRE = "The qualities of classified voxels have one plan for all scenes."
 HELD = ", held"  # after the name of a preset whose plan is kept from picture to picture
 
 
@@ -58,11 +59,11 @@ class Candidate:
     def describe(self) -> str:
         """In words for a person."""
         rule, density, _, _, rays = self.knobs
-        text = f"sheets by the depth rule {rule}, {density:g} sheet pixels per pixel"
+        text = f"{rule} sheets of density {density:g}"
         if rays == NO_RAYS:
             return text
-        where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {rays:g} or more"
-        return f"{text}, and single rays {where}"
+        where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f} %"
+        return f"{text} and single rays {where}"
 
 
 # Measured on the synthetic volumes of the planner's calibration, whose walls are soft or steps to opaque, by
@@ -98,14 +99,14 @@ def with_plan(door: Settled, cache: StageCache) -> Settled:
         ``plan`` says why, and holds the error that is aimed at and the one that is expected.
     """
     quality = door.quality
-    if not quality.is_preset:
-        why = FIRST_FRAMES if quality.name.endswith(HELD) else AS_GIVEN
+    if not quality.is_preset or quality.classification != "post":
+        why = FIRST_FRAMES if quality.name.endswith(HELD) else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(door, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], quality.name.capitalize()
-    said = f"{name} aims at an error of {aim:g} levels {OF_999}"
+    said = f"{name} aims at an error of at most {aim:g} levels {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
-    ladder = [one for one in CANDIDATES if one.knobs == own] if quality.classification == "post" else []
-    why_not = _why_not(door.scene) if ladder else "it has one plan for all scenes"
+    is_known = any(one.knobs == own for one in CANDIDATES)
+    why_not = _why_not(door.scene) if is_known else "it has one plan for all scenes"
     if why_not:
         return replace(door, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
     job, volume, function = cache.job(), door.scene.volume, door.scene.transfer_function
@@ -115,18 +116,22 @@ def with_plan(door: Settled, cache: StageCache) -> Settled:
     if rough is None:
         why = f"{said}; too little of the volume is visible to tell more, so it takes its usual plan."
         return replace(door, plan={"why": why, "aim": aim, "expected": None})
-    chosen = choose(own, aim, rough, can_trace(choose_source(door.scene, quality)))
+    usual, chosen = choose(own, aim, rough, can_trace(choose_source(door.scene, quality)))
     expected = chosen.error(rough)
-    why = f"{said}. Half a voxel aside this transfer function changes what is seen by {rough:.2g} levels, so it takes "
-    why += "its usual plan" if chosen.knobs == own else chosen.describe()
-    why += f": about {expected:.2g} levels are expected."
+    if chosen.knobs == own:
+        why = f"{said}; its usual plan is expected to err by {expected:.2g} here."
+    else:
+        why = (
+            f"{said}. Its usual plan is expected to err by {usual.error(rough):.2g}, because the walls are hard here: "
+            f"{rough:.2g} levels within half a voxel. It takes {chosen.describe()}, and {expected:.2g} are expected."
+        )
     if expected > aim:
-        why += " No plan of a preset is nearer."
+        why += " No plan is expected to err less."
     knobs = dict(zip(PRESET_KNOBS, chosen.knobs, strict=True))
     return replace(door, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
 
 
-def choose(own: tuple, aim: float, rough: float, traces: bool) -> Candidate:
+def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[Candidate, Candidate]:
     """Choose the plan of a preset.
 
     Parameters
@@ -142,19 +147,23 @@ def choose(own: tuple, aim: float, rough: float, traces: bool) -> Candidate:
 
     Returns
     -------
-    Candidate
+    usual : Candidate
+        The usual plan; without single rays where the scene has none.
+    chosen : Candidate
         The cheapest one that is expected to keep the error; without one, the one with the least expected error.
     """
     seen = own if traces else (*own[:-1], NO_RAYS)
     usual = next(one for one in CANDIDATES if one.knobs == seen)
-    if usual.error(rough) <= aim:
-        return replace(usual, knobs=own)
     possible = [one for one in CANDIDATES if traces or one.rays == NO_RAYS]
     enough = [one for one in possible if one.error(rough) <= aim]
-    if enough:
-        return min(enough, key=lambda one: one.cost)
-    least = min(possible, key=lambda one: one.error(rough))
-    return replace(usual, knobs=own) if least == usual else least
+    if usual in enough:
+        chosen = usual
+    elif enough:
+        chosen = min(enough, key=lambda one: one.cost)
+    else:
+        chosen = min(possible, key=lambda one: one.error(rough))
+    usual = replace(usual, knobs=own)
+    return usual, usual if chosen.knobs == seen else chosen
 
 
 def held(quality: Quality, plan: dict) -> Quality:

@@ -32,7 +32,7 @@ QUALITY_PRESETS = {
 }
 # The error that each preset aims at with post-classified sheets: 999 of 1000 pixels err by at most so many levels
 # (1/255 of full scale, of any channel of premultiplied scene-linear RGBA).
-PRESET_AIMS = {"draft": 128.0, "standard": 32.0, "fine": 16.0, "strict": 8.0}
+PRESET_AIMS = {"draft": 128.0, "standard": 32.0, "fine": 16.0, "strict": 10.0}
 DEFAULT_QUALITY = "standard"
 # Values of the settings, in the order in which they are shown.
 CLASSIFICATIONS = ("pre", "refined", "post")

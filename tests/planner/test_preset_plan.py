@@ -70,7 +70,7 @@ def test_where_nothing_is_visible_nothing_is_known():
 def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
     usual, costs = next(one for one in CANDIDATES if one.knobs == own(name)), []
     for rough in np.geomspace(0.1, 255.0, 60):
-        chosen = choose(own(name), PRESET_AIMS[name], rough, True)
+        chosen = choose(own(name), PRESET_AIMS[name], rough, True)[1]
         costs.append(chosen.cost)
         if usual.error(rough) <= PRESET_AIMS[name]:
             assert chosen.knobs == usual.knobs
@@ -84,9 +84,9 @@ def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
 def test_without_single_rays_no_plan_has_any_but_the_presets_own():
     for name in ("standard", "fine", "strict"):
         for rough in np.geomspace(0.1, 255.0, 20):
-            chosen = choose(own(name), PRESET_AIMS[name], rough, False)
+            chosen = choose(own(name), PRESET_AIMS[name], rough, False)[1]
             assert chosen.rays == NO_RAYS or chosen.knobs == own(name)
-    assert choose(own("standard"), 32.0, 80.0, False).knobs != own("standard")
+    assert choose(own("standard"), 32.0, 80.0, False)[1].knobs != own("standard")
 
 
 def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
@@ -95,9 +95,9 @@ def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
     rendering = render(scene, Quality.preset("strict", threads=1), cache=cache)
     before = judge.errors(render(scene, plan_of(BEFORE["strict"]), cache=cache).rgba)
     after = judge.errors(rendering.rgba)
-    assert after["p999"] < 8.0 < 0.5 * before["p999"] and after["rmse"] < 0.5 * before["rmse"]
+    assert after["p999"] < 10.0 < 0.5 * before["p999"] and after["rmse"] < 0.5 * before["rmse"]
     plan = rendering.report["plan"]
-    assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 8.0 >= plan["expected"]
+    assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 10.0 >= plan["expected"]
     assert "999 of 1000 pixels" in plan["why"] and "single rays wherever something is seen" in plan["why"]
 
 

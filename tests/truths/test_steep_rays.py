@@ -40,7 +40,7 @@ def scene_of(stage, perspective=False, **more):
 
 
 def without(quality):
-    return replace(quality, rays=NO_RAYS)
+    return replace(quality, rays=NO_RAYS, name="without")  # a preset's name would call for a plan
 
 
 @PROJECTIONS
