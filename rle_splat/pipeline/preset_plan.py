@@ -74,6 +74,7 @@ CANDIDATES = (
     Candidate(("gauss2", 1.25, "cubic", 1 / 2048, NO_RAYS), 1.34, 0.8, 1.2),
     Candidate(("gauss2", 1.25, "cubic", 1 / 2048, 0.6), 1.55, 0.44, 1.09),
     Candidate(("gauss2", 1.25, "cubic", 1 / 2048, 0.3), 1.98, 0.42, 1.04),
+    Candidate(("gauss2", 1.25, "cubic", 1 / 2048, 0.2), 2.5, 0.39, 0.99),
     Candidate(("midpoint-4", 1.5, "cubic", 1 / 8192, 0.4), 3.3, 0.33, 0.94),
     Candidate(("midpoint-4", 2.0, "cubic", 1 / 8192, NO_RAYS), 4.34, 0.43, 1.2),
     Candidate(("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45), 4.42, 0.26, 1.02),
