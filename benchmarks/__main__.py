@@ -12,6 +12,7 @@ from . import (
     engine,
     kernels,
     paper,
+    plans,
     presets,
     records,
     scaling,
@@ -25,7 +26,7 @@ BENCHMARKS = {
     "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
-    "effects": effects.main, "presets": presets.main, "kernels": kernels.main,
+    "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
 }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from ..rle_splat.pipeline.preset_plan import held
 from ..rle_splat.pipeline.report import EMPTY_REMARKS
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
@@ -171,8 +172,11 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             return
         plain, quality = render_scene.read_scene(
             volume_object, depsgraph, with_meshes=settings.meshes_occlude and layer.use_solid, in_region=True)
+        planned = log.plans.get((volume_object.name, quality), quality)
         rendering = drain(render_scene.steps(
-            plain, quality, tolerance=tolerance_of(depsgraph.scene_eval), refuse_empty_view=False))
+            plain, planned, tolerance=tolerance_of(depsgraph.scene_eval), refuse_empty_view=False))
+        if planned is quality:
+            log.plans[volume_object.name, quality] = held(quality, rendering.report["plan"])
         pictures.show(image, rendering)
         log.report = {**rendering.report, "view_layer": layer.name}
         if not rendering.rgba[..., 3].any():

@@ -244,7 +244,8 @@ def note_report(settings, report: dict) -> None:
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float))]
     settings.last_report = "\n".join((
-        *report.get("remarks", ()), *_error_lines(report), *rays_lines(report.get("rays")), *lines
+        *report.get("remarks", ()), report.get("plan", {}).get("why", ""), *_error_lines(report),
+        *rays_lines(report.get("rays")), *lines
     ))
     settings.last_report_json = json.dumps(report, default=str)
     effects.note_report(settings, report)

@@ -35,8 +35,9 @@ QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
     "standard": ("Standard", "A balance of time and accuracy"),
     "fine": ("Fine", "More accurate, for final pictures"),
-    "strict": ("Strict", "As accurate as possible, and slow"),
+    "strict": ("Strict", "The most accurate quality, and slow"),
 }
+AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels of a post-classified picture"
 CLASSIFICATION_TEXTS = {
     "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
                               "are softer. Errors are measured against truth T1"),
@@ -46,7 +47,10 @@ CLASSIFICATION_TEXTS = {
                                 "ray casting. Errors are measured against truth T2"),
 }
 CLASSIFICATION_ITEMS = [(name, *CLASSIFICATION_TEXTS[name]) for name in tables.CLASSIFICATIONS]
-QUALITY_ITEMS = [(name, *QUALITY_TEXTS.get(name, (name.title(), ""))) for name in tables.QUALITY_PRESETS] + [
+QUALITY_ITEMS = [
+    (name, QUALITY_TEXTS[name][0], f"{QUALITY_TEXTS[name][1]}. {AIM_TEXT.format(aim)}")
+    for name, aim in tables.PRESET_AIMS.items()
+] + [
     ("paper", "Paper", "The algorithm exactly as published, for comparison"),
     ("custom", "Custom", "Set every option in the Advanced panel"),
 ]

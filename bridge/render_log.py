@@ -26,6 +26,8 @@ class RenderLog:
         Why view layers do not show the volume.
     report : dict
         The report of the last picture.
+    plans : dict
+        (name of a volume object, Quality) -> Quality with the plan of its first frame, which all frames have.
     stopped_at : int or None
         The frame after which the animation was ended.
     """
@@ -33,7 +35,7 @@ class RenderLog:
     def __init__(self, scene):
         self.is_in_force = scene.rle_splat.use_composite
         self.stopped_at = None
-        self.report = {}
+        self.report, self.plans = {}, {}
         self.is_in_frame = self._stops = False  # in a frame: between Blender's render_pre and render_post
         self._layers: list[str] = []  # view layers of the current frame that have begun
         self._frames: list[int] = []

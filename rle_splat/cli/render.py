@@ -128,6 +128,8 @@ def run(args) -> None:
         for own in frames:
             prepared, like = _prepared(own, checked, line, like)
             reports.append(_rendered(own, prepared, line, start))
+            if args.frames is not None:
+                checked = _holding(checked, reports[0])
             del prepared  # one frame in memory
             start = perf_counter()
         if args.frames is not None and args.json:
@@ -155,6 +157,13 @@ def _checked(args, frames) -> Checked:
         raise RleSplatError(
             "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
     return Checked(quality_from(args, "pre" if is_encoded else None), poses, mixing, crop, is_encoded)
+
+
+def _holding(checked: Checked, report: dict) -> Checked:
+    """The options with the plan of the first frame, whose ``report`` this is, for all frames."""
+    from ..pipeline.preset_plan import held
+
+    return replace(checked, quality=held(checked.quality, report["plan"]))
 
 
 def _passes(args) -> list:
@@ -299,6 +308,8 @@ def _say(report: dict) -> None:
         print(remark)
     function = report["transfer_function"]
     print(f"Transfer function {function['name']}: {function['reason']}")
+    if report["plan"]["aim"] is not None:
+        print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:
         print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
     for line in rays_lines(report["rays"]):

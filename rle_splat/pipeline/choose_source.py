@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from ..effects.analyze import EffectSet, analyzed
@@ -31,12 +31,15 @@ class Settled:
     effects : EffectSet
     remarks : tuple of str
         Sentences on what was asked for and could not be had, for the report.
+    plan : dict
+        For the report's plan: ``why`` in words, and the errors ``aim`` and ``expected`` (see ``preset_plan``).
     """
 
     scene: Scene
     quality: Quality
     effects: EffectSet
     remarks: tuple[str, ...]
+    plan: dict = field(default_factory=dict)
 
 
 def settled(scene: Scene, quality: Quality) -> Settled:

@@ -85,11 +85,11 @@ def prepare_steps():
 
     - at the quality "standard", which classifies after interpolation: by the headlight; by white lamps and the world's
       light, without shadows, and with shadows without and with meshes that hide the volume; with progressive previews.
-    - at "draft": by the headlight.
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``), and at "draft": by the headlight.
 
     Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
-    without a highlight, and unshaded ones; the classifications "pre" and "refined"; the qualities "fine", "strict"
-    and "paper" and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient
+    without a highlight, and unshaded ones; the classifications "pre" and "refined"; the qualities "strict" and "paper"
+    and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient
     occlusion; modes other than "composite"; ``.rle`` files.
 
     Yields
@@ -146,7 +146,8 @@ def _on_disk() -> set[Path]:
 
 def _picture_steps(picture: Picture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread, its previews left out."""
-    quality = Quality.preset(picture.quality, backend="numba", threads=1)
+    # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
+    quality = Quality.preset(picture.quality, name="prepared", backend="numba", threads=1)
     scene = _scene(picture, _ball(stored))
     if picture.previews:
         steps = progressive_steps(scene, quality, StageCache(), every=True)

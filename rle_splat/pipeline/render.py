@@ -19,6 +19,7 @@ from ..splat.splat import LOADING
 from ..warp.warp import warp
 from .choose_source import Settled, choose_source, settled
 from .memory_estimate import picture_bytes, refuse_too_large
+from .preset_plan import with_plan
 from .report import report_of
 from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbors
 from .source import Medium, Source, Work
@@ -94,6 +95,8 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
     if cache is None:  # the pictures of a blur have most stages in common
         cache = StageCache(0) if len(pictures) == 1 else StageCache()
     refuse = refuse_empty_view and not door.scene.motion  # what moves may come into view
+    with clocks[0].running(), clocks[0].stage("plan"):
+        door = with_plan(door, cache)
 
     def sharp_steps(sharp: Scene):
         clock = clocks.pop() if clocks else Clock()
@@ -134,6 +137,7 @@ def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool, cloc
     with clock.stage("report"):
         remarks = (*door.remarks, *rays.remarks(picture, medium.visible_voxels > 0))
         report = report_of(wanted, source, view, medium, tables, rays.effects, traced_pixels, clock, remarks)
+        report["plan"] |= door.plan
     work.job.keep()
     report["stages_ms"] = clock.report()
     yield Progress(1.0, "Done")

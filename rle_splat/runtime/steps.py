@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 SETUP = "setup"  # what belongs to no other stage: settling effects, the view, memory, finding results of earlier frames
+# "plan" is choosing what a quality preset takes for the scene, once for a volume and its transfer function.
 # "kernels" is loading the splat kernel, and compiling it the first time ever: once in a process, not per picture.
 STAGES = (
-    SETUP, "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion",
+    SETUP, "plan", "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion",
     "clipping", "clip objects", "kernels", "splat", "warp", "rays", "report",
 )  # fmt: skip
 FRAME = ("splat", "warp", "rays")  # what every frame takes; rays where it has pixels by single ones

@@ -12,10 +12,12 @@ from .errors import RleSplatError
 NO_RAYS = 0.0
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays")
 # What each quality preset sets of PRESET_KNOBS: for pre-classified sheets ("pre" and "refined") and for post-classified
-# ones. tests/truths/test_ladder.py asserts their errors; the benchmark "stages" prints their times.
+# ones, for which this is the usual plan: pipeline/preset_plan.py takes a better one for scenes that need it.
+# tests/truths/test_ladder.py asserts their errors; the benchmark "stages" prints their times.
 QUALITY_PRESETS = {
     "draft": {
-        "pre": ("slice", 0.7, "bilinear", 1 / 256, NO_RAYS), "post": ("slice-2", 0.4, "bilinear", 1 / 256, NO_RAYS),
+        "pre": ("slice", 0.7, "bilinear", 1 / 256, NO_RAYS),
+        "post": ("preintegrated", 0.45, "bilinear", 1 / 256, NO_RAYS),
     },
     "standard": {
         "pre": ("simpson", 1.0, "cubic", 1 / 1024, NO_RAYS),
@@ -28,6 +30,9 @@ QUALITY_PRESETS = {
         "pre": ("midpoint-4", 3.0, "cubic", 1 / 8192, NO_RAYS), "post": ("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45),
     },
 }
+# The error that each preset aims at with post-classified sheets: 999 of 1000 pixels err by at most so many levels
+# (1/255 of full scale, of any channel of premultiplied scene-linear RGBA).
+PRESET_AIMS = {"draft": 128.0, "standard": 32.0, "fine": 16.0, "strict": 10.0}
 DEFAULT_QUALITY = "standard"
 # Values of the settings, in the order in which they are shown.
 CLASSIFICATIONS = ("pre", "refined", "post")
@@ -285,13 +290,19 @@ class Quality:
         """
         return cls(classification=classification, **{"name": name, **preset_knobs(name, classification), **overrides})
 
+    @property
+    def is_preset(self) -> bool:
+        """Whether all of PRESET_KNOBS are those of the preset of this name."""
+        if self.name not in QUALITY_PRESETS:
+            return False
+        mine = preset_knobs(self.name, self.classification)
+        return all(getattr(self, knob) == value for knob, value in mine.items())
+
     def classified(self, classification: str) -> Quality:
         """Copy with another classification. If all settings are those of a preset, the copy has that preset's too."""
         knobs = {"classification": classification, "rays": self.rays if classification == "post" else NO_RAYS}
-        if self.name in QUALITY_PRESETS:
-            mine = preset_knobs(self.name, self.classification)
-            if all(getattr(self, knob) == value for knob, value in mine.items()):
-                knobs |= preset_knobs(self.name, classification)
+        if self.is_preset:
+            knobs |= preset_knobs(self.name, classification)
         return replace(self, **knobs)
 
     @classmethod

@@ -19,11 +19,12 @@ TILE = 16  # pixels along each side
 # scans at the qualities fine and strict had at most 66 in a tile. A ray took 5 to 19 microseconds on two threads, so
 # ENOUGH rays take about a second. Of larger frames at most a quarter of the pixels is traced.
 ALWAYS, ENOUGH = 64, 1 << 16
+UNLIMITED = 0.02  # thresholds up to this, five levels, call for a ray wherever something is seen
 
 
-def most_in_tile(width: int, height: int) -> int:
+def most_in_tile(width: int, height: int, threshold: float) -> int:
     """Largest number of steep pixels of a tile, in a frame of ``width`` x ``height`` pixels."""
-    return max(ALWAYS, ENOUGH * TILE**2 // (width * height))
+    return TILE**2 if threshold <= UNLIMITED else max(ALWAYS, ENOUGH * TILE**2 // (width * height))
 
 
 def steep_pixels(

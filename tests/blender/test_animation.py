@@ -1,6 +1,7 @@
 """Every rendered frame is splatted anew: animated camera, volume, transfer function and meshes."""
 
 import ctypes
+import json
 
 import bpy
 import numpy as np
@@ -84,6 +85,17 @@ def test_an_animated_transfer_function(volume, tmp_path):
     frames = animated(tmp_path)
     for alpha, scale in zip(frames, (1.0, 0.5, 0.0)):
         assert alpha[16, 16] == pytest.approx(1.0 - (1.0 - ALPHA * scale) ** N, abs=1 / 255)
+
+
+def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
+    settings = bpy.context.scene.rle_splat
+    settings.classification = "post"
+    bpy.ops.rle_splat.composite()
+    key_linear(volume.rle_splat, "opacity_scale", (1.0, 0.5, 0.2))
+    animated(tmp_path)
+    plan = json.loads(settings.last_report_json)["plan"]
+    assert plan["quality"] == "fine, held" and plan["why"] in settings.last_report.split("\n")
+    assert plan["why"] == "The plan of the first frame is kept."
 
 
 def test_a_mesh_that_rises_through_the_volume(volume, tmp_path):

@@ -154,7 +154,7 @@ def test_a_mode_shows_what_it_says_whatever_the_classification(picture):
 
 def test_qualities_reach_the_plan(picture):
     plan = picture("--quality", "draft")[1]["plan"]
-    assert (plan["depth_rule"], plan["sheet_density"]) == ("slice-2", 0.4)
+    assert (plan["depth_rule"], plan["sheet_density"]) == ("preintegrated", 0.45)
     assert picture("--quality", "draft", "--classification", "pre")[1]["plan"]["depth_rule"] == "slice"
     plan = picture("--paper")[1]["plan"]
     assert plan["model"] == "opacity" and plan["quality"] == "paper" and not plan["length_correction"]

@@ -41,6 +41,15 @@ def test_frames_are_numbered_pictures_with_the_look_of_the_first(sequence, call,
     assert frames[0]["volume"]["shape_xyz"] == list(SHAPE_XYZ)
 
 
+def test_all_frames_have_the_plan_of_the_first(sequence, call, raw_options, tmp_path):
+    words = ("--size", "24", "--backend", "numpy", "--preset", "x-ray", "--json", tmp_path / "report.json")
+    done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 2, *words, *raw_options)
+    assert done.code == 0, done.err
+    plans = [frame["plan"] for frame in json.loads((tmp_path / "report.json").read_text())["frames"]]
+    assert plans[0]["aim"] == 32.0 and plans[0]["expected"] > 0.0 and plans[0]["why"] in done.out
+    assert plans[1]["quality"] == "standard, held" and plans[1]["depth_rule"] == plans[0]["depth_rule"]
+
+
 @pytest.mark.parametrize("words, sentence", [
     (("--frame", 3), "Frame 3 is missing: there is no file with the number 10"),
     (("--frame", 5), "There is no frame 5: ball_8.raw is the first of 4 files"),

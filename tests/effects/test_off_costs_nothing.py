@@ -45,6 +45,7 @@ KERNELS = {
         "splat.scalar_sheets.splat_scalar_rows",
     },
 }  # fmt: skip
+GIVEN = "as given"  # a quality of this name is no preset, whose plan depends on the scene
 # What light adds to them.
 LIT_STAGES = {"pre": {"normals"}, "post": {"normals", "light", "lights"}}
 LIT_KERNELS = {"pre": {"volume.gradient._sobel"}, "post": {"volume.gradient._sobel", "shade.voxel_light._code_light"}}
@@ -61,7 +62,8 @@ def scene_of(azimuth=25.0, **more) -> Scene:
 def worked(scene, classification, backend="auto", **knobs):
     """(stages made, kernels run) for a first picture."""
     cache = StageCache()
-    report = render(scene, Quality(classification=classification, backend=backend, **knobs), cache=cache).report
+    quality = Quality(classification=classification, backend=backend, **{"name": GIVEN, **knobs})
+    report = render(scene, quality, cache=cache).report
     return set(cache.made), set(report["kernels"])
 
 
@@ -75,6 +77,13 @@ def test_a_plain_unlit_scene_makes_these_stages_and_no_other(classification, bac
 @pytest.mark.parametrize("classification", KERNELS)
 def test_a_plain_unlit_scene_runs_these_kernels_and_no_other(classification):
     assert worked(scene_of(), classification)[1] == KERNELS[classification]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_plan_of_a_preset_takes_one_stage_more_and_no_kernel(backend):
+    hazy = scene_of(transfer_function=replace(FUNCTION, opacity=((0.0, 0.0), (1e6, 0.01))))
+    given, preset = (worked(hazy, "post", backend, name=name) for name in (GIVEN, "standard"))
+    assert preset == (given[0] | {"roughness"}, given[1])
 
 
 @needs_kernels
@@ -149,8 +158,8 @@ def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, 
 @needs_kernels
 def test_a_second_frame_runs_only_what_it_makes_anew():
     cache, scene = StageCache(), scene_of()
-    render(scene, cache=cache)
-    again = render(scene, cache=cache).report["kernels"]
+    render(scene, Quality(name=GIVEN), cache=cache)
+    again = render(scene, Quality(name=GIVEN), cache=cache).report["kernels"]
     assert again == [
         "splat.scalar_sheets.splat_scalar_rows", "warp.resample._resample", "warp.spline_prefilter._filter_lines",
     ]  # fmt: skip
@@ -159,7 +168,8 @@ def test_a_second_frame_runs_only_what_it_makes_anew():
 @needs_kernels
 def test_pictures_made_by_turns_do_not_note_one_anothers_kernels():
     unlit = render_steps(scene_of(), Quality(classification="pre"))
-    lit = render_steps(scene_of(transfer_function=MATT, lights=(Light("SUN"),)), Quality(classification="post"))
+    lamp = scene_of(transfer_function=MATT, lights=(Light("SUN"),))
+    lit = render_steps(lamp, Quality(classification="post", name=GIVEN))
     reports = {}
     while len(reports) < 2:
         for name, steps in (("unlit", unlit), ("lit", lit)):

@@ -12,6 +12,7 @@ from .need import need_of
 from .session import PlannerSession
 from .single_rays import with_rays
 
+CHOSEN = "The fastest plan that is expected to keep the largest error that was asked for."
 STRICTEST = 0.05  # levels: below this, sheets of 32-bit floats and the eye show no difference
 
 
@@ -100,7 +101,7 @@ def with_report(
         )
     report = best.rendering.report
     completed = {
-        **report, "plan": {**report["plan"], "name": best.plan}, "error": error, "remarks": remarks,
+        **report, "plan": {**report["plan"], "name": best.plan, "why": CHOSEN}, "error": error, "remarks": remarks,
         "stages_ms": with_rays(report["stages_ms"], best.rays_ms),
         "rays": {name: error["rays"][name] for name in report["rays"]},
     }  # fmt: skip

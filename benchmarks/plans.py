@@ -1,0 +1,206 @@
+"""Plans of the quality presets: errors against the truth, and times against `--tolerance` at the same error.
+
+`--calibrate` measures the constants of ``rle_splat/pipeline/preset_plan.py`` instead, on the synthetic scenes of the
+planner's calibration, and prints the table of candidates.
+
+Errors are levels at random probe pixels.  Times are of one thread, the least of a few frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from rle_splat.accuracy.lighting import shading_of
+from rle_splat.accuracy.planner.tolerance import render_within
+from rle_splat.accuracy.probes import stratified_pixels
+from rle_splat.accuracy.truths import truth
+from rle_splat.classify.roughness import LEVELS, roughness
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.pipeline.preset_plan import CANDIDATES, Candidate
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.scene import PRESET_KNOBS, QUALITY_PRESETS, Quality, Scene
+from rle_splat.volume.volume import Volume
+
+from .frames import Neighbors, best_frame, circumstances, describe, view_scene
+from .planning_scenes import CALIBRATION_VIEWS, RAINBOW, calibration_scenes, calibration_volumes
+from .scenes import scenes
+
+SIZE, PROBES, REPEATS, TOLERANCE = 384, 4000, 3, 1e-6
+VIEW = (35, 25)  # azimuth and elevation, degrees
+QUANTILE = 0.5  # share of the calibration scenes whose errors are below the expected ones
+FAINTEST = 0.3  # levels: scenes below that are not fitted
+# Calibration volumes that are calibrated with a step to opaque too: vessels are rougher than all others.
+STEPPED = ("smooth", "thin", "blobs", "noise, bands", "cloud", "part", "signal")
+TOLERANCES = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0)
+# Knobs of the post-classified presets before they were plans.
+BEFORE = {
+    "draft": ("slice-2", 0.4, "bilinear", 1 / 256, 0.0),
+    **{name: tuple(rungs["post"]) for name, rungs in QUALITY_PRESETS.items() if name != "draft"},
+}
+
+
+def vessels(n: int = 128) -> tuple[Volume, TransferFunction]:
+    """Winding vessels two to five voxels wide, with a step to opaque at their wall."""
+    z, y, x = np.meshgrid(*(np.arange(n, dtype=np.float32),) * 3, indexing="ij")
+    scale, inside = n / 96.0, np.zeros((n, n, n), np.float32)
+    for number in range(7):
+        phase, center = 1.3 * number, 12.0 * scale * (number + 1)
+        across = y - center - 9.0 * scale * np.sin(0.09 / scale * x + phase)
+        up = z - 48.0 * scale - 20.0 * scale * np.cos(0.07 / scale * x + phase)
+        inside = np.maximum(inside, np.clip(0.5 + 0.5 * (1.0 + 0.25 * number - np.hypot(across, up)), 0.0, 1.0))
+    opacity = ((0.0, 0.0), (500.0, 0.0), (500.0, 1.0), (1000.0, 1.0))
+    color = ((0.0, 0.9, 0.3, 0.2), (1000.0, 1.0, 0.8, 0.5))
+    function = TransferFunction("vessel wall", None, opacity, color, 1.0, Shade())
+    return Volume((1000.0 * inside).astype(np.int16), np.eye(4), name="vessels"), function
+
+
+class Judge:
+    """The truth of a scene at probe pixels."""
+
+    def __init__(self, scene: Scene, probes: int):
+        self.columns, self.rows = stratified_pixels(scene.width, scene.height, probes)
+        centers = self.columns + 0.5, self.rows + 0.5
+        self._true, _ = truth(scene, "T2", pixels=centers, tolerance=TOLERANCE, **shading_of(scene, "T2"))
+
+    def errors(self, rgba) -> dict:
+        """JSON-ready: ``rmse``, and ``p999``, what 999 of 1000 pixels err less than, in levels."""
+        off = LEVELS * np.abs(rgba[self.rows, self.columns] - self._true)
+        return {"rmse": float(np.sqrt((off**2).mean())), "p999": float(np.quantile(off.max(axis=-1), 0.999))}
+
+
+def plan_of(knobs, name: str = "as given") -> Quality:
+    """A Quality of one thread with these values of PRESET_KNOBS."""
+    return Quality(name=name, threads=1, **dict(zip(PRESET_KNOBS, knobs, strict=True)))
+
+
+def observe(scene: Scene, probes: int) -> list[dict]:
+    """A row for each candidate: its error."""
+    judge, cache, rows = Judge(scene, probes), StageCache(), []
+    for one in CANDIDATES:
+        rows.append(judge.errors(render(scene, plan_of(one.knobs), cache=cache).rgba))
+    return rows
+
+
+def costs(options) -> list[float]:
+    """The time of a frame of each candidate over that of the first: geometric means over the calibration volumes."""
+    found = []
+    for _, volume, function, shaded in calibration_volumes():
+        for perspective in (False, True):
+            scene, cache = view_scene(volume, function, VIEW, options.size, perspective, shaded), StageCache()
+            spent = [best_frame(scene, plan_of(one.knobs), options.repeats, cache)[1] for one in CANDIDATES]
+            found.append(np.log(spent) - np.log(spent[0]))
+    return [float(cost) for cost in np.exp(np.mean(found, axis=0))]
+
+
+def steep_scenes():
+    """Yield name and scene for calibration volumes with a step to opaque in the middle of their values."""
+    for name, volume, _, _ in calibration_volumes():
+        if name in STEPPED:
+            low, high = volume.value_range
+            wall = 0.5 * (low + high)
+            color = tuple((low + (high - low) * position, *rgb) for position, *rgb in RAINBOW)
+            function = TransferFunction("step", None, ((low, 0.0), (wall, 0.0), (wall, 1.0)), color, None, Shade())
+            for number, view in enumerate(CALIBRATION_VIEWS):
+                yield f"{name}, step, view {number}", view.of(volume, function, True)
+
+
+def fitted(rough: list[float], observed: list[list[dict]], cost: list[float]) -> list[Candidate]:
+    """The candidates with constants fitted to scenes of these roughnesses."""
+    found = []
+    for number, one in enumerate(CANDIDATES):
+        errors = np.array([rows[number]["p999"] for rows in observed])
+        x, y = np.log(rough), np.log(np.maximum(errors, FAINTEST))
+        power = float(np.clip(np.polyfit(x, y, 1)[0], 0.0, 1.2))
+        factor = float(np.exp(np.quantile(y - power * x, QUANTILE)))
+        found.append(replace(one, cost=round(cost[number], 2), factor=round(factor, 2), power=round(power, 2)))
+    return found
+
+
+def calibrate(options) -> dict:
+    """Measure and print the candidates; returns JSON-ready rows."""
+    rough, observed, names = [], [], []
+    for name, scene in chain(calibration_scenes(), steep_scenes()):
+        value = roughness(scene.volume, scene.transfer_function)
+        if value is not None and value > FAINTEST:
+            names.append(name)
+            rough.append(value)
+            observed.append(observe(scene, options.probes))
+            print(f"{name:<24}{value:6.1f}" + "".join(f"{row['p999']:7.1f}" for row in observed[-1]), flush=True)
+    for one in fitted(rough, observed, costs(options)):
+        print(f"    Candidate({one.knobs!r}, {one.cost}, {one.factor}, {one.power}),")
+    return {"scenes": names, "roughness": rough, "rows": observed}
+
+
+def against_tolerance(scene: Scene, judge: Judge) -> list[dict]:
+    """A row for each of TOLERANCES: the error of the picture at the probes, and its milliseconds."""
+    cache, rows = StageCache(), []
+    for tolerance in TOLERANCES:
+        rendering = render_within(scene, tolerance, Quality(threads=1), cache=cache)
+        report = rendering.report
+        rows.append({"tolerance": tolerance, "plan": report["plan"]["name"], "ms": report["error"]["ms"],
+                     **judge.errors(rendering.rgba)})  # fmt: skip
+    return rows
+
+
+def time_at(rows: list[dict], error: float) -> float | None:
+    """The least milliseconds of the rows whose p999 is at most ``error``; None where there is none."""
+    return min((row["ms"] for row in rows if row["p999"] <= error), default=None)
+
+
+def compare(options) -> dict:
+    """Print a table of presets on scenes; returns JSON-ready rows."""
+    subjects = [("vessels", *vessels()), *scenes(options.scene)]
+    rows = []
+    for name, volume, function in subjects:
+        if options.scene and name not in options.scene:
+            continue
+        for perspective in (False, True):
+            scene = view_scene(volume, function, VIEW, options.size, perspective)
+            judge, cache = Judge(scene, options.probes), StageCache()
+            planned = against_tolerance(scene, judge)
+            for preset in QUALITY_PRESETS:
+                before, ms_before = best_frame(scene, plan_of(BEFORE[preset]), options.repeats, cache)
+                now, ms = best_frame(scene, Quality.preset(preset, threads=1), options.repeats, cache)
+                old, new, plan = judge.errors(before.rgba), judge.errors(now.rgba), now.report["plan"]
+                beaten = time_at(planned, new["p999"])
+                row = {
+                    "scene": name, "perspective": perspective, "preset": preset, "before": {"ms": ms_before, **old},
+                    "now": {"ms": ms, **new}, "tolerance_ms": beaten, "aim": plan["aim"], "expected": plan["expected"],
+                    "why": plan["why"], "knobs": {knob: plan[knob] for knob in PRESET_KNOBS},
+                }  # fmt: skip
+                rows.append(row)
+                at = f"{beaten:7.0f}" if beaten is not None else f"{'-':>7}"
+                changed = "changed" if tuple(row["knobs"].values()) != BEFORE[preset] else ""
+                print(
+                    f"{name:<12}{'P' if perspective else 'O':<3}{preset:<10}{old['rmse']:7.2f}{old['p999']:7.1f}"
+                    f"{ms_before:7.0f}{new['rmse']:9.2f}{new['p999']:7.1f}{ms:7.0f}{at}  {changed}", flush=True,
+                )  # fmt: skip
+            rows[-1]["tolerances"] = planned
+    return {"rows": rows}
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench plans", description=__doc__)
+    parser.add_argument("--calibrate", action="store_true", help="measure the constants of the candidates")
+    parser.add_argument("--scene", nargs="*", help="only these scenes")
+    parser.add_argument("--size", type=int, default=SIZE)
+    parser.add_argument("--probes", type=int, default=PROBES)
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args(arguments)
+    where, neighbors = circumstances(1), Neighbors()
+    print(describe(where))
+    if not options.calibrate:
+        print(f"\n{'':<25}{'before: RMSE, 99.9 %, ms':>21}{'now: RMSE, 99.9 %, ms, and --tolerance at it':>46}")
+    found = calibrate(options) if options.calibrate else compare(options)
+    print(neighbors.describe())
+    if options.json:
+        options.json.write_text(json.dumps({"circumstances": where, **found}, indent=1) + "\n", encoding="utf-8")
+    return 0
