@@ -92,11 +92,11 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
     with clocks[0].running():
         door = settled(scene, quality)
         pictures = exposures(door.scene)
-    if cache is None:  # the pictures of a blur have most stages in common
-        cache = StageCache(0) if len(pictures) == 1 else StageCache()
+        if cache is None:  # the pictures of a blur have most stages in common
+            cache = StageCache(0) if len(pictures) == 1 else StageCache()
+        with clocks[0].stage("plan"):
+            door = with_plan(door, cache)
     refuse = refuse_empty_view and not door.scene.motion  # what moves may come into view
-    with clocks[0].running(), clocks[0].stage("plan"):
-        door = with_plan(door, cache)
 
     def sharp_steps(sharp: Scene):
         clock = clocks.pop() if clocks else Clock()

@@ -145,7 +145,7 @@ def test_shading_that_is_off_by_hand_computes_no_gradient(classification, backen
 def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, backend):
     """What light leaves on a voxel is kept while the camera moves, unless a highlight follows it: that is shaded again,
     or, where light is made as it is read, nothing is made but the picture."""
-    quality = Quality(classification=classification, backend=backend)
+    quality = Quality(classification=classification, backend=backend, name=GIVEN)
     kept, codes = {"pre": ("records", "records"), "post": ("light", "normal codes")}[classification]
     for tf, shaded, again in ((MATT, kept, 1), (SHINY, codes, 2 if classification == "pre" else 1)):
         cache = StageCache()
