@@ -64,7 +64,7 @@ PICTURES = (
     Picture("lights without shadows", 1.9, 0.0, scene="no shadows", perspective=True),
     Picture("lights and meshes", 17.9, 6.7, scene="meshes", perspective=True),
     Picture("previews", 14.5, 2.0, scene="meshes", perspective=True, previews=True),
-    Picture("draft", 1.2, 0.0, quality="draft"),
+    Picture("hard walls", 14.9, 1.7, quality="fine"),
 )
 
 
@@ -83,9 +83,10 @@ def prepare_steps():
 
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
 
-    - at the quality "standard", which classifies after interpolation: by the headlight; by white lamps and the world's
-      light, without shadows, and with shadows without and with meshes that hide the volume; with progressive previews.
-    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``), and at "draft": by the headlight.
+    - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
+      headlight; by white lamps and the world's light, without shadows, and with shadows without and with meshes that
+      hide the volume; with progressive previews.
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
 
     Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
     without a highlight, and unshaded ones; the classifications "pre" and "refined"; the qualities "strict" and "paper"
