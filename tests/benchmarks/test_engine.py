@@ -55,8 +55,8 @@ def test_rows(one_shell, perspective):
         assert row["frame_ms"] == pytest.approx(row["splat_ms"] + row["warp_ms"] + row["rays_ms"])
         assert row["whole_ms"] > row["frame_ms"]
         assert row["splat_ms"] > 0.0 and row["encode_ms"] > 0.0
-            # Single rays are part of these, and of any other whose scene has hard walls.
-            assert row["rays_ms"] > 0.0 or row["quality"] not in RAYS
+        # Single rays are part of these, and of any other whose scene has hard walls.
+        assert row["rays_ms"] > 0.0 or row["quality"] not in RAYS
     assert not any(row["peer"] or row["against"] for row in rows)
 
 
