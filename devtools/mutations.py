@@ -195,11 +195,12 @@ MUTANTS = (
     ),
     _left_out(
         "the gradient opacity of thinned light", "pipeline/scalar_source.py",
-        "light_key = (light_key, key, tf.gradient_opacity)", "light_key = (light_key, key)",
+        "light_key = (light_key, hidden_key, key, tf.gradient_opacity)", "light_key = (light_key, hidden_key, key)",
     ),
     _left_out(
         "the light of thinned light", "pipeline/scalar_source.py",
-        "light_key = (light_key, key, tf.gradient_opacity)", "light_key = (key, tf.gradient_opacity)",
+        "light_key = (light_key, hidden_key, key, tf.gradient_opacity)",
+        "light_key = (hidden_key, key, tf.gradient_opacity)",
     ),
     _left_out(
         "the length that opacities refer to", "pipeline/scalar_source.py",

@@ -212,12 +212,12 @@ class ScalarSource(Source):
         with clock.stage("classify"):
             ends, infinite = _value_ends(volume, tf, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
-        factor = None
+        factor = hidden_key = None
         if scene.labels is not None:
             step = max(length * float(volume.spacing.min()), LEAST_DISTANCE)
-            of_function = key, tf.classification_key, length
+            hidden_key = key, tf.classification_key, length
             factor = yield from self._hidden_steps(
-                work, voxels, of_function,
+                work, voxels, hidden_key,
                 lambda: extinction_of(transfer, voxels.stored, volume.voxels.dtype, infinite) * step,
             )
         if tf.gradient_opacity is not None and not self.shows_values:
@@ -242,7 +242,7 @@ class ScalarSource(Source):
         with clock.stage("shade"):
             light, light_key, *made = self._light(work, voxels, key, falling, shadows_key, by_normal)
         if factor is not None:
-            light_key = (light_key, key, tf.gradient_opacity, tf.classification_key, length)
+            light_key = (light_key, hidden_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
         center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
         thinned = factor is not None
