@@ -269,7 +269,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
             found |= found_here
         return found, opaque
 
-    @inner_loop
+    @inner_loop(inline="always")
     def splat_band(medium, sheets, rays, top_row, rows, worker, scratch, image):
         """``rows`` rows of the intermediate image from ``top_row`` on, through all sheets."""
         own = _scratch_of(scratch, worker * SPREAD)
