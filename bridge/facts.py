@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rle_splat.pipeline.memory_estimate import picture_bytes
+from ..rle_splat.pipeline.memory_estimate import MemoryEstimate, picture_bytes
 from ..rle_splat.pipeline.quick_estimate import ClassifiedSheets, estimate_from_histogram, likely_sides, sheet_kind
+from ..rle_splat.scene import NO_RAYS
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
@@ -179,7 +180,8 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     Returns
     -------
     str
-        One sentence without a period; "" without a stored histogram.
+        One sentence without a period; "" without a stored histogram.  A preset may take single rays where its scene
+        has hard walls, which only the voxels tell, so both are named.
     """
     counted = stored_histogram(properties)
     if counted is None or counted.dtype is None:
@@ -188,16 +190,20 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     shape = kind.grid(counted.shape_xyz)
     plane = _LikelyPlane.of(kind, shape, quality, width, height)
 
-    def wanted(meshes: bool):
+    def wanted(meshes: bool = False, traced: bool = quality.rays > 0.0) -> MemoryEstimate:
         shortened = meshes or kind.ends_at_box
         scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, shortened)
         picture = picture_bytes(
             (plane,), width, height, quality, shortened=shortened, meshes=meshes, scratch=scratch,
-            traced=quality.rays > 0.0 and not meshes)  # single rays are not used with meshes
+            traced=traced and not meshes)  # single rays are not used with meshes
         return estimate_from_histogram(
             counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
             shaded=transfer_function.shade is not None, picture=picture)
 
-    alone = wanted(False)
-    among = f" ({memory_text(wanted(True).needed)} among meshes)" if meshes else ""
-    return f"About {memory_text(alone.needed)}{among}, {alone.visible_fraction:.1%} of the voxels"
+    alone, others = wanted(), []
+    if quality.is_preset and kind.traces_rays and quality.rays == NO_RAYS:
+        others.append(f"{memory_text(wanted(traced=True).needed)} with single rays")
+    if meshes:
+        others.append(f"{memory_text(wanted(meshes=True).needed)} among meshes")
+    beside = f" ({', '.join(others)})" if others else ""
+    return f"About {memory_text(alone.needed)}{beside}, {alone.visible_fraction:.1%} of the voxels"

@@ -32,6 +32,12 @@ def told(monkeypatch):
     return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
 
 
+def told_beside(monkeypatch, what):
+    """Bytes as the panel has them in parentheses, with single rays or among meshes."""
+    found = re.search(rf"[(,] ?([\d.]+) (\w+) {what}[,)]", texts(draw_all(monkeypatch)))
+    return float(found[1]) * UNITS[found[2]]
+
+
 @pytest.mark.parametrize("side", (32, 400))
 @pytest.mark.parametrize("classification, name", (("pre", "standard"), ("post", "standard"), ("post", "strict")))
 def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification, name, side):
@@ -48,6 +54,8 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     rendering = core("runtime.steps").drain(bridge("render_scene").steps(plain, quality))
     assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
+    if quality.rays == 0.0 < rendering.report["plan"]["rays"]:
+        needed = told_beside(monkeypatch, "with single rays")
     kept = rendering.report["volume"]["visible_fraction"]
     assert share == pytest.approx(kept, abs=0.001) if classification == "pre" else share < kept < 2.0 * share
     assert needed == pytest.approx(rendering.report["memory_estimate_bytes"]["needed"], rel=0.3)
@@ -61,9 +69,10 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     assert "among meshes" not in texts(draw_all(monkeypatch))
     bpy.ops.mesh.primitive_cube_add(size=10.0, location=(23.5, 23.5, 23.5))
     assert told(monkeypatch)[0] == alone
-    found = re.search(r"\(([\d.]+) (\w+) among meshes\)", texts(draw_all(monkeypatch)))
-    among = float(found[1]) * UNITS[found[2]]
-    for with_meshes, needed in ((False, alone), (True, among)):
+    among = told_beside(monkeypatch, "among meshes")
+    bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
+    drafted = told(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
+    for with_meshes, needed in zip((False, True), drafted):
         plain, quality = bridge("render_scene").read_scene(
             volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes)
         report = core("runtime.steps").drain(bridge("render_scene").steps(plain, quality)).report
@@ -96,6 +105,7 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
 @pytest.mark.parametrize("classification, advice", (("pre", "would fit"), ("post", "narrower .* would fit")))
 def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, advice, monkeypatch):
     bpy.context.scene.rle_splat.classification = classification
+    bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
     free = int(0.9 * told(monkeypatch)[0])
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(core(module), "available_bytes", lambda: free)
