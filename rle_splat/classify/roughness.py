@@ -63,7 +63,7 @@ def roughness(volume, transfer_function) -> float | None:
     beside = np.array((-1.0, 0.0, 1.0))[:, None, None]
     positions = (middle + beside * aside)[:, None] + along * ahead
     lengths = STEP * np.linalg.norm(ahead * spacing, axis=1)
-    left, here, right = medium.seen(_interpolated(volume, positions), lengths)
+    left, here, right = medium.seen(_interpolated(volume, transfer_function, positions), lengths)
     off = np.abs(0.5 * (left + right) - here).max(axis=1)
     return LEVELS * float(np.mean(off**4)) ** 0.25
 
@@ -122,7 +122,7 @@ def _visible_cells(volume, function, random) -> tuple[np.ndarray, float, float]:
         cells = (random.random((CELLS, 3)) * most).astype(np.int64)
         values = _corners(volume, cells).reshape(8, -1)
         ends = np.stack((values.min(axis=0), values.max(axis=0)))
-        low, high = np.sort(np.clip(volume.physical(ends), -LARGEST, LARGEST), axis=0)  # NaN goes to the end
+        low, high = np.sort(_finite(volume.physical(ends), function), axis=0)  # NaN goes to the end
         visible = (~np.isnan(high)) & ((high >= shown[:, :1]) & (low < shown[:, 1:])).any(axis=0)
         found.append(cells[visible])
         least, largest = min(least, low[visible].min(initial=least)), max(largest, high[visible].max(initial=largest))
@@ -141,11 +141,18 @@ def _corners(volume, cells) -> np.ndarray:
     return np.asarray(volume.voxels).reshape(-1)[first + offsets]
 
 
-def _interpolated(volume, positions) -> np.ndarray:
+def _finite(values, function) -> np.ndarray:
+    """Physical values, infinite ones as the outermost point of the transfer function, whose look they have."""
+    points = [point[0] for point in (*function.opacity, *function.color)]
+    values = np.where(np.isinf(values), np.clip(values, min(points), max(points)), values)
+    return np.clip(values, -LARGEST, LARGEST)
+
+
+def _interpolated(volume, function, positions) -> np.ndarray:
     """The physical scalar (...) at positions (..., 3) in voxels, z, y, x; that of the nearest face outside."""
     positions = np.clip(positions, 0.0, np.array(volume.voxels.shape) - 1.0)
     cells = np.minimum(positions.astype(np.int64), np.array(volume.voxels.shape) - 2)
-    values = np.nan_to_num(np.clip(volume.physical(_corners(volume, cells)), -LARGEST, LARGEST))
+    values = np.nan_to_num(_finite(volume.physical(_corners(volume, cells)), function))
     for axis in range(3):
         share = positions[..., axis] - cells[..., axis]
         values = values[0] + share * (values[1] - values[0])
