@@ -17,6 +17,7 @@ from tests.stability.pictures import SCENES, pictures
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 BITS = "bits are counted"
+CLASSIFIED = ("parallel", "post")  # of SCENES, one for each classification
 
 
 def elsewhere(folder, *arguments, python=sys.executable, **environ) -> dict[str, np.ndarray]:
@@ -110,9 +111,10 @@ def test_A13_other_versions_of_python_and_numpy(record, tmp_path, python):
     """Each of Blender's: by the reference implementations, which need no compiler, and by kernels if it has numba."""
     if python is None:
         pytest.skip("no environment of another Python is at hand")
-    for backend in ("numpy", "auto"):
-        here = pictures(backend=backend)
-        there = elsewhere(tmp_path, "--backend", backend, python=python)
+    # Of the kernels one for each classification: each takes another Python ten seconds to compile.
+    for backend, names in (("numpy", SCENES), ("auto", tuple(name for name in SCENES if name in CLASSIFIED))):
+        here = pictures(names, backend=backend)
+        there = elsewhere(tmp_path, "--backend", backend, "--scenes", *names, python=python)
         for name in here:
             error = float(np.abs(here[name][..., :4] - there[name][..., :4]).max())
             record("A13", "difference between versions of Python and numpy", error, 1e-5, "float32", why="as float32")
