@@ -72,17 +72,17 @@ def add_rays(rays, normals, material, count, s):
         hx, hy, hz = rays[k, 3], rays[k, 4], rays[k, 5]
         red, green, blue = rays[k, 6], rays[k, 7], rays[k, 8]
         for i in range(count):
-            facing = normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz
+            facing = normals[0, i] * lx + normals[1, i] * ly + normals[2, i] * lz
             matt = diffuse * max(-facing, back * facing)
             s[DR + i] += matt * red
             s[DG + i] += matt * green
             s[DB + i] += matt * blue
         if specular > _ZERO:
             for i in range(count):
-                s[COS + i] = abs(normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz)
+                s[COS + i] = abs(normals[0, i] * hx + normals[1, i] * hy + normals[2, i] * hz)
             if back == _ZERO:
                 for i in range(count):
-                    facing = normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz
+                    facing = normals[0, i] * lx + normals[1, i] * ly + normals[2, i] * lz
                     s[COS + i] = s[COS + i] if facing < _ZERO else _ZERO
             _raise_to(material[3], count, s)
             for i in range(count):
@@ -231,7 +231,7 @@ def _add_light(light, normals, material, count, s):
     diffuse, specular, back = np.float32(material[1]), np.float32(material[2]), np.float32(material[BACK])
     red, green, blue = np.float32(light[RGB]), np.float32(light[RGB + 1]), np.float32(light[RGB + 2])
     for i in range(count):
-        facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+        facing = normals[0, i] * s[LX + i] + normals[1, i] * s[LY + i] + normals[2, i] * s[LZ + i]
         matt = diffuse * max(-facing, back * facing) * s[FALLOFF + i]
         s[DR + i] += matt * red
         s[DG + i] += matt * green
@@ -240,18 +240,18 @@ def _add_light(light, normals, material, count, s):
         return
     for i in range(count):
         hx, hy, hz = s[LX + i] + s[VX + i], s[LY + i] + s[VY + i], s[LZ + i] + s[VZ + i]
-        facing = normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz
+        facing = normals[0, i] * hx + normals[1, i] * hy + normals[2, i] * hz
         length = np.sqrt(hx * hx + hy * hy + hz * hz)
         s[COS + i] = abs(facing) / length if length > _ZERO else _ZERO
     if material[PHONG] > 0.0:
         for i in range(count):
-            facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
-            seen = normals[i, 0] * s[VX + i] + normals[i, 1] * s[VY + i] + normals[i, 2] * s[VZ + i]
+            facing = normals[0, i] * s[LX + i] + normals[1, i] * s[LY + i] + normals[2, i] * s[LZ + i]
+            seen = normals[0, i] * s[VX + i] + normals[1, i] * s[VY + i] + normals[2, i] * s[VZ + i]
             straight = s[LX + i] * s[VX + i] + s[LY + i] * s[VY + i] + s[LZ + i] * s[VZ + i]
             s[COS + i] = max(_TWO * facing * seen - straight, _ZERO)
     if back == _ZERO:
         for i in range(count):
-            facing = normals[i, 0] * s[LX + i] + normals[i, 1] * s[LY + i] + normals[i, 2] * s[LZ + i]
+            facing = normals[0, i] * s[LX + i] + normals[1, i] * s[LY + i] + normals[2, i] * s[LZ + i]
             s[COS + i] = s[COS + i] if facing < _ZERO else _ZERO
     _raise_to(material[3], count, s)
     for i in range(count):

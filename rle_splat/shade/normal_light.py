@@ -19,6 +19,7 @@ from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from .lighting import BACK, PHONG, Lighting
 from .lights import KIND, SUN
+from .shading import components
 from .voxel_light import light_bounds
 
 ONE = np.float32(32767.0)  # code of a component of 1
@@ -150,7 +151,7 @@ def coded_normals(normals: np.ndarray, *, backend: str = "auto", threads: int = 
     codes = empty((3, len(normals)), np.int16)
     if compiled(backend):
         with parallel_call(threads):
-            _code(read_only(np.asfortranarray(normals)).T, codes)  # no copy: they are one component after another
+            _code(components(normals), codes)
     else:
         codes[:] = np.rint(normals.T * ONE)
     return codes

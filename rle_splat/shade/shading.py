@@ -60,6 +60,11 @@ def normals(classified, volume, index_to_world, *, backend: str = "auto", thread
     )
 
 
+def components(normals: np.ndarray) -> np.ndarray:
+    """(3, n) of (n, 3) normals, for kernels, and without a copy: ``normals`` keeps one component after another."""
+    return read_only(np.ascontiguousarray(normals.T))
+
+
 def shade(
     classified, normals, index_to_world, shading, lights=(), *,
     headlight_direction=None, eye=None, backend: str = "auto", threads: int = 0,
@@ -169,8 +174,7 @@ def light_records(
         light = (None, None, None, None)
         if falling is not None:
             near = falling.near
-            normals = read_only(np.asfortranarray(normals))  # no copy: ``normals`` returns one component after another
-            light = (normals, falling.material, None if near else falling.rays(), near)
+            light = (components(normals), falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
             _write_records(positions.arguments, *seen, *light, records, most)
     return refuse_too_bright(float(most.max()))
@@ -194,7 +198,7 @@ def _write_records(positions, row_of, properties, density_column, normals, mater
     """Kernel of ``light_records``.
 
     ``positions``: RecordPositions.arguments. ``row_of``: (m,) rows of ``properties`` (n, 5); None if voxel i has row i.
-    ``normals`` (m, 3) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
+    ``normals`` (3, m) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
     (``Lighting.near``) is None, so that unused code is not compiled.
     """
     arguments = (positions, row_of, properties, density_column, normals, material, rays, near, records, most)
@@ -228,14 +232,14 @@ def _write_planes(
             if normals is not None:
                 clear_light(material, s)
             if rays is not None:
-                add_rays(rays, normals[at:stop], material, stop - at, s)
+                add_rays(rays, normals[:, at:stop], material, stop - at, s)
             if near is not None:
-                add_near(near, normals[at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
+                add_near(near, normals[:, at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
             for i in range(stop - at):
                 entry = at + i if row_of is None else np.int64(row_of[at + i])
                 red, green, blue = properties[entry, RED], properties[entry, RED + 1], properties[entry, RED + 2]
                 if normals is not None:
-                    if normals[at + i, 0] != _ZERO or normals[at + i, 1] != _ZERO or normals[at + i, 2] != _ZERO:
+                    if normals[0, at + i] != _ZERO or normals[1, at + i] != _ZERO or normals[2, at + i] != _ZERO:
                         red = red * s[DR + i] + s[SR + i]
                         green = green * s[DG + i] + s[SG + i]
                         blue = blue * s[DB + i] + s[SB + i]

@@ -26,7 +26,7 @@ from ..volume.gradient import CHUNK
 from .chunk_light import DR, LANES, SCRATCH, SHARE, SR, add_near, add_rays, clear_light, lit_numpy
 from .lighting import Lighting
 from .lights import AXIS, KIND, NEAREST, POSITION, RGB, SUN
-from .shading import refuse_too_bright
+from .shading import components, refuse_too_bright
 
 _ZERO = np.float32(0.0)
 
@@ -101,7 +101,7 @@ def voxel_light(
     _, ny, nz = voxels.shape_xyz
     if compiled(backend):
         near = falling.near
-        light = (read_only(np.asfortranarray(normals)), falling.material, None if near else falling.rays(), near)
+        light = (components(normals), falling.material, None if near else falling.rays(), near)
         rows = (ny, read_only(voxels.row_start), read_only(voxels.column))
         with parallel_call(threads):
             _code_light(rows, nz, *light, each, 1.0 / scale, codes)
@@ -174,11 +174,11 @@ def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse,
                 row += 1
             clear_light(material, s)
             if rays is not None:
-                add_rays(rays, normals[at : at + count], material, count, s)
+                add_rays(rays, normals[:, at : at + count], material, count, s)
             if near is not None:
-                add_near(near, normals[at : at + count], material, n_y, row, row_start, column, at, count, s)
+                add_near(near, normals[:, at : at + count], material, n_y, row, row_start, column, at, count, s)
             for i in range(count):
-                if normals[at + i, 0] == _ZERO and normals[at + i, 1] == _ZERO and normals[at + i, 2] == _ZERO:
+                if normals[0, at + i] == _ZERO and normals[1, at + i] == _ZERO and normals[2, at + i] == _ZERO:
                     for channel in range(each):
                         s[DR + channel * LANES + i] = s[SHARE + i]
                         s[SR + channel * LANES + i] = _ZERO

@@ -89,7 +89,7 @@ def test_an_animated_transfer_function(volume, tmp_path):
 
 def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
     settings = bpy.context.scene.rle_splat
-    settings.classification = "post"
+    settings.classification, settings.backend = "post", "numpy"
     bpy.ops.rle_splat.composite()
     key_linear(volume.rle_splat, "opacity_scale", (1.0, 0.5, 0.2))
     animated(tmp_path)

@@ -20,6 +20,7 @@ def owner(bridge, core, tmp_path):
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
+    bpy.context.scene.rle_splat.backend = "numpy"  # small pictures, for which no kernel is to be compiled
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
     labels = np.zeros((N, N, N), np.uint8)

@@ -17,6 +17,7 @@ BALL = np.clip(
 @pytest.fixture
 def volume(addon, tmp_path):
     found = import_raw(tmp_path, BALL)
+    bpy.context.scene.rle_splat.backend = "numpy"  # each mode would take a quarter of a minute to compile
     add_camera(location=(0.0, 0.0, 40.0))
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = SIZE
