@@ -172,11 +172,13 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             return
         plain, quality = render_scene.read_scene(
             volume_object, depsgraph, with_meshes=settings.meshes_occlude and layer.use_solid, in_region=True)
-        planned = log.plans.get((volume_object.name, quality), quality)
+        tolerance = tolerance_of(depsgraph.scene_eval)
+        drawn_as = volume_object.name, quality, tolerance
+        planned, earlier = log.plans.get(drawn_as, (quality, None))
         rendering = drain(render_scene.steps(
-            plain, planned, tolerance=tolerance_of(depsgraph.scene_eval), refuse_empty_view=False))
-        if planned is quality:
-            log.plans[volume_object.name, quality] = held(quality, rendering.report["plan"])
+            plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False))
+        plan = rendering.report["plan"]
+        log.plans[drawn_as] = held(quality, plan) if planned is quality else planned, plan
         pictures.show(image, rendering)
         log.report = {**rendering.report, "view_layer": layer.name}
         if not rendering.rgba[..., 3].any():

@@ -27,7 +27,8 @@ class RenderLog:
     report : dict
         The report of the last picture.
     plans : dict
-        (name of a volume object, Quality) -> Quality with the plan of its first frame, which all frames have.
+        (name of a volume object, Quality, tolerance or None) -> (Quality with the plan of its first frame, which all
+        frames of a quality preset have; ``plan`` of the last frame's report, with which a tolerance's next one begins).
     stopped_at : int or None
         The frame after which the animation was ended.
     """

@@ -136,7 +136,8 @@ def is_rendered(volume_object, depsgraph) -> bool:
 
 
 def steps(
-    plain: Scene, quality, *, tolerance: float | None = None, refuse_empty_view: bool = True, previews: bool = False
+    plain: Scene, quality, *, tolerance: float | None = None, earlier: dict | None = None,
+    refuse_empty_view: bool = True, previews: bool = False,
 ):
     """Make a picture, as a generator.
 
@@ -148,6 +149,8 @@ def steps(
         The knobs.
     tolerance : float, optional
         The largest allowed error in levels of 1/255; the planner then chooses the knobs, and shadows are left out.
+    earlier : dict, optional
+        With a tolerance: the plan of the frame before, from its report.
     refuse_empty_view : bool
         Whether a view that shows nothing of the volume raises RleSplatError.
     previews : bool
@@ -165,6 +168,7 @@ def steps(
     """
     if tolerance is not None:
         return tolerance_steps(
-            plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True)
+            plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True,
+            earlier=earlier)
     make = progressive_steps if previews else render_steps
     return make(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)

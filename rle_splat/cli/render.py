@@ -127,7 +127,7 @@ def run(args) -> None:
     with ProgressLine(args.progress) as line:
         for own in frames:
             prepared, like = _prepared(own, checked, line, like)
-            reports.append(_rendered(own, prepared, line, start))
+            reports.append(_rendered(own, prepared, line, start, reports[-1]["plan"] if reports else None))
             if args.frames is not None:
                 checked = _holding(checked, reports[0])
             del prepared  # one frame in memory
@@ -181,12 +181,12 @@ def _prepared(args, checked: Checked, line, like: Like | None) -> tuple[Prepared
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=(*prepared.remarks, *noticed)), like
 
 
-def _rendered(args, prepared: Prepared, line, start: float) -> dict:
-    """Render a frame and write its outputs; return the report."""
+def _rendered(args, prepared: Prepared, line, start: float, earlier: dict | None) -> dict:
+    """Render a frame and write its outputs; return the report.  ``earlier``: the plan of the frame before."""
     outputs = [*args.output, *_passes(args)]
     line.show(0.1, "loading the renderer")
     with line.compiling():
-        rendering, taken = line.follow(_steps(args, prepared), start=0.1)
+        rendering, taken = line.follow(_steps(args, prepared, earlier), start=0.1)
     line.show(1.0, "writing")
     with whole_files([*outputs, *([args.json] if args.json else [])]) as parts:
         began = perf_counter()
@@ -204,7 +204,7 @@ def _rendered(args, prepared: Prepared, line, start: float) -> dict:
     return report
 
 
-def _steps(args, prepared: Prepared):
+def _steps(args, prepared: Prepared, earlier: dict | None):
     """Generator of Progress: render with the tolerance or the quality; return (Rendering, shadow pass or None)."""
     if args.shadow_pass is not None:
         from ..pipeline.shadow_pass import shadow_pass_steps
@@ -216,8 +216,8 @@ def _steps(args, prepared: Prepared):
         return (yield from render_steps(prepared.scene, prepared.quality)), None
     from ..accuracy.planner.tolerance import tolerance_steps
 
-    count = {} if args.probes is None else {"probes": args.probes}
-    return (yield from tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **count)), None
+    own = {"earlier": earlier, **({} if args.probes is None else {"probes": args.probes})}
+    return (yield from tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **own)), None
 
 
 def _check_background(background) -> None:

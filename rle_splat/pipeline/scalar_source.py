@@ -186,8 +186,8 @@ class ScalarSource(Source):
             absorbs = scene.mode == "xray"
             return scalar_splat_steps(tables, lit.transfer, plane, quality, intervals, absorbs, scene.mist)
 
-        def trace(rays, slabs):
-            return self._traced(lit, work, rays, slabs)
+        def trace(rays, slabs, counts=None):
+            return self._traced(lit, work, rays, slabs, counts)
 
         most_color = self._most_color(lit)
         return Medium(voxels.shape_xyz, encode_steps, splat, lambda tables: most_color, *counts, trace=trace)
@@ -397,8 +397,8 @@ class ScalarSource(Source):
             component[:] = yield from placed_steps(component)
         return codes
 
-    def _traced(self, lit: LitScalars, work: Work, rays, slabs: int):
-        """Color and half depths of single rays through the voxels; see ``raycast.trace``."""
+    def _traced(self, lit: LitScalars, work: Work, rays, slabs: int, counts):
+        """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
         volume, voxels = self.scene.volume, lit.voxels
         light = lit.coded_light() if isinstance(lit.light, NormalLight) else lit.light
         shape, ends = volume.shape_xyz, (lit.infinite, lit.center)
@@ -412,7 +412,7 @@ class ScalarSource(Source):
             shown = np.clip(reach.ends.astype(np.float64) - lit.center, -LARGEST, LARGEST)
         records = read_only(scalars), *lights
         rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
-        return trace_rays(rows, lit.center, lit.transfer, rays, slabs, self.quality)
+        return trace_rays(rows, lit.center, lit.transfer, rays, slabs, self.quality, counts)
 
 
 def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:

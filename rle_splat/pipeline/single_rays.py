@@ -65,22 +65,23 @@ def with_neighbors(source: Source) -> Source:
 
 
 def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, slabs: int):
-    """Generator of fractions done: integrate pixels of the picture; returns premultiplied rgba (n, 4) float32.
+    """Generator of fractions done: integrate pixels of the picture; returns premultiplied rgba (n, 4) float32, and the
+    work that each took (n, 2) int32 (see ``raycast.scalar_rays.trace_rays``).
 
     ``columns``, ``rows``: (n,) ints.  ``slabs``: at least as many per voxel of depth.
     """
-    rgba, planes = np.empty((len(columns), 4), np.float32), {}
+    rgba, planes, work = np.empty((len(columns), 4), np.float32), {}, np.zeros((len(columns), 2), np.int32)
     for first in range(0, len(columns), AT_ONCE):
         yield first / len(columns)
         part = slice(first, first + AT_ONCE)
-        rgba[part], _ = _traced(scene, view, medium, planes, columns[part], rows[part], slabs)
-    return rgba
+        rgba[part], _ = _traced(scene, view, medium, planes, columns[part], rows[part], slabs, work[part])
+    return rgba, work
 
 
-def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int):
+def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int, work=None):
     """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture; NO_DEPTH where there is none.
 
-    ``planes``: base planes by axis and sign, filled as they are needed.
+    ``planes``: base planes by axis and sign, filled as they are needed.  ``work``: (n, 2) int32, filled, or None.
     """
     left, top = scene.region[:2]
     columns, rows = columns + (left + 0.5), rows + (top + 0.5)
@@ -95,7 +96,10 @@ def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns
             planes[axis, sign] = base_plane(view, shape, axis, sign, "slice", 1.0, boxed=True)
         if planes[axis, sign] is not None:
             rays = rays_through(planes[axis, sign], view, shape, columns[mine], rows[mine], clip)
-            rgba[mine], half = medium.trace(rays, slabs)
+            own = np.empty((len(mine), 2), np.int32)
+            rgba[mine], half = medium.trace(rays, slabs, own)
+            if work is not None:
+                work[mine] = own
             found = np.isfinite(half)
             depth[mine[found]] = (rays.depth[:, 0] + np.where(found, half, 0.0) * rays.depth[:, 1])[found]
     return rgba, depth

@@ -74,7 +74,8 @@ class Medium:
     picture : callable or None
         ``picture(rgba, depth)``: what was warped as a picture, where it is not one yet.
     trace : callable or None
-        ``trace(rays, slabs)``: color and half depths of single rays (see ``raycast.trace``), where there is a way.
+        ``trace(rays, slabs, work)``: color and half depths of single rays (see ``raycast.trace``), where there is a
+        way.
     """
 
     shape_xyz: tuple[int, int, int]

@@ -29,6 +29,7 @@ BRICK_BITS = 2  # of a brick's 2**BRICK_BITS voxels along each side, all of whic
 POWERS = 4  # of a cubic
 ONE_BIT = np.uint64(1)
 HALF = 0.5
+WALKED, COMPOSITED = range(2)  # columns of the work of a ray
 
 
 class RowVoxels(NamedTuple):
@@ -293,7 +294,7 @@ def _composite_stretch(
 
 
 @inner_loop
-def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half):
+def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half, work):
     """Rays [begin, end); see ``trace_rays``."""
     bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
     if begin >= end:
@@ -301,6 +302,7 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
     shine = cubics[begin]
     for ray in range(begin, end):
         transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
+        walked = composited = 0
         ox, oy, oz = rays.first[ray, 0], rays.first[ray, 1], rays.first[ray, 2]
         dx, dy, dz = rays.step[ray, 0], rays.step[ray, 1], rays.step[ray, 2]
         ix, iy, iz = 1.0 / dx, 1.0 / dy, 1.0 / dz
@@ -319,6 +321,7 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
         while a < stop and transmittance >= least:
             if x < 0 or y < 0 or z < 0 or x > n_x - 2 or y > n_y - 2 or z > n_z - 2:
                 break
+            walked += 1
             if bricks[z >> BRICK_BITS, y >> BRICK_BITS, x >> BRICK_BITS] == 0:
                 size = 1 << BRICK_BITS
                 x0, y0, z0 = x & -size, y & -size, z & -size
@@ -351,6 +354,7 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
                 k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
                 m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
                 if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
+                    composited += 1
                     red, green, blue, transmittance, at_half = _composite_stretch(
                         lights, scalars, light_unit, lookup, matt, gloss, (i, j, k, m),
                         (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
@@ -365,15 +369,16 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
                 z, tz = z + sz, tz + az
         out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - transmittance
         half[ray] = at_half
+        work[ray, WALKED], work[ray, COMPOSITED] = walked, composited
 
 
 @kernel
-def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half):
-    """Premultiplied rgba (n, 4) float32 of single rays, and where along them half is absorbed, (n,) float64, inf where
-    less is.
+def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half, work):
+    """Premultiplied rgba (n, 4) float32 of single rays, where along them half is absorbed, (n,) float64, inf where
+    less is, and how many cells and empty bricks each ray walked through and how many cells it composited, (n, 2) int32.
 
     ``voxels``: RowVoxels; ``rays``: RayList.  ``lookup``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
     them.  ``slabs``: that a voxel's depth is cut into, at least.  ``cubics``: scratch, (n, POWERS * channels of light)
     float64.
     """
-    share_out(_trace, out.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half))
+    share_out(_trace, out.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half, work))

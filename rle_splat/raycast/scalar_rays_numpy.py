@@ -6,13 +6,14 @@ import numpy as np
 
 from ..splat.scalar_scanline import NOT_KEPT
 from ..splat.voxel_groups import CODE_BITS
-from .scalar_rays import HALF, SLIVER, SPAN
+from .scalar_rays import COMPOSITED, HALF, SLIVER, SPAN, WALKED
 
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, out, half):
-    """Fills ``out`` and ``half`` as ``scalar_rays.trace_rays`` does."""
+def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, out, half, work):
+    """Fills ``out``, ``half`` and ``work`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too."""
+    work[:] = 0
     if min(voxels.shape) < 2:
         return
     dense = _dense(voxels)
@@ -31,7 +32,9 @@ def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, out, half)
         shown = ((high >= voxels.shown[:, 0]) & (low <= voxels.shown[:, 1])).any(axis=1)
         kept = (corners[..., 0] > NOT_KEPT).all(axis=1) & shown
         here[live] = b
+        work[live, WALKED] += 1
         mine = live[kept]
+        work[mine, COMPOSITED] += 1
         stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
         state[mine], half[mine] = _composited(
             state[mine], half[mine], corners[kept], *stretch, lookup, matt, gloss, slabs, least

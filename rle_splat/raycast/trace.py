@@ -14,21 +14,23 @@ from .scalar_rays_numpy import trace_rays_numpy
 
 
 def trace(
-    voxels: RowVoxels, center: float, table: LookupTable, rays: RayList, slabs: int, quality: Quality
+    voxels: RowVoxels, center: float, table: LookupTable, rays: RayList, slabs: int, quality: Quality, work=None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
     them half is absorbed (n,) float64, inf where less is.
 
-    ``center``: what was taken from the stored values.  No extinction is thinned.
+    ``center``: what was taken from the stored values.  ``work``: filled as ``trace_rays`` does, (n, 2) int32, or None.
+    No extinction is thinned.
     """
     lookup, (matt, gloss) = kernel_lookup(table, center), kernel_light_planes(voxels.lights, False)
     least = max(quality.termination, OPAQUE)
     out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
+    work = np.empty((len(out), 2), np.int32) if work is None else work
     arguments = (voxels, rays, lookup, matt, gloss, slabs, least)
     if not compiled(quality.backend):
-        trace_rays_numpy(*arguments, out, half)
+        trace_rays_numpy(*arguments, out, half, work)
         return out, half
     cubics = np.empty((len(out), POWERS * (len(matt) + len(gloss))))
     with parallel_call(quality.threads):
-        trace_rays(*arguments, cubics, out, half)
+        trace_rays(*arguments, cubics, out, half, work)
     return out, half

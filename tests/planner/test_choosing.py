@@ -18,10 +18,14 @@ from rle_splat.accuracy.planner.candidates import (
 )
 from rle_splat.accuracy.planner.choose import SAFETY, Speed, choose, corrected, termination_for
 from rle_splat.accuracy.planner.features import Features, pilots
+from rle_splat.accuracy.planner.machine import MachineProfile
 from rle_splat.accuracy.planner.model import CALIBRATION, ErrorBudget, Model
 from rle_splat.scene import NO_RAYS, Quality, RleSplatError
 
 CALIBRATED = tuple(json.loads(CALIBRATION.read_text())["classifications"])
+
+
+MACHINE = MachineProfile(splat=1.0, warp=1.0, cell_us=0.05, slab_us=0.02, memory=1 << 35)
 
 
 def features(**changes) -> Features:
@@ -104,7 +108,7 @@ def test_the_budget_adds_up_and_its_bounds_hold_by_themselves():
 @pytest.mark.parametrize("tolerance", (16.0, 8.0, 4.0, 2.0, 1.0, 0.5))
 def test_the_cheapest_plan_that_keeps_a_tolerance_is_chosen(classification, tolerance):
     model, seen = Model.of(classification), features(classification=classification, depth_step=8.0, sheet_step=10.0)
-    choice = choose(seen, base(classification), tolerance, model)
+    choice = choose(seen, base(classification), tolerance, model, MACHINE)
     assert choice.keeps and choice.errors.total <= SAFETY * tolerance
     assert 255 * choice.plan.termination <= 0.1001 * tolerance  # the floor nobody sees
     for other in candidates(choice.plan):
@@ -114,19 +118,19 @@ def test_the_cheapest_plan_that_keeps_a_tolerance_is_chosen(classification, tole
 
 def test_stricter_wishes_cost_more_and_what_no_plan_keeps_is_said():
     model, seen = Model.of("pre"), features()
-    times = [choose(seen, base("pre"), tolerance, model).milliseconds for tolerance in (16.0, 4.0, 1.0)]
+    times = [choose(seen, base("pre"), tolerance, model, MACHINE).milliseconds for tolerance in (16.0, 4.0, 1.0)]
     assert times[0] < times[1] < times[2]
-    hopeless = choose(seen, base("pre"), 1e-4, model)
+    hopeless = choose(seen, base("pre"), 1e-4, model, MACHINE)
     assert not hopeless.keeps
     best = min(model.errors(seen, plan).total for plan in candidates(hopeless.plan))
     assert best <= hopeless.errors.total <= 1.26 * best
-    short = choose(seen, replace(base("pre"), record=4), 0.5, model)
+    short = choose(seen, replace(base("pre"), record=4), 0.5, model, MACHINE)
     assert not short.keeps and short.errors.records > 0.5
 
 
-def test_memory_bounds_the_sheets(monkeypatch):
-    monkeypatch.setattr("rle_splat.accuracy.planner.choose.available_bytes", lambda: 3e5 * 40 * 2.5**2)
-    assert choose(features(), base("pre"), 1e-4, Model.of("pre")).plan.sheet_density <= 2.5
+def test_memory_bounds_the_sheets():
+    small = replace(MACHINE, memory=int(3e5 * 40 * 2.5**2))
+    assert choose(features(), base("pre"), 1e-4, Model.of("pre"), small).plan.sheet_density <= 2.5
 
 
 def test_what_a_measurement_says_is_believed():
@@ -135,7 +139,7 @@ def test_what_a_measurement_says_is_believed():
     assert corrected(budget, 10.1) == pytest.approx(2.3) and corrected(budget, 10.1, 2.0) == pytest.approx(4.6)
     assert corrected(budget, 0.5) == 1.0  # a lucky plan is no reason to hope
     model, seen = Model.of("pre"), features()
-    first, second = (choose(seen, base("pre"), 2.0, model, correction=c) for c in (1.0, 3.0))
+    first, second = (choose(seen, base("pre"), 2.0, model, MACHINE, correction=c) for c in (1.0, 3.0))
     assert second.milliseconds > first.milliseconds and second.errors.total <= SAFETY * 2.0
 
 

@@ -16,6 +16,7 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.choose_source import choose_source
 from rle_splat.pipeline.single_rays import can_trace
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.raycast.scalar_rays import COMPOSITED, WALKED
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality
 
@@ -102,3 +103,18 @@ def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
     assert not may_be_traced(Quality(classification="pre"))
     assert not may_be_traced(Quality(classification="refined"))
     assert not may_be_traced(volume=stage.volume(waves()[:1]))
+
+
+def test_the_work_of_a_ray_is_counted(stage):
+    """Along y through a block of ten voxels: the cells between them and those at its ends; with numba and without."""
+    rows, columns = np.divmod(np.arange(SIZE[0] * SIZE[1]), SIZE[0])
+    block = np.zeros((13, 15, 17), np.float32)
+    block[3:9, 2:12, 4:14] = 0.5
+    scene = stage.on_turntable(block, 0.0, 0.0, size=SIZE, transfer_function=replace(CURVES["narrow"], opacity_unit_distance=1e3))
+    found = [
+        drain(single_ray_steps(scene, replace(POST, backend=backend), columns, rows, 4, StageCache(0)))[1]
+        for backend in ("auto", "numpy")
+    ]
+    np.testing.assert_array_equal(found[0][:, COMPOSITED], found[1][:, COMPOSITED])
+    assert set(found[0][:, COMPOSITED]) == {0, 11}
+    assert (found[0][:, COMPOSITED] <= found[0][:, WALKED]).all() and (found[0][:, WALKED] <= found[1][:, WALKED]).all()

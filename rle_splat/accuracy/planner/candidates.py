@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from itertools import product
 
-from ...scene import NO_RAYS, Quality, RleSplatError, midpoints_of, preintegrated_of
+from ...scene import NO_RAYS, PRESET_KNOBS, Quality, RleSplatError, midpoints_of, preintegrated_of
 
 # Without slice-2, which errs by tens of levels at edges: no tolerance is that large.
 DEPTH_RULES = (
@@ -21,6 +21,7 @@ SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
 PLANNED = "planned"  # the name of a quality that was chosen for a tolerance
+KEPT_KNOBS = tuple(knob for knob in PRESET_KNOBS if knob != "rays")  # of a plan that is kept from frame to frame
 # The only value of each knob with which pictures converge to the truth, and why.
 PROMISED = {
     "model": ("extinction", "the truth integrates extinction"),
@@ -41,12 +42,14 @@ def candidates(base: Quality) -> list[Quality]:
     The axis fade is off, because a picture along either principal axis keeps the tolerance.
     """
     return [
-        replace(
-            base, name=PLANNED, axis_fade=0.0, rays=NO_RAYS, depth_rule=rule, sheet_density=density,
-            warp_filter=warp_filter,
-        )
+        candidate(base, depth_rule=rule, sheet_density=density, warp_filter=warp_filter)
         for rule, density, warp_filter in product(depth_rules(base.classification), SHEET_DENSITIES, WARP_FILTERS)
     ]
+
+
+def candidate(base: Quality, **knobs) -> Quality:
+    """One of them, with these knobs."""
+    return replace(base, name=PLANNED, axis_fade=0.0, rays=NO_RAYS, **knobs)
 
 
 def name_of(plan: Quality) -> str:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...pipeline.memory_estimate import SPARE
-from ...runtime.memory import available_bytes
 from ...scene import Quality
 from ...splat.sizes import SHEET_PIXEL
 from ...warp.sizes import COEFFICIENTS
 from .candidates import DEPTH_RULES, candidates
 from .error_estimate import ErrorEstimate
 from .features import LEVELS, Features
+from .machine import MachineProfile
 from .model import ErrorBudget, Model
 from .ray_cost import RayCost
 
@@ -93,8 +93,8 @@ def termination_for(tolerance: float, largest_color: float) -> float:
     return float(np.clip(wanted, LEAST_TERMINATION, LARGEST_TERMINATION))
 
 
-def choose(features: Features, base: Quality, tolerance: float, model: Model, speed: Speed = Speed(),
-           correction: float = 1.0, slack: float = NEARLY_BEST) -> Choice:  # fmt: skip
+def choose(features: Features, base: Quality, tolerance: float, model: Model, machine: MachineProfile,
+           correction: float = 1.0, slack: float = NEARLY_BEST, only: Quality | None = None) -> Choice:  # fmt: skip
     """Choose the quickest plan that is expected to keep a tolerance.
 
     Parameters
@@ -105,26 +105,26 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, sp
     tolerance : float
         Levels.  A plan keeps it when its expected error is at most SAFETY times the tolerance.
     model : Model
-    speed : Speed
+    machine : MachineProfile
     correction : float
         As ``Model.errors`` takes it.
     slack : float
         Where no plan keeps the tolerance, the quickest one is chosen whose error is at most ``slack`` times that of
         the most accurate plan; its ``keeps`` is False.
+    only : Quality, optional
+        Choose this plan, whatever is expected of it.
 
     Returns
     -------
     Choice
     """
     base = replace(base, termination=termination_for(tolerance, features.largest_color))
-    densest = _densest_that_fits(features)
     choices = []
-    for plan in candidates(base):
-        if plan.sheet_density <= densest:
-            errors = model.errors(features, plan, correction)
-            splat, warp = model.milliseconds(features, plan)
-            keeps = errors.total <= SAFETY * tolerance
-            choices.append(Choice(plan, errors, splat * speed.splat, warp * speed.warp, keeps))
+    for plan in _plans(features, base, machine, only):
+        errors = model.errors(features, plan, correction)
+        splat, warp = model.milliseconds(features, plan)
+        keeps = errors.total <= SAFETY * tolerance
+        choices.append(Choice(plan, errors, splat * machine.splat, warp * machine.warp, keeps))
     enough = [choice for choice in choices if choice.keeps]
     if not enough:
         least = min(choice.errors.total for choice in choices)
@@ -134,7 +134,7 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, sp
 
 def choose_with_rays(
     features: Features, base: Quality, tolerance: float, model: Model, estimate: ErrorEstimate, cost: RayCost,
-    speed: Speed = Speed(), correction: float = 1.0, only: Quality | None = None,
+    machine: MachineProfile, correction: float = 1.0, only: Quality | None = None,
 ) -> Choice:  # fmt: skip
     """Choose the plan and the single rays that are expected to keep a tolerance in the least time together.
 
@@ -155,33 +155,31 @@ def choose_with_rays(
     """
     # Any rule serves for the bounds; the base's own may be the draft's slice-2, which is no candidate.
     base = replace(base, termination=termination_for(tolerance, features.largest_color), depth_rule=DEPTH_RULES[0])
-    densest = _densest_that_fits(features)
     bounds = model.errors(features, base).bounds
     allowed = SAFETY * tolerance - bounds
     slabs = cost.slabs_for(RAY_SHARE * allowed)
     of_rays = cost.error(slabs)
     depth_step, sheet_step, pixels = estimate.bins.T
     choices = []
-    for plan in candidates(base) if only is None else [only]:
-        if plan.sheet_density <= densest:
-            depth, warp = model.constants(plan)
-            modeled = correction * np.hypot(depth * depth_step, warp * sheet_step)
-            wrong = modeled > allowed
-            rays = int(pixels[wrong].sum())
-            worst = int(np.argmax(np.where(wrong, -1.0, modeled)))
-            parts = (0.0, 0.0) if wrong.all() else (depth * depth_step[worst], warp * sheet_step[worst])
-            of_sheets = 0.0 if wrong.all() else modeled[worst]
-            errors = model.errors(features, plan)
-            if rays and of_rays > of_sheets:
-                errors = replace(errors, depth=of_rays, warp=0.0)
-            else:
-                errors = replace(errors, depth=correction * parts[0], warp=correction * parts[1])
-            splat, warped = model.milliseconds(features, plan)
-            keeps = errors.total <= SAFETY * tolerance * (1.0 + 1e-9)
-            choices.append(Choice(
-                plan, errors, splat * speed.splat, warped * speed.warp, keeps, rays, slabs if rays else 0,
-                cost.milliseconds(rays, slabs) if rays else 0.0, max(allowed, 0.0),
-            ))  # fmt: skip
+    for plan in _plans(features, base, machine, only):
+        depth, warp = model.constants(plan)
+        modeled = correction * np.hypot(depth * depth_step, warp * sheet_step)
+        wrong = modeled > allowed
+        rays = int(pixels[wrong].sum())
+        worst = int(np.argmax(np.where(wrong, -1.0, modeled)))
+        parts = (0.0, 0.0) if wrong.all() else (depth * depth_step[worst], warp * sheet_step[worst])
+        of_sheets = 0.0 if wrong.all() else modeled[worst]
+        errors = model.errors(features, plan)
+        if rays and of_rays > of_sheets:
+            errors = replace(errors, depth=of_rays, warp=0.0)
+        else:
+            errors = replace(errors, depth=correction * parts[0], warp=correction * parts[1])
+        splat, warped = model.milliseconds(features, plan)
+        keeps = errors.total <= SAFETY * tolerance * (1.0 + 1e-9)
+        choices.append(Choice(
+            plan, errors, splat * machine.splat, warped * machine.warp, keeps, rays, slabs if rays else 0,
+            cost.milliseconds(rays, slabs) if rays else 0.0, max(allowed, 0.0),
+        ))  # fmt: skip
     enough = [choice for choice in choices if choice.keeps] or choices
     return min(enough, key=lambda choice: choice.milliseconds)
 
@@ -192,7 +190,14 @@ def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> 
     return correction * max(CAUTION * beyond, 1.0)
 
 
-def _densest_that_fits(features: Features) -> float:
-    """The largest sheet density that fits in the available memory; at least one."""
+def _plans(features: Features, base: Quality, machine: MachineProfile, only: Quality | None) -> list[Quality]:
+    """The candidates whose sheets fit in the machine's memory, or ``only`` one plan.
+
+    All of its memory counts: what is free changes from run to run.  (A picture for which too little is free is refused,
+    with the reason.)
+    """
+    if only is not None:
+        return [only]
     a_unit = max(features.sheet_pixels * (SHEET_PIXEL + COEFFICIENTS), 1.0)
-    return max(float(np.sqrt(SPARE * available_bytes() / a_unit)), 1.0)
+    densest = max(float(np.sqrt(SPARE * machine.memory / a_unit)), 1.0)
+    return [plan for plan in candidates(base) if plan.sheet_density <= densest]

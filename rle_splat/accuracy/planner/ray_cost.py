@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 MOST_SLABS = 64
 SLABS = tuple(2**n for n in range(1, 7))  # to choose from
+FEW_SLABS = 4  # of rays by which others are foreseen; they are traced with twice as many, too
 UNSEEN_FACTOR = 2.0  # rays that were not measured may err this many times as much as those that were
 RAY_ORDER = 2.0  # the error falls with this power of the number of slabs
 
@@ -16,27 +17,21 @@ class RayCost:
 
     Attributes
     ----------
-    few : int
-        Slabs of the coarser of the two; the other had twice as many.
     apart : float
-        The largest difference between both, in levels.
-    microseconds : tuple of float
-        Of a ray without slabs, and of each slab.
+        The largest difference between rays of FEW_SLABS slabs and of twice as many, in levels.
+    counted_us : tuple of float
+        Microseconds of a ray without slabs, and of each slab, by their work and the machine's profile: plans are chosen
+        by these.
+    measured_us : tuple of float
+        The same by the times of this run, in which the scene's own caches and tables count, for what users are told.
     correction : float
         The factor by which rays were found to err more than expected.
     """
 
-    few: int
     apart: float
-    microseconds: tuple[float, float]
+    counted_us: tuple[float, float]
+    measured_us: tuple[float, float]
     correction: float = 1.0
-
-    @classmethod
-    def of(cls, few: int, apart: float, spent, rays: int) -> RayCost:
-        """Make one from ``spent``: milliseconds of ``rays`` rays with ``few`` slabs, and with twice as many."""
-        first, second = (1e3 * ms / max(rays, 1) for ms in spent)
-        each = max(second - first, 0.05 * first) / few
-        return cls(few, apart, (max(first - few * each, 0.1 * first), each))
 
     def found(self, measured: float, slabs: int) -> RayCost:
         """Correct the cost after rays of ``slabs`` slabs were found to err ``measured`` levels."""
@@ -45,12 +40,27 @@ class RayCost:
     def error(self, slabs: int) -> float:
         """The largest error, in levels, that is expected of rays of ``slabs`` slabs."""
         share = 2.0**RAY_ORDER / (2.0**RAY_ORDER - 1.0)
-        return self.correction * UNSEEN_FACTOR * share * self.apart * (self.few / slabs) ** RAY_ORDER
+        return self.correction * UNSEEN_FACTOR * share * self.apart * (FEW_SLABS / slabs) ** RAY_ORDER
 
     def milliseconds(self, rays: int, slabs: int) -> float:
-        """The expected time of ``rays`` rays of ``slabs`` slabs."""
-        return 1e-3 * rays * (self.microseconds[0] + slabs * self.microseconds[1])
+        """The time of ``rays`` rays of ``slabs`` slabs by which plans are chosen."""
+        return _milliseconds(self.counted_us, rays, slabs)
+
+    def expected_ms(self, rays: int, slabs: int) -> float:
+        """The time that they are expected to take in this run."""
+        return _milliseconds(self.measured_us, rays, slabs)
 
     def slabs_for(self, allowed: float) -> int:
         """The fewest slabs whose expected error is at most ``allowed`` levels; MOST_SLABS where none are enough."""
         return next((slabs for slabs in SLABS if self.error(slabs) <= allowed), MOST_SLABS)
+
+
+def measured_us(spent, rays: int) -> tuple[float, float]:
+    """``RayCost.measured_us`` from milliseconds of ``rays`` rays with FEW_SLABS slabs, and with twice as many."""
+    few, many = (1e3 * ms / max(rays, 1) for ms in spent)
+    each = max(many - few, 0.05 * few) / FEW_SLABS
+    return max(few - FEW_SLABS * each, 0.1 * few), each
+
+
+def _milliseconds(microseconds: tuple[float, float], rays: int, slabs: int) -> float:
+    return 1e-3 * rays * (microseconds[0] + slabs * microseconds[1])

@@ -19,6 +19,7 @@ from ...scene import Quality, Rendering, Scene
 from .choose import NEARLY_BEST, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
 from .features import Features, features_of, pilots
+from .machine import MEASURING, MachineProfile, profile_steps
 from .model import Model
 from .ray_cost import RayCost
 from .single_rays import ray_cost_steps, single_ray_steps
@@ -43,6 +44,8 @@ class PlannerSession:
         As ``render_steps`` takes it.
     model : Model
     features : Features
+    machine : MachineProfile
+        By which plans are chosen.
     frames : list of (Quality, dict)
         Plans that were rendered, each with the ``stages_ms`` of its report.  The very first picture also filled the
         caches and is not among them.
@@ -59,19 +62,22 @@ class PlannerSession:
     refuse_empty_view: bool
     model: Model
     features: Features
+    machine: MachineProfile
     frames: list
     estimate: ErrorEstimate | None = None
     ray_cost: RayCost | None = None
 
     @property
     def speed(self) -> Speed:
-        """The speed of this machine with this scene, from all frames so far."""
+        """The speed of this machine with this scene, from all frames so far: for what users are told, not for plans."""
         return Speed.of(self.model, self.features, self.frames)
 
     def choose(
         self, tolerance: float, correction: float = 1.0, slack: float = NEARLY_BEST, only: Quality | None = None
     ) -> Choice:
         """Choose the plan for a tolerance, with single rays where the scene has them.
+
+        The plan depends on the scene and the profile of the machine alone; its times are those expected in this run.
 
         Parameters
         ----------
@@ -82,12 +88,21 @@ class PlannerSession:
         slack : float
             As ``choose.choose`` takes it; it has no meaning with single rays.
         only : Quality, optional
-            As ``choose.choose_with_rays`` takes it.
+            Choose for the sheets of this plan alone.
         """
         given = self.features, self.quality, tolerance, self.model
         if self.estimate is None:
-            return choose(*given, self.speed, correction, slack)
-        return choose_with_rays(*given, self.estimate, self.ray_cost, self.speed, correction, only)
+            return self._told(choose(*given, self.machine, correction, slack, only))
+        rays = self.estimate, self.ray_cost
+        return self._told(choose_with_rays(*given, *rays, self.machine, correction, only))
+
+    def _told(self, choice: Choice) -> Choice:
+        """The choice with the times that are expected in this run."""
+        speed, rays_ms = self.speed, 0.0
+        if choice.rays:
+            rays_ms = self.ray_cost.expected_ms(choice.rays, choice.slabs)
+        splat, warp = choice.splat_ms / self.machine.splat, choice.warp_ms / self.machine.warp
+        return replace(choice, splat_ms=splat * speed.splat, warp_ms=warp * speed.warp, rays_ms=rays_ms)
 
     def picture_steps(self, plan: Quality, begin: float, end: float, message: str):
         """Generator of Progress from ``begin`` to ``end``: render a plan's sheets; returns the Rendering."""
@@ -100,7 +115,8 @@ class PlannerSession:
         """
         quality = replace(self.quality, termination=plan.termination)
         steps = single_ray_steps(self.shown, quality, columns, rows, slabs, self.cache)
-        return portion(steps, begin, end, TRACING)
+        rgba, _, spent = yield from portion(steps, begin, end, TRACING)
+        return rgba, spent
 
     def ray_pixels(self, choice: Choice, correction: float = 1.0) -> np.ndarray:
         """(H, W) bool: pixels that the choice has traced, because its sheets and warp would err too much there."""
@@ -136,10 +152,11 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
         drawn[name] = yield from picture_steps(scene, plan, cache, *part, "Looking at the scene", refuse_empty_view)
         frames.append((plan, drawn[name].report["stages_ms"]))
     features, shown = features_of(scene, quality, drawn), analyzed(scene, quality)[1]
-    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, frames[1:])
+    machine = yield from portion(profile_steps(quality), end, end, MEASURING)
+    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, frames[1:])
     if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
-        steps = ray_cost_steps(shown, quality, session.estimate, cache)
+        steps = ray_cost_steps(shown, quality, session.estimate, machine.cell_us, machine.slab_us, cache)
         session.ray_cost = yield from portion(steps, end, end, TRACING)
     return session
 

@@ -10,17 +10,18 @@ from ...pipeline.scalar_source import ScalarSource
 from ...pipeline.single_rays import trace_steps
 from ...pipeline.source import Work
 from ...pipeline.stage_cache import StageCache
+from ...raycast.scalar_rays import COMPOSITED
 from ...runtime.jit import compiled
 from ...runtime.steps import Clock, mapped, timed
 from ...scene import Quality, Scene
 from ...view.eye import index_view
 from .error_estimate import ErrorEstimate
 from .features import LEVELS
-from .ray_cost import RayCost
+from .ray_cost import FEW_SLABS, RayCost, measured_us
 
 # RayCost is measured with rays at the pixels of the largest estimate and at random ones, each traced with FEW_SLABS
 # slabs to a voxel's depth and with twice as many.
-LARGEST_RAYS, RANDOM_RAYS, FEW_SLABS = 256, 1024, 4
+LARGEST_RAYS, RANDOM_RAYS = 256, 1024
 COST_TERMINATION = 1 / 16384
 
 
@@ -43,15 +44,17 @@ def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, 
     -------
     rgba : (n, 4) float32
         Premultiplied, scene-linear.
+    work : (n, 2) int32
+        See ``raycast.scalar_rays.trace_rays``.
     spent : float
         Milliseconds that the rays took, without their tables.
     """
     quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     view, job, clock = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job(), Clock()
     medium = yield from mapped(ScalarSource(scene, quality).medium_steps(Work(job, Clock())), lambda step: 0.0)
-    rgba = yield from timed(trace_steps(scene, view, medium, columns, rows, slabs), clock, "rays")
+    rgba, work = yield from timed(trace_steps(scene, view, medium, columns, rows, slabs), clock, "rays")
     job.keep()
-    return rgba, clock.stages["rays"]
+    return rgba, work, clock.stages["rays"]
 
 
 def with_rays(stages_ms: dict, spent: float) -> dict:
@@ -59,15 +62,20 @@ def with_rays(stages_ms: dict, spent: float) -> dict:
     return {**stages_ms, "rays": stages_ms["rays"] + spent, "total": stages_ms["total"] + spent}
 
 
-def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cache: StageCache):
-    """Measure the RayCost of a scene at some of its pixels.  Generator of the fraction done; returns the RayCost."""
+def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cell_us: float, slab_us: float, cache):
+    """Measure the RayCost of a scene at some of its pixels.  Generator of the fraction done; returns the RayCost.
+
+    ``cell_us``, ``slab_us``: of the MachineProfile.
+    """
     quality = replace(quality, termination=COST_TERMINATION)
     largest, anywhere = estimate.largest(LARGEST_RAYS), estimate.anywhere(RANDOM_RAYS)
     found, spent = [], []
     for pixels in (largest, anywhere):  # the first of these may have to load the kernel, so its time does not count
         for slabs in (FEW_SLABS, 2 * FEW_SLABS):
-            rgba, took = yield from single_ray_steps(scene, quality, *pixels, slabs, cache)
+            rgba, work, took = yield from single_ray_steps(scene, quality, *pixels, slabs, cache)
             found.append(rgba)
             spent.append(took)
     differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (found[:2], found[2:]))
-    return RayCost.of(FEW_SLABS, LEVELS * differs, spent[2:], len(anywhere[0]))
+    rays = max(len(work), 1)
+    counted = cell_us * float(work.sum()) / rays, slab_us * float(work[:, COMPOSITED].sum()) / rays
+    return RayCost(LEVELS * differs, counted, measured_us(spent[2:], rays))

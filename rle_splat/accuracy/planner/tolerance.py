@@ -18,7 +18,7 @@ from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, drain
 from ...scene import Quality, Rendering, Scene
 from ..probes import PROBES
-from .candidates import check_tolerance, name_of
+from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
 from .checks import check_tolerance_applies
 from .choose import CAUTION, NEARLY_BEST, Choice, corrected
 from .error_estimate import largest_of
@@ -82,8 +82,13 @@ def render_within(
 def tolerance_steps(
     scene: Scene, tolerance: float, quality: Quality, cache: StageCache | None = None, *,
     refuse_empty_view: bool = True, probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
+    earlier: dict | None = None,
 ):  # fmt: skip
-    """Generator form of ``render_within``: yields Progress, returns the Rendering."""
+    """Generator form of ``render_within``: yields Progress, returns the Rendering.
+
+    ``earlier``: the ``plan`` of the report of the frame before, in an animation.  It is kept as long as it is expected
+    to keep the tolerance, so that plans do not change from frame to frame but to finer ones.
+    """
     began = time.perf_counter()
     tolerance = check_tolerance(tolerance)
     left_out = []
@@ -94,10 +99,12 @@ def tolerance_steps(
     session = yield from session_steps(scene, quality, cache, PILOTS_END, refuse_empty_view)
     probe_errors = ProbeErrors(session.shown, quality, probes, seed) if probes else None
     rounds_of = _plan_rounds if session.estimate is None else _ray_rounds
-    rounds = yield from rounds_of(session, tolerance, probe_errors)
+    first = _first_choice(session, tolerance, earlier)
+    rounds = yield from rounds_of(session, tolerance, probe_errors, first)
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
-    return with_report(session, tolerance, rounds, spent, left_out, gave_up=len(rounds) > MOST_ESCALATIONS)
+    gave_up = len(rounds) > MOST_ESCALATIONS
+    return with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier)
 
 
 def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]]:
@@ -116,9 +123,19 @@ def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]
     return replace(without_shadows(scene), reasons_off=reasons), left_out
 
 
-def _plan_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeErrors | None):
+def _first_choice(session: PlannerSession, tolerance: float, earlier: dict | None) -> Choice:
+    """The plan to begin with; ``earlier``: see ``tolerance_steps``."""
+    if earlier is not None and earlier["classification"] == session.quality.classification:
+        plan = candidate(session.quality, **{knob: earlier[knob] for knob in KEPT_KNOBS})
+        kept = session.choose(tolerance, only=plan)
+        if kept.keeps:
+            return kept
+    return session.choose(tolerance)
+
+
+def _plan_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeErrors | None, choice: Choice):
     """Generator of Progress: rounds of finer and finer plans, until one keeps the tolerance or none is expected to."""
-    rounds, correction, choice = [], 1.0, session.choose(tolerance)
+    rounds, correction = [], 1.0
     while True:
         begin, middle, end = _span(len(rounds))
         rendering = yield from _frame_steps(session, choice, begin, middle)
@@ -139,9 +156,9 @@ def _plan_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeE
         choice = following
 
 
-def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeErrors | None):
+def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeErrors | None, choice: Choice):
     """Generator of Progress: rounds that trace more and more pixels of one picture by single rays of more slabs."""
-    rounds, correction, choice = [], 1.0, session.choose(tolerance)
+    rounds, correction = [], 1.0
     begin, middle, _ = _span(0)
     picture = yield from _frame_steps(session, choice, begin, middle)
     traced, rays_ms = np.zeros(picture.rgba.shape[:2], bool), 0.0

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 from ...runtime.figures import figure_text, percent_text
 from ...scene import Rendering, truth_of
-from .candidates import name_of
+from .candidates import KEPT_KNOBS, name_of
 from .choose import Choice
 from .need import need_of
 from .session import PlannerSession
 from .single_rays import with_rays
 
 CHOSEN = "The fastest plan that is expected to keep the largest error that was asked for."
+KEPT = "The plan of the frame before is kept, because it is expected to keep the largest error that was asked for."
 STRICTEST = 0.05  # levels: below this, sheets of 32-bit floats and the eye show no difference
 
 
@@ -74,8 +75,9 @@ class Round:
 
 
 def with_report(
-    session: PlannerSession, tolerance: float, rounds: list[Round], spent: float, left_out: list[str], gave_up: bool
-) -> Rendering:
+    session: PlannerSession, tolerance: float, rounds: list[Round], spent: float, left_out: list[str], gave_up: bool,
+    earlier: dict | None = None,
+) -> Rendering:  # fmt: skip
     """Take the best round's picture and complete its report.
 
     Parameters
@@ -90,6 +92,8 @@ def with_report(
         Names of the effects that the picture was asked for with, and is without.
     gave_up : bool
         Whether further rounds were allowed no more.
+    earlier : dict, optional
+        The plan of the frame before (see ``tolerance.tolerance_steps``).
     """
     best = min(rounds, key=lambda one: one.measured if one.measured is not None else 0.0)
     error = _error_report(session, tolerance, rounds, best, spent)
@@ -100,8 +104,10 @@ def with_report(
             "against has none; render by a quality alone to see what is missing."
         )
     report = best.rendering.report
+    is_kept = earlier is not None and all(getattr(best.choice.plan, knob) == earlier[knob] for knob in KEPT_KNOBS)
+    plan = {**report["plan"], "name": best.plan, "why": KEPT if is_kept else CHOSEN}
     completed = {
-        **report, "plan": {**report["plan"], "name": best.plan, "why": CHOSEN}, "error": error, "remarks": remarks,
+        **report, "plan": plan, "error": error, "remarks": remarks,
         "stages_ms": with_rays(report["stages_ms"], best.rays_ms),
         "rays": {name: error["rays"][name] for name in report["rays"]},
     }  # fmt: skip
