@@ -14,6 +14,7 @@ from . import (
     paper,
     plans,
     presets,
+    reading,
     records,
     scaling,
     stages,
@@ -27,6 +28,7 @@ BENCHMARKS = {
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
+    "reading": reading.main,
 }  # fmt: skip
 
 

@@ -110,7 +110,8 @@ def test_the_work_of_a_ray_is_counted(stage):
     rows, columns = np.divmod(np.arange(SIZE[0] * SIZE[1]), SIZE[0])
     block = np.zeros((13, 15, 17), np.float32)
     block[3:9, 2:12, 4:14] = 0.5
-    scene = stage.on_turntable(block, 0.0, 0.0, size=SIZE, transfer_function=replace(CURVES["narrow"], opacity_unit_distance=1e3))
+    thin = replace(CURVES["narrow"], opacity_unit_distance=1e3)
+    scene = stage.on_turntable(block, 0.0, 0.0, size=SIZE, transfer_function=thin)
     found = [
         drain(single_ray_steps(scene, replace(POST, backend=backend), columns, rows, 4, StageCache(0)))[1]
         for backend in ("auto", "numpy")
