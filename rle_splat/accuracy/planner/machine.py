@@ -80,9 +80,9 @@ def profile_steps(quality: Quality):
 
 
 def _key(quality: Quality) -> str:
-    """What a profile is for; another processor or amount of memory has another one, as a folder may be shared."""
+    """What a profile is for; machines may share a folder."""
     how = "numba" if compiled(quality.backend) else "numpy"
-    machine = f"{platform.machine()} {platform.processor()} {os.cpu_count()} cores {total_bytes()} bytes"
+    machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} cores, {total_bytes()} bytes"
     return f"{machine}, {thread_count(quality.threads)} threads, {how}, {quality.classification}"
 
 
@@ -127,7 +127,7 @@ def _measure_steps(quality: Quality):
         for name, plan in plans.items():
             drawn[name] = yield from mapped(render_steps(scene, plan, cache), _told)
             taken.setdefault(name, []).append(drawn[name].report["stages_ms"])
-    features = features_of(scene, plain, drawn)[0]
+    features = features_of(scene, plain, drawn)
     ratios = {"splat": [], "warp": []}
     for name, plan in plans.items():
         for stage, expected in zip(ratios, model.milliseconds(features, plan), strict=True):

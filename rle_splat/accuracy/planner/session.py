@@ -14,12 +14,12 @@ from ...pipeline.choose_source import choose_source
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
-from ...runtime.steps import Progress, mapped, portion
+from ...runtime.steps import Progress, mapped, part, portion
 from ...scene import Quality, Rendering, Scene
 from .choose import NEARLY_BEST, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
 from .features import Features, features_of, pilots
-from .machine import MEASURING, MachineProfile, profile_steps
+from .machine import MachineProfile, profile_steps
 from .model import Model
 from .ray_cost import RayCost
 from .single_rays import ray_cost_steps, single_ray_steps
@@ -148,11 +148,11 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
     model = Model.of(quality.classification)
     plans, drawn, frames = pilots(quality), {}, []
     for number, (name, plan) in enumerate(plans.items()):
-        part = end * number / len(plans), end * (number + 1) / len(plans)
-        drawn[name] = yield from picture_steps(scene, plan, cache, *part, "Looking at the scene", refuse_empty_view)
+        span = end * number / len(plans), end * (number + 1) / len(plans)
+        drawn[name] = yield from picture_steps(scene, plan, cache, *span, "Looking at the scene", refuse_empty_view)
         frames.append((plan, drawn[name].report["stages_ms"]))
     features, shown = features_of(scene, quality, drawn), analyzed(scene, quality)[1]
-    machine = yield from portion(profile_steps(quality), end, end, MEASURING)
+    machine = yield from part(profile_steps(quality), end, end)
     session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, frames[1:])
     if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
