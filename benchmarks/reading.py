@@ -1,13 +1,14 @@
 """Seconds and memory from a scan's files to the first picture, beside the libraries by which it is read.
 
-Each time is that of a whole process, the best of several in turns; kernels are on disk.  The scan is written first: a
-synthetic head with noise, as DICOM files, one for each slice and not compressed, and as a .nii.gz.
+Each time is that of a whole process, the best of several in turns; kernels and compiled Python are on disk.  The scan
+is written first: a synthetic head with noise, as DICOM files, one for each slice and not compressed, and as a .nii.gz.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -19,15 +20,16 @@ import numpy as np
 SHAPE, SPACING = (230, 512, 512), (0.45, 0.45, 1.0)  # z, y, x; mm along x, y, z
 NOISE = 12.0  # HU, the standard deviation
 LIMITS = {"picture": 1.5, "peak": 1.2}  # times the libraries' seconds; times the bytes of the voxels
-AFTER = """
-import json, resource
-after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(json.dumps({"bytes": 1024 * (after - before)}))
+# Of the process itself: getrusage counts the parent before the process was started, too.  Linux alone tells.
+PEAK = """
+import json
+from pathlib import Path
+def peak():
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+before = peak()
 """
-BEFORE = """
-import resource
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-"""
+AFTER = "print(json.dumps({'bytes': peak() - before}))"
 # What the libraries take alone: every file read and decoded into one array, or one stream inflated into one.
 ALONE = {
     "DICOM": f"""
@@ -35,7 +37,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from pydicom import dcmread
-{BEFORE}
+{PEAK}
 files = sorted(Path(sys.argv[1]).iterdir())
 voxels = np.empty({SHAPE}, np.int16)
 for plane, file in zip(voxels, files):
@@ -45,7 +47,7 @@ for plane, file in zip(voxels, files):
     ".nii.gz": f"""
 import sys, zlib
 import numpy as np
-{BEFORE}
+{PEAK}
 left = memoryview(np.empty({SHAPE}, np.int16)).cast("B")
 inflate, skip = zlib.decompressobj(31), 352
 with open(sys.argv[1], "rb") as file:
@@ -61,7 +63,7 @@ OURS = f"""
 import sys
 import numpy as np
 from rle_splat.read.formats import read_volume
-{BEFORE}
+{PEAK}
 read_volume(sys.argv[1])
 {AFTER}
 """
@@ -97,8 +99,10 @@ def write_scan(folder: Path) -> dict[str, Path]:
 
 def run(*command) -> tuple[float, dict]:
     """Seconds of a process, and what it says in its last line."""
+    environ = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    words = [sys.executable, *map(str, command)]
     began = time.perf_counter()
-    done = subprocess.run([sys.executable, *map(str, command)], capture_output=True, text=True, check=True)
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=environ)
     seconds = time.perf_counter() - began
     lines = done.stdout.strip().splitlines()
     return seconds, json.loads(lines[-1]) if lines and lines[-1].startswith("{") else {}
