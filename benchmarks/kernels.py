@@ -90,7 +90,7 @@ def first_picture() -> dict:
             if begun:
                 begun[-1][1] += seconds
             function = about.data["dispatcher"].py_func
-            rows.append((function.__module__, function.__qualname__, seconds, seconds - inside, len(begun)))
+            rows.append((function.__module__, function.__name__, seconds, seconds - inside, len(begun)))
 
     grid = np.linspace(-1.0, 1.0, SIZE)
     radius = np.sqrt(sum(axis**2 for axis in np.meshgrid(grid, grid, grid)))
