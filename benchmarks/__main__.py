@@ -16,6 +16,7 @@ from . import (
     presets,
     reading,
     records,
+    repeats,
     scaling,
     stages,
     systems,
@@ -28,7 +29,7 @@ BENCHMARKS = {
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
-    "reading": reading.main,
+    "reading": reading.main, "repeats": repeats.main,
 }  # fmt: skip
 
 
