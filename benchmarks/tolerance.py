@@ -39,7 +39,7 @@ OTHER_SEED = 20031
 LONGEST = 20.0  # seconds; after a slower picture the smaller tolerances of a scene, which take longer, are skipped
 STEEPEST = 0.1  # fraction of the picture's pixels among which steep probes are drawn
 # Limits: share of claimed tolerances that are kept, worst error over tolerance, share and factor of predicted times.
-KEPT_SHARE, WORST, TIMED_SHARE, TIMED_FACTOR = 0.95, 2.0, 0.9, 2.0
+KEPT_SHARE, WORST, TIMED_SHARE, TIMED_FACTOR = 0.95, 2.0, 0.9, 1.5
 
 
 def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -> float:

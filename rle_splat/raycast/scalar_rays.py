@@ -294,9 +294,10 @@ def _composite_stretch(
 
 
 @inner_loop
-def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half, work):
+def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, results):
     """Rays [begin, end); see ``trace_rays``."""
     bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
+    out, half, work = results
     if begin >= end:
         return
     shine = cubics[begin]
@@ -373,12 +374,13 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
 
 
 @kernel
-def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half, work):
-    """Premultiplied rgba (n, 4) float32 of single rays, where along them half is absorbed, (n,) float64, inf where
-    less is, and how many cells and empty bricks each ray walked through and how many cells it composited, (n, 2) int32.
+def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, results):
+    """Fill ``results``: premultiplied rgba (n, 4) float32 of single rays; where along them half is absorbed, (n,)
+    float64, inf where less is; how many cells and empty bricks each walked through and how many cells it composited,
+    (n, 2) int32.
 
     ``voxels``: RowVoxels; ``rays``: RayList.  ``lookup``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
     them.  ``slabs``: that a voxel's depth is cut into, at least.  ``cubics``: scratch, (n, POWERS * channels of light)
     float64.
     """
-    share_out(_trace, out.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, out, half, work))
+    share_out(_trace, cubics.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, results))

@@ -11,8 +11,9 @@ from .scalar_rays import COMPOSITED, HALF, SLIVER, SPAN, WALKED
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, out, half, work):
-    """Fills ``out``, ``half`` and ``work`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too."""
+def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, results):
+    """Fills ``results`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too."""
+    out, half, work = results
     work[:] = 0
     if min(voxels.shape) < 2:
         return

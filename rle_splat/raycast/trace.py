@@ -25,12 +25,12 @@ def trace(
     lookup, (matt, gloss) = kernel_lookup(table, center), kernel_light_planes(voxels.lights, False)
     least = max(quality.termination, OPAQUE)
     out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
-    work = np.empty((len(out), 2), np.int32) if work is None else work
+    results = out, half, np.empty((len(out), 2), np.int32) if work is None else work
     arguments = (voxels, rays, lookup, matt, gloss, slabs, least)
     if not compiled(quality.backend):
-        trace_rays_numpy(*arguments, out, half, work)
+        trace_rays_numpy(*arguments, results)
         return out, half
     cubics = np.empty((len(out), POWERS * (len(matt) + len(gloss))))
     with parallel_call(quality.threads):
-        trace_rays(*arguments, cubics, out, half, work)
+        trace_rays(*arguments, cubics, results)
     return out, half
