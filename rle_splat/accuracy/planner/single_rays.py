@@ -21,7 +21,7 @@ from .ray_cost import FEW_SLABS, RayCost, measured_us
 
 # RayCost is measured with rays at the pixels of the largest estimate and at random ones, each traced with FEW_SLABS
 # slabs to a voxel's depth and with twice as many.
-LARGEST_RAYS, RANDOM_RAYS = 256, 1024
+LARGEST_RAYS, RANDOM_RAYS = 256, 2048
 COST_TERMINATION = 1 / 16384
 
 
