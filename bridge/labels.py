@@ -13,7 +13,7 @@ import numpy as np
 from ..rle_splat.classify.label_styles import LabelStyle, labels_of
 from ..rle_splat.read.formats import RAW, format_of
 from ..rle_splat.read.labels import read_label_steps
-from ..rle_splat.runtime.steps import drain, part
+from ..rle_splat.runtime.steps import drain, part, portion
 from ..rle_splat.scene import Labels, RleSplatError
 from ..rle_splat.volume.counts import counts_values, stored_values
 from ..rle_splat.volume.measure import measured_steps
@@ -26,10 +26,10 @@ OWN = "OWN"
 FUNCTION_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function")] + [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
-READING = 0.8  # share of the time until a label file is read; the rest is for counting its values
+READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
 MOST_LABELS = 512  # a file with more different values is a scan, not a label map
 
-_kept: dict = {}  # (path, its state, shape, affine, space) of the last label file -> its Volume
+_kept: dict = {}  # (path, its state, shape, affine, space) of the last label file -> its Volume and values
 
 
 def _evaluate_anew(row, _context):
@@ -111,7 +111,7 @@ def load_steps(file: LabelFile, volume):
     """
     key = file.key(volume)
     if key in _kept:
-        return _kept[key]
+        return _kept[key][0]
     try:
         volumes.expose_modules()
         found = yield from part(read_label_steps(file.path, volume), 0.0, READING)
@@ -122,9 +122,10 @@ def load_steps(file: LabelFile, volume):
         raise RleSplatError(
             f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
         ) from problem
-    yield from part(measured_steps(found), READING, 1.0)
+    yield from part(measured_steps(found), READING, COUNTING)
+    values = yield from portion(_value_steps(found), COUNTING, 1.0, "reading labels")
     _kept.clear()
-    _kept[key] = found
+    _kept[key] = found, values
     return found
 
 
@@ -188,7 +189,7 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
         raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
-    numbers = _values_of(found)
+    numbers = next(values for known, values in _kept.values() if known is found)
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
             f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
@@ -209,15 +210,17 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     return len(numbers), further, found.remarks
 
 
-def _values_of(volume) -> np.ndarray:
-    """The stored values of a label map, ascending; of one that is none, at least MOST_LABELS + 1 of them."""
+def _value_steps(volume):
+    """Generator of fractions done: the stored values of a label map, ascending; of one that is none, more than
+    MOST_LABELS of them."""
     if counts_values(volume.voxels.dtype):
         return stored_values(volume.voxels.dtype)[volume.value_counts > 0]
     found = np.zeros(0, volume.voxels.dtype)
-    for plane in volume.voxels:
+    for z, plane in enumerate(volume.voxels):
         found = np.union1d(found, plane)
         if len(found) > MOST_LABELS:
             break
+        yield z / len(volume.voxels)
     return found
 
 
