@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import facts, new_volume, source_options
+from ..bridge import facts, new_volume, source_options, viewports
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -56,6 +56,9 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     at_cursor: BoolProperty(
         name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
         "coordinates of the file", default=False)
+    use_framing: BoolProperty(
+        name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
+        "its tab. Views through a camera stay", default=True)
 
     @classmethod
     def poll(cls, context):
@@ -69,7 +72,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         source_options.copy(self, options)
         path, = self.paths()  # of several, none would be asked about
         given = {name: value for name, value in vars(options).items() if name != "series"}
-        return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor, "use_dialog": False}
+        return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor,
+                "use_framing": self.use_framing, "use_dialog": False}
 
     def prepare(self, context):
         paths = self.paths()
@@ -78,13 +82,19 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
+        corners = []
         for found, options, transfer_function, reason in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
             for sentence in (*found.remarks, remark):
                 if sentence:
                     self.report({"WARNING"}, sentence)
-            self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", reason))))
+            corners.append(viewports.world_corners(owner, found.volume, context.scene))
+            inside = viewports.hiding_sentence(context.view_layer, corners[-1])
+            self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", inside, reason))))
+        if self.use_framing and not bpy.app.background:
+            viewports.open_tab(context.window)
+            viewports.frame(context.window, corners)
 
     def _steps(self, paths):
         """Generator of Progress: (Found, options, TransferFunction, reason for it) of each path."""
@@ -227,6 +237,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.separator()
         layout.prop(self, "preset")
         layout.prop(self, "at_cursor")
+        layout.prop(self, "use_framing")
 
     def _kind(self, paths):
         """The format that ``check`` found, else that of the suffix: drawing opens no file."""
@@ -272,7 +283,7 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("spacing", "modality", "preset", "at_cursor"):
+        for name in ("spacing", "modality", "preset", "at_cursor", "use_framing"):
             layout.prop(self, name)
 
 

@@ -14,7 +14,18 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
-from tests.blender.window_driver import drive, in_the_view, new_file, open_panels, passed, photograph, until, window
+from tests.blender.window_driver import (
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+    window,
+)
 
 LARGE = (256, 512, 512)  # (nz, ny, nx) voxels of 16 bits, 128 MiB: long enough for progress and Esc
 LONGEST = 0.2  # seconds that the window may wait
@@ -242,6 +253,41 @@ def check_followed(ours, owner):
     ahead.want = want
 
 
+def check_framing():
+    """From a scene with Blender's usual cube and a closed sidebar: the volume fills the view, the tab is open, and what
+    hides the volume is told; in perspective and not, and nothing is moved where that is not wanted."""
+    yield from new_file()
+    bpy.ops.mesh.primitive_cube_add(size=2.0)
+    view = area_of("VIEW_3D")
+    region_3d, space = view.spaces.active.region_3d, view.spaces.active
+    space.show_region_ui = False
+    grid = np.indices((64, 64, 64)) - 32.0
+    ball = np.clip(200.0 - 6.0 * np.sqrt((grid**2).sum(axis=0)), 0.0, 255.0).astype(np.uint8)
+    path = FOLDER / "ball_64x64x64_uint8.raw"
+    ball.tofile(path)
+    viewports = import_module(f"{MODULE}.bridge.viewports")
+    for perspective in ("PERSP", "ORTHO"):
+        region_3d.view_perspective = perspective
+        region_3d.view_location, region_3d.view_distance = (5.0, 5.0, 5.0), 20.0
+        with in_the_view():
+            assert bpy.ops.rle_splat.import_volume(filepath=str(path), spacing=(4.0, 4.0, 4.0)) == {"FINISHED"}
+        owner = bpy.context.view_layer.objects.active
+        yield from until(lambda: region_of(view, "UI").active_panel_category == viewports.tab())
+        yield
+        volume = import_module(f"{MODULE}.bridge.volumes").load_volume(owner)
+        corners = viewports.world_corners(owner, volume, bpy.context.scene)
+        seen = np.column_stack((corners, np.ones(8))) @ np.array(region_3d.perspective_matrix).T
+        seen = np.abs(seen[:, :3] / seen[:, 3:])
+        assert seen.max() < 1.0 and seen[:, :2].max() > 0.3, seen
+        assert viewports.hiding_meshes(bpy.context.view_layer, corners) == ["Cube"]
+        yield from photograph(f"framed_{perspective.lower()}")
+    before = region_3d.view_distance
+    region_3d.view_distance = 3.0 * before
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume(filepath=str(path), use_framing=False)
+    assert abs(region_3d.view_distance - 3.0 * before) < 1e-6 * before
+
+
 def check_reload():
     """After a .blend is opened, a picture reads the voxels in steps."""
     yield from new_file()
@@ -274,7 +320,8 @@ def check_reload():
 def scenario():
     watch_slices()
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
-    for check in (check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback, check_reload):
+    reading = check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback, check_reload
+    for check in (*reading, check_framing):
         yield from check()
         passed(check.__name__)
 
