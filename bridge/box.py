@@ -65,6 +65,27 @@ def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
         remove_box(old)
 
 
+def world_corners(volume_object) -> np.ndarray:
+    """The corners of a volume's box, as the scene shows it.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The Empty.
+
+    Returns
+    -------
+    ndarray, shape (8, 3), float64
+        In world space, in the order of CORNERS; shape (0, 3) where somebody has changed or removed the box.
+    """
+    collection = volume_object.instance_collection
+    if collection is None or len(collection.objects) == 0 or len(collection.objects[0].data.vertices) != len(CORNERS):
+        return np.empty((0, 3))
+    holder = collection.objects[0]
+    matrix = np.array(volume_object.matrix_world @ holder.matrix_basis)
+    return np.array([vertex.co[:] for vertex in holder.data.vertices]) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
 def rescale_box(volume_object, scene_scale: float) -> None:
     """Resize a volume's box to a new scene scale.
 

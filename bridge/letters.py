@@ -12,7 +12,7 @@ from mathutils import Vector
 
 from ..rle_splat.volume.orientation import face_letters
 from ..rle_splat.volume.volume import PATIENT
-from . import volumes
+from . import box, volumes
 
 SIZE = 15  # points; scaled with Blender's interface
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
@@ -35,23 +35,18 @@ def placed_letters(volume_object) -> list:
         One letter for each face of the box, and a point in world space just outside the face. Empty for a volume that
         is not in patient space.
     """
-    box = volume_object.instance_collection
-    if volume_object.rle_splat.space != PATIENT or box is None or len(box.objects) == 0:
+    corners = box.world_corners(volume_object)
+    if volume_object.rle_splat.space != PATIENT or len(corners) == 0:
         return []
-    holder = box.objects[0]
-    if len(holder.data.vertices) != 8:
-        return []
-    to_world = np.array(volume_object.matrix_world @ holder.matrix_basis)
-    corners = np.array([vertex.co[:] for vertex in holder.data.vertices])  # in the order of box.CORNERS
-    affine = np.eye(4)
-    affine[:3, :3] = np.stack([corners[index] - corners[0] for index in (1, 2, 4)], axis=1)
+    axes = np.stack([corners[index] - corners[0] for index in (1, 2, 4)], axis=1)  # in the order of box.CORNERS
+    own = np.eye(4)
+    own[:3, :3] = np.linalg.pinv(np.array(volume_object.matrix_world)[:3, :3]) @ axes
     middle = corners.mean(axis=0)
-    placed = []
-    for axis, letters in enumerate(face_letters(affine)):
-        for letter, side in zip(letters, (-0.5 - APART, 0.5 + APART)):
-            point = middle + side * affine[:3, axis]
-            placed.append((letter, to_world[:3, :3] @ point + to_world[:3, 3]))
-    return placed
+    return [
+        (letter, middle + side * axes[:, axis])
+        for axis, letters in enumerate(face_letters(own))
+        for letter, side in zip(letters, (-0.5 - APART, 0.5 + APART))
+    ]
 
 
 def _draw() -> None:

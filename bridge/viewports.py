@@ -4,9 +4,7 @@ import math
 
 import bpy
 import numpy as np
-
-from . import box
-from .settings import scene_scale_of
+from mathutils import Matrix, Quaternion
 
 PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
 HALF_SENSOR = 36.0  # mm: a viewport's lens is one before a sensor of twice this, along its longer side
@@ -14,10 +12,16 @@ ROOM = 1.15  # times the sphere around a volume
 NEAREST, FURTHEST = 0.01, 100.0  # times the sphere's radius: the clip range reaches from there to there at least
 LEAST_CLIP = 1e-6  # Blender's own
 SIDEBAR = 280  # pixels at interface scale 1, of one that was never drawn
+# A side of a patient -> where a view from there looks and what is up in it, in LPS (+X left, +Y back, +Z head).  In
+# views along the body the front is up.
+SIDES = {
+    "A": ((0, 1, 0), (0, 0, 1)), "P": ((0, -1, 0), (0, 0, 1)), "L": ((-1, 0, 0), (0, 0, 1)),
+    "R": ((1, 0, 0), (0, 0, 1)), "S": ((0, 0, -1), (0, -1, 0)), "I": ((0, 0, 1), (0, -1, 0)),
+}  # fmt: skip
 TAB_WAIT, TAB_TRIES = 0.1, 10  # seconds; a sidebar knows its tabs when it was drawn
 
 
-def distance_to_fit(radius: float, lens: float, nearer: float, is_perspective: bool) -> float:
+def distance_to_fit(radius: float, lens: float, free: float, is_perspective: bool) -> float:
     """Return the view distance at which a sphere fits into a viewport.
 
     Parameters
@@ -26,7 +30,7 @@ def distance_to_fit(radius: float, lens: float, nearer: float, is_perspective: b
         Of the sphere around the view's pivot, world units.
     lens : float
         Focal length, mm.
-    nearer : float
+    free : float
         The shorter side of the part that is free, over the longer side of the region.
     is_perspective : bool
         Or orthographic.
@@ -36,18 +40,33 @@ def distance_to_fit(radius: float, lens: float, nearer: float, is_perspective: b
     float
         World units.
     """
-    slope = HALF_SENSOR / lens * nearer
+    slope = HALF_SENSOR / lens * free
     return radius / (math.sin(math.atan(slope)) if is_perspective else slope)
 
 
-def world_corners(owner, volume, scene) -> np.ndarray:
-    """(8, 3) corners of a volume's box in world space."""
-    corners = box.corners_of(volume.shape_xyz, volume.affine) * scene_scale_of(scene, volume.unit)
-    matrix = np.array(owner.matrix_world)
-    return corners @ matrix[:3, :3].T + matrix[:3, 3]
+def rotation_from(side: str, matrix: np.ndarray) -> Quaternion:
+    """Return the rotation of a view that looks at a patient from one side.
+
+    Parameters
+    ----------
+    side : str
+        One of SIDES.
+    matrix : (4, 4) ndarray
+        From the volume's own space, LPS, to the world.
+
+    Returns
+    -------
+    mathutils.Quaternion
+        Of the view: it looks along its own -Z, and its Y points up.
+    """
+    towards, up = (matrix[:3, :3] @ np.array(axis, np.float64) for axis in SIDES[side])
+    back = -towards / np.linalg.norm(towards)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    return Matrix(np.stack((right, np.cross(back, right), back), axis=1).tolist()).to_quaternion()
 
 
-def frame(window, boxes: list[np.ndarray]) -> None:
+def frame(window, boxes: list[np.ndarray], rotation: Quaternion | None = None) -> None:
     """Move the views of a window's 3D viewports so that all of some boxes is seen; views through a camera stay.
 
     Parameters
@@ -55,6 +74,8 @@ def frame(window, boxes: list[np.ndarray]) -> None:
     window : bpy.types.Window
     boxes : list of (8, 3) ndarray
         Corners in world space.
+    rotation : mathutils.Quaternion, optional
+        Of the views, but those of a quad view; by default each keeps its own.
     """
     corners = np.concatenate(boxes)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
@@ -63,28 +84,33 @@ def frame(window, boxes: list[np.ndarray]) -> None:
         return
     for area in _viewports(window):
         space = area.spaces.active
-        region = next(one for one in area.regions if one.type == "WINDOW")
-        if region.width < 1 or region.height < 1:
-            continue
+        free = _free_share(area)
         for view in space.region_quadviews or (space.region_3d,):
             if view.view_perspective == "CAMERA":
                 continue
             is_perspective = view.view_perspective == "PERSP"
+            if rotation is not None and not space.region_quadviews:
+                view.view_rotation = rotation
             view.view_location = middle
-            nearer = min(region.height, _free_width(area, region)) / max(region.width, region.height)
-            view.view_distance = distance_to_fit(radius, space.lens, nearer, is_perspective)
+            view.view_distance = distance_to_fit(radius, space.lens, free, is_perspective)
         space.clip_start = max(min(space.clip_start, NEAREST * radius), LEAST_CLIP)
         space.clip_end = max(space.clip_end, FURTHEST * radius)
         area.tag_redraw()
 
 
-def _free_width(area, region) -> int:
-    """Pixels of a viewport between the sidebar, open or about to be, and as much on the other side: the volume stays in
-    the middle, about which the view turns; at least half of them."""
-    system = bpy.context.preferences.system
+def _free_share(area) -> float:
+    """The shorter side of the free part of a viewport, over the longer side of the whole; a half if it was never drawn.
+
+    What is free lies between the sidebar, open or about to be, and as much on the other side, since the volume stays in
+    the middle, about which the view turns; it is at least half of the width.
+    """
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    if min(region.width, region.height) <= 1:
+        return 0.5
     sidebar = next(one for one in area.regions if one.type == "UI")
-    covered = sidebar.width if sidebar.width > 1 else round(SIDEBAR * system.ui_scale)
-    return max(region.width - 2 * covered, region.width // 2)
+    covered = sidebar.width if sidebar.width > 1 else round(SIDEBAR * bpy.context.preferences.system.ui_scale)
+    width = max(region.width - 2 * covered, region.width // 2)
+    return min(region.height, width) / max(region.width, region.height)
 
 
 def tab() -> str:
@@ -145,8 +171,12 @@ def hiding_sentence(view_layer, corners: np.ndarray) -> str:
     return f"It lies inside {names[0]}, which hides it: hide that object, or move one of them." if names else ""
 
 
+def has_viewport(window) -> bool:
+    """Whether a window, or None, shows a 3D viewport."""
+    return len(_viewports(window)) > 0
+
+
 def _viewports(window) -> list:
-    """The areas of a window that show a 3D viewport."""
     return [] if window is None else [area for area in window.screen.areas if area.type == "VIEW_3D"]
 
 

@@ -9,6 +9,7 @@ from . import (
     channels,
     choose_series,
     composite,
+    frame_volume,
     import_volume,
     keyframe_transfer,
     list_effects,
@@ -25,6 +26,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
+    frame_volume,
 )
 
 

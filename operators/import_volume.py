@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import facts, new_volume, source_options, viewports
+from ..bridge import box, facts, new_volume, source_options, viewports
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -89,7 +89,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             for sentence in (*found.remarks, remark):
                 if sentence:
                     self.report({"WARNING"}, sentence)
-            corners.append(viewports.world_corners(owner, found.volume, context.scene))
+            corners.append(box.world_corners(owner))
             inside = viewports.hiding_sentence(context.view_layer, corners[-1])
             self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", inside, reason))))
         if self.use_framing and not bpy.app.background:

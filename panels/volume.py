@@ -5,6 +5,7 @@ import bpy
 from ..bridge import read_ahead, volumes
 from ..bridge.jobs import StepwiseOperator
 from ..operators.refusal import WHICH_VOLUME
+from ..rle_splat.volume.volume import PATIENT
 from .places import Sidebar, paragraph
 
 
@@ -24,6 +25,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             return
         properties = owner.rle_splat
         layout.label(text=owner.name, icon=_icon(owner))
+        _draw_views(layout, properties)
         column = layout.column(align=True)
         for line in properties.facts.split("\n"):
             name, _, value = line.partition(": ")
@@ -36,6 +38,17 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
         row.prop(properties, "filepath", text="")
         row.operator("rle_splat.relocate", text="Relocate")
         layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+
+
+def _draw_views(layout, properties) -> None:
+    """Buttons that move the view to the volume, for a patient from each side."""
+    is_patient = properties.space == PATIENT
+    row = layout.split(factor=0.36, align=True) if is_patient else layout
+    row.operator("rle_splat.frame_volume", text="Frame", icon="ZOOM_SELECTED").side = "NONE"
+    if is_patient:
+        sides = row.row(align=True)
+        for side in "APLRSI":
+            sides.operator("rle_splat.frame_volume", text=side).side = side
 
 
 def _draw_progress(layout) -> None:

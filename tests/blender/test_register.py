@@ -10,7 +10,8 @@ from tests.blender import layout_recorder
 
 OPERATORS = {
     "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "error_map",
-    "import_folder", "import_volume", "keyframe_transfer", "list_effects", "load_transfer", "measure_accuracy",
+    "frame_volume", "import_folder", "import_volume", "keyframe_transfer", "list_effects", "load_transfer",
+    "measure_accuracy",
     "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel", "remove_composite", "render_image",
     "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip

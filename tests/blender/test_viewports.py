@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Euler
 
 from tests.blender import scenes
 
@@ -28,11 +29,79 @@ def test_corners_are_those_of_the_box_in_the_world(addon, bridge, tmp_path):
     owner.location = (1.0, 2.0, 3.0)
     owner.rotation_euler = (0.3, 0.2, 0.1)
     bpy.context.view_layer.update()
-    volume = bridge("volumes").load_volume(owner)
-    corners = bridge("viewports").world_corners(owner, volume, bpy.context.scene)
-    (holder,) = owner.instance_collection.objects
-    seen = [owner.matrix_world @ holder.matrix_world @ vertex.co for vertex in holder.data.vertices]
-    np.testing.assert_allclose(sorted(map(tuple, corners)), sorted(map(tuple, seen)), atol=1e-5)
+    scale = bpy.context.scene.rle_splat.scene_scale
+    there = np.array(owner.matrix_world)
+    true = 3.0 * scale * bridge("box").CORNERS @ there[:3, :3].T + there[:3, 3]
+    np.testing.assert_allclose(bridge("box").world_corners(owner), true, atol=1e-6)
+    owner.instance_collection.objects[0].data.clear_geometry()
+    assert bridge("box").world_corners(owner).shape == (0, 3)
+
+
+# LPS: +X is the patient's left, +Y the back, +Z the head.  What is right and up in the picture, as atlases show it.
+SEEN = {
+    "A": ((1, 0, 0), (0, 0, 1)), "P": ((-1, 0, 0), (0, 0, 1)), "L": ((0, 1, 0), (0, 0, 1)),
+    "R": ((0, -1, 0), (0, 0, 1)), "I": ((1, 0, 0), (0, -1, 0)), "S": ((-1, 0, 0), (0, -1, 0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("side", SEEN)
+def test_sides_of_a_patient_who_lies_anyhow(bridge, side):
+    turn = np.array(Euler((0.4, -0.3, 1.1)).to_matrix())
+    matrix = np.eye(4)
+    matrix[:3, :3] = 0.001 * turn
+    view = np.array(bridge("viewports").rotation_from(side, matrix).to_matrix())
+    right, up = SEEN[side]
+    np.testing.assert_allclose(view[:, 0], turn @ right, atol=1e-6)
+    np.testing.assert_allclose(view[:, 1], turn @ up, atol=1e-6)
+
+
+@pytest.fixture
+def viewport(addon):
+    """The 3D viewport of the window that bpy opens a file with."""
+    (area,) = (area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    return area
+
+
+def test_a_volume_is_framed(viewport, bridge, tmp_path):
+    owner = scenes.import_raw(tmp_path, CUBE)
+    owner.location = (10.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    space, view = viewport.spaces.active, viewport.spaces.active.region_3d
+    space.clip_start, space.clip_end = 1e3, 2e3
+    view.view_perspective, before = "PERSP", view.view_rotation.copy()
+    assert bpy.ops.rle_splat.frame_volume() == {"FINISHED"}
+    corners = bridge("box").world_corners(owner)
+    np.testing.assert_allclose(view.view_location, corners.mean(axis=0), atol=1e-5)
+    radius = np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()
+    assert radius < view.view_distance < 10.0 * radius and view.view_rotation == before
+    assert space.clip_start < 0.02 * radius and space.clip_end == 2e3
+
+    view.view_perspective = "CAMERA"
+    view.view_location = (0.0, 0.0, 0.0)
+    bpy.ops.rle_splat.frame_volume()
+    assert tuple(view.view_location) == (0.0, 0.0, 0.0)
+
+
+def test_a_patient_is_seen_from_a_side(viewport, bridge, core, tmp_path, refused):
+    owner = scenes.import_raw(tmp_path, CUBE)
+    refused(bpy.ops.rle_splat.frame_volume, "does not say how the patient lies", side="A")
+    owner.rle_splat.space = core("volume.volume").PATIENT
+    view = viewport.spaces.active.region_3d
+    view.view_perspective = "PERSP"
+    assert bpy.ops.rle_splat.frame_volume(side="A") == {"FINISHED"}
+    np.testing.assert_allclose(np.array(view.view_rotation.to_matrix())[:, 2], (0.0, -1.0, 0.0), atol=1e-6)
+    owner.scale = (0.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    refused(bpy.ops.rle_splat.frame_volume, "is scaled to nothing", side="A")
+
+
+def test_what_cannot_be_framed_is_said(viewport, tmp_path, refused):
+    owner = scenes.import_raw(tmp_path, CUBE)
+    owner.instance_collection.objects[0].data.clear_geometry()
+    refused(bpy.ops.rle_splat.frame_volume, "was changed or removed")
+    viewport.type = "TEXT_EDITOR"
+    refused(bpy.ops.rle_splat.frame_volume, "No 3D viewport is open")
+    viewport.type = "VIEW_3D"
 
 
 def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
@@ -42,7 +111,7 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
     owner = scenes.import_raw(tmp_path, CUBE)
     viewports, layer = bridge("viewports"), bpy.context.view_layer
     assert "It lies inside Around, which hides it" in capfd.readouterr().out
-    corners = viewports.world_corners(owner, bridge("volumes").load_volume(owner), bpy.context.scene)
+    corners = bridge("box").world_corners(owner)
     assert viewports.hiding_meshes(layer, corners) == ["Around"]
 
     def hides(**changes) -> bool:

@@ -274,13 +274,17 @@ def check_framing():
         owner = bpy.context.view_layer.objects.active
         yield from until(lambda: region_of(view, "UI").active_panel_category == viewports.tab())
         yield
-        volume = import_module(f"{MODULE}.bridge.volumes").load_volume(owner)
-        corners = viewports.world_corners(owner, volume, bpy.context.scene)
+        corners = import_module(f"{MODULE}.bridge.box").world_corners(owner)
         seen = np.column_stack((corners, np.ones(8))) @ np.array(region_3d.perspective_matrix).T
         seen = np.abs(seen[:, :3] / seen[:, 3:])
         assert seen.max() < 1.0 and seen[:, :2].max() > 0.3, seen
         assert viewports.hiding_meshes(bpy.context.view_layer, corners) == ["Cube"]
         yield from photograph(f"framed_{perspective.lower()}")
+    before = region_3d.view_distance
+    owner.rle_splat.space = "patient"
+    with in_the_view():
+        assert bpy.ops.rle_splat.frame_volume(side="R") == {"FINISHED"}
+    yield from photograph("from_the_right")
     before = region_3d.view_distance
     region_3d.view_distance = 3.0 * before
     with in_the_view():

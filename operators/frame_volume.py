@@ -1,0 +1,57 @@
+"""Frame Volume: move the views of the window so that all of the volume is seen, from any side of the patient."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty
+
+from ..bridge import box, viewports, volumes
+from ..rle_splat.volume.volume import PATIENT
+from .refusal import has_volume, refuse
+
+AS_IT_IS = "NONE"
+SIDES = (
+    (AS_IT_IS, "As It Is", "Keep the direction of the view"),
+    ("A", "Anterior", "Look at the patient's front"), ("P", "Posterior", "Look at the patient's back"),
+    ("L", "Left", "Look at the patient's left side"), ("R", "Right", "Look at the patient's right side"),
+    ("S", "Superior", "Look down from the head, with the front up"),
+    ("I", "Inferior", "Look up from the feet, with the front up, as axial slices are shown"),
+)  # fmt: skip
+
+
+class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
+    """Move the views of this window so that all of the volume is seen. Views through a camera stay"""
+
+    bl_idname = "rle_splat.frame_volume"
+    bl_label = "Frame Volume"
+
+    side: EnumProperty(name="From", description="The side of the patient to look from", items=SIDES)
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    @classmethod
+    def description(cls, _context, properties):
+        told = next(item for item in SIDES if item[0] == properties.side)
+        return cls.__doc__ if properties.side == AS_IT_IS else told[2]
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        if not viewports.has_viewport(context.window):
+            return refuse(self, "No 3D viewport is open in this window; open one.")
+        corners = box.world_corners(owner)
+        if len(corners) == 0:
+            return refuse(self, f"The box of {owner.name} was changed or removed; import the volume again.")
+        matrix = np.array(owner.matrix_world)
+        rotation = None
+        if self.side != AS_IT_IS:
+            if owner.rle_splat.space != PATIENT:
+                return refuse(self, f"The file of {owner.name} does not say how the patient lies.")
+            if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
+                return refuse(self, f"{owner.name} is scaled to nothing; set its scale.")
+            rotation = viewports.rotation_from(self.side, matrix)
+        viewports.frame(context.window, [corners], rotation)
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_frame_volume,)
