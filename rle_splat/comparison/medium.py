@@ -105,7 +105,7 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
     if not scene.volume.holds_values:
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
     scene = analyzed(scene, quality)[1]
-    if scene.triangles is not None and len(scene.triangles):
+    if scene.hides_volume:
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()
     classified, colors = classify_and_shade(scene, quality, clock)

@@ -69,8 +69,8 @@ class CameraClip(RayEffect):
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> CameraClip | None:
         """The effect, None where neither clip planes nor meshes can end rays; parameters as of ``RayEffects``."""
-        cuts, meshes = is_cut(scene, view, quality), scene.triangles is not None and len(scene.triangles) > 0
-        return cls(scene.camera, quality, cuts) if cuts or meshes else None
+        cuts = is_cut(scene, view, quality)
+        return cls(scene.camera, quality, cuts) if cuts or scene.hides_volume else None
 
     def stage_of(self, ray_pass: RayPass) -> str:
         """See ``RayEffect.stage_of``."""

@@ -112,13 +112,15 @@ def _surfaces_numpy(samples, step: float, layers, spread) -> None:
         spread[:] = np.where(np.isinf(least), 0.0, most - least)  # inf - inf is nan: no mesh at all
     split = spread > np.float32(step)
     near[:] = np.where(np.isinf(most), most, samples.mean(axis=-1, dtype=np.float64))
+    far[:], coverage[:] = near, 1.0
+    if not split.any():
+        return
     # Few pixels hold two surfaces; only those are sorted, and cut at their widest gap.
     ordered = np.sort(samples[split].astype(np.float64), axis=-1)
     with np.errstate(invalid="ignore"):
         gaps = np.nan_to_num(np.diff(ordered, axis=-1), nan=0.0, posinf=np.inf)
     in_front = gaps.argmax(axis=-1) + 1
     is_near = np.arange(count) < in_front[:, None]
-    far[:], coverage[:] = near, 1.0
     near[split] = np.where(is_near, ordered, 0.0).sum(axis=-1) / in_front
     far[split] = np.where(is_near, 0.0, ordered).sum(axis=-1) / (count - in_front)
     coverage[split], spread[split] = in_front / count, np.inf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene import Quality, Scene
+from ..scene import Quality, RleSplatError, Scene
 from ..scene.changed import changed
 from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
@@ -40,8 +40,7 @@ class MeshSurfaces(RayEffect):
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> MeshSurfaces | None:
         """The effect, None for a scene without meshes; parameters as of ``RayEffects``."""
-        meshes = scene.triangles is not None and len(scene.triangles) > 0
-        return cls(scene, view, quality) if meshes else None
+        return cls(scene, view, quality) if scene.hides_volume else None
 
     def inspect(self, planes: list[BasePlane]) -> str | None:
         """See ``RayEffect.inspect``."""
@@ -93,19 +92,27 @@ def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[Ba
     DepthLayers or None
         None where no mesh ends any ray inside the volume.
     """
-    if scene.triangles is None or len(scene.triangles) == 0:
+    if not scene.hides_volume:
         return None
     region = _pixels_with_layers(scene, planes)
-    samples = mesh_depth(
-        scene.triangles, scene.camera, scene.width, scene.height, region=region, backend=quality.backend,
-        threads=quality.threads,
-    )
+    samples = _depth_samples(scene, quality, region)
     nearest_mesh = float(samples.min())
     if nearest_mesh > slab_depths(scene, view, quality)[1]:
         return None
     voxel = float(np.linalg.norm(view.to_world, axis=0).min())
     return depth_layers(
         samples, 0.5 * voxel, first_pixel=region[:2], backend=quality.backend, threads=quality.threads
+    )
+
+
+def _depth_samples(scene: Scene, quality: Quality, region) -> np.ndarray:
+    """(H, W, S) float32: planar depths at which rays of the pixels of a region end, one a pixel of given ray ends."""
+    if scene.ray_ends is not None:
+        left, top, right, bottom = region
+        return np.asarray(scene.ray_ends[top:bottom, left:right, None], np.float32)
+    return mesh_depth(
+        scene.triangles, scene.camera, scene.width, scene.height, region=region, backend=quality.backend,
+        threads=quality.threads,
     )
 
 
@@ -121,10 +128,17 @@ def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int
 
 def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     """By the depth of the nearest corner; what the rays really meet is known when they have been looked at."""
-    if scene.triangles is None or len(scene.triangles) == 0:
+    if not scene.hides_volume:
         return False, "the scene has no meshes"
-    row = depth_row(scene.camera)
-    nearest = float((np.asarray(scene.triangles, np.float64) @ row[:3]).min() + row[3])
+    nearest = np.inf
+    if scene.ray_ends is not None:
+        left, top, right, bottom = scene.region
+        nearest = float(np.min(scene.ray_ends[top:bottom, left:right]))
+        if nearest != nearest:
+            raise RleSplatError("The scene's ray ends hold a value that is not a number; give inf for no end.")
+    if scene.triangles is not None and len(scene.triangles) > 0:  # beside ray ends they cast shadows
+        row = depth_row(scene.camera)
+        nearest = min(nearest, float((np.asarray(scene.triangles, np.float64) @ row[:3]).min() + row[3]))
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     if nearest > slab_depths(scene, view, quality)[1]:
         return False, BEHIND
@@ -132,6 +146,6 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 MESH_OCCLUSION = Kind(
-    "ends each ray at the first mesh it meets", _called_for, lambda scene: changed(scene, triangles=None),
-    stage="occlusion",
+    "ends each ray at the first mesh it meets", _called_for,
+    lambda scene: changed(scene, triangles=None, ray_ends=None), stage="occlusion",
 )

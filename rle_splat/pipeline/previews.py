@@ -209,7 +209,7 @@ def _preview_steps(source: Source, door: Settled, lit: LitVolume, levels, count:
         absorbs = np.maximum(beyond, np.float32(SMALLEST_SHARE) * level.errors)
         records = np.stack((level.errors, level.errors, level.errors, absorbs), axis=3)
         # Meshes only shorten the rays along which errors add up.
-        unmeshed = replace(scene, triangles=None)
+        unmeshed = replace(scene, triangles=None, ray_ends=None)
         misstated = yield from _drawn(_scene_of(unmeshed, lit, level.level, records, 1, of_errors), of_errors)
         yield Preview(rendering, level.level, _error_of(rendering.rgba, misstated.rgba[..., 0], level.brightest))
 

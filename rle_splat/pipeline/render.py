@@ -148,10 +148,9 @@ def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cach
     """The work for a picture, or a RleSplatError where its pixels alone need more memory than there is."""
     left, top, right, bottom = source.scene.region
     scratch = max((source.splat_bytes(plane, rays.shorten_rays) for plane in view.planes), default=0)
-    triangles = source.scene.triangles
     needed = picture_bytes(
         view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
-        meshes=triangles is not None and len(triangles) > 0, scratch=scratch, traced=traced,
+        meshes=source.scene.hides_volume, scratch=scratch, traced=traced,
     )  # fmt: skip
     if not cache.has_plenty(needed):
         cache.make_room(needed)

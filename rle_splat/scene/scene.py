@@ -79,6 +79,9 @@ class Scene:
         Scene-linear RGB.
     triangles : (n, 3, 3) ndarray of float64 or None
         Triangles of the meshes in or around the volume, in world coordinates. A ray ends at the first triangle.
+    ray_ends : (height, width) ndarray of float32 or None
+        Planar depth in world units at which the ray of each pixel of the whole frame ends, inf for one that does not,
+        such as the depth that a viewport has drawn. Rays then end there and not at triangles, which only cast shadows.
     crop : (4,) tuple of int or None
         (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
         rendered, with the same bits as in the whole frame. None for the whole frame.
@@ -108,7 +111,8 @@ class Scene:
     Raises
     ------
     RleSplatError
-        If a value is out of range, or labels or a channel are on another grid.
+        If a value is out of range, labels or a channel are on another grid, or a scene with ray ends has motion or
+        depth of field.
     """
 
     volume: object
@@ -122,6 +126,7 @@ class Scene:
     headlight: bool = True
     background: tuple | None = None
     triangles: np.ndarray | None = None
+    ray_ends: np.ndarray | None = None
     crop: tuple | None = None
     effects: dict[str, bool] = field(default_factory=dict)
     motion: tuple = ()
@@ -151,6 +156,8 @@ class Scene:
             object.__setattr__(self, "crop", checked_crop(self.crop, self.width, self.height))
         if not (isinstance(self.effects, dict) and all(isinstance(on, bool) for on in self.effects.values())):
             raise RleSplatError("The scene's effects must be a dict of effect names to true (on) or false (off).")
+        if self.ray_ends is not None:
+            self._check_ray_ends()
         if len(self.motion) == 1:
             raise RleSplatError("Motion needs no pose or at least two, from the opening to the closing of the shutter.")
         if not (isinstance(self.clips, tuple) and all(isinstance(clip, Clip) for clip in self.clips)):
@@ -164,6 +171,18 @@ class Scene:
         for channel in self.channels:
             self._check_grid(channel.volume, "channel")
 
+    def _check_ray_ends(self) -> None:
+        shape = np.shape(self.ray_ends)
+        if shape != (self.height, self.width):
+            raise RleSplatError(
+                f"The scene's ray ends must be a depth for each of its {self.height} x {self.width} pixels, not an "
+                f"array of shape {shape}."
+            )
+        if self.motion or self.camera.aperture_radius > 0.0:
+            raise RleSplatError(
+                "Ray ends are the depths of one sharp view; leave motion and depth of field out, or give triangles."
+            )
+
     def _check_grid(self, other, what: str) -> None:
         """Refuse a volume ``other`` whose grid has another shape or another place in the patient."""
         mine, others = (" x ".join(map(str, one.shape_xyz)) for one in (self.volume, other))
@@ -174,6 +193,11 @@ class Scene:
                 f"The {what} lies elsewhere in the patient than the volume; bring it onto the volume's grid with "
                 "volume.regrid.on_grid_steps."
             )
+
+    @property
+    def hides_volume(self) -> bool:
+        """Whether anything in the scene may end rays: triangles, or depths at which they end."""
+        return self.ray_ends is not None or (self.triangles is not None and len(self.triangles) > 0)
 
     @property
     def region(self) -> tuple[int, int, int, int]:
