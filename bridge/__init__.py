@@ -4,10 +4,10 @@
 from . import paths
 
 # isort: split
-from . import handlers, kernel_preparation, letters, preferences, previews, properties, source_paths
+from . import handlers, kernel_preparation, letters, live, preferences, previews, properties, source_paths
 
 __all__ = [
-    "handlers", "kernel_preparation", "letters", "paths", "preferences", "previews", "properties", "register",
+    "handlers", "kernel_preparation", "letters", "live", "paths", "preferences", "previews", "properties", "register",
     "source_paths", "unregister",
 ]
 
@@ -20,9 +20,11 @@ def register():
     handlers.register()
     kernel_preparation.register()
     letters.register()
+    live.register()
 
 
 def unregister():
+    live.unregister()
     letters.unregister()
     kernel_preparation.unregister()
     handlers.unregister()

@@ -8,6 +8,7 @@ from bpy.app.handlers import persistent
 from . import (
     following,
     freshness,
+    live,
     migration,
     over_render,
     picture_files,
@@ -21,6 +22,7 @@ from . import (
 
 @persistent
 def _on_load_pre(*_arguments):
+    live.stop()
     following.stop()
     series.forget()
     watch.stop()
@@ -35,6 +37,7 @@ HANDLERS = (
     *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load
     *watch.HANDLERS,
     *picture_files.HANDLERS,
+    *live.HANDLERS,
     ("load_pre", _on_load_pre),
 )
 

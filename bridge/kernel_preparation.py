@@ -43,6 +43,11 @@ def text() -> str:
     return _Now.text
 
 
+def is_due() -> bool:
+    """Whether kernels are being prepared, or will be as soon as the timer looks."""
+    return _Now.process is not None or (bpy.app.timers.is_registered(_tick) and _is_wanted())
+
+
 def register():
     atexit.register(end)
     begin()

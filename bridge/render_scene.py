@@ -71,47 +71,95 @@ def read_scene(
         For everything that the user can correct.
     """
     scene = depsgraph.scene_eval
+    check_kept_up(volume_object, depsgraph)
+    view, width, height = read_camera(depsgraph, camera)
+    has_truth = settings.tolerance_of(scene) is not None
+    motion, still_because = (), LEFT_OUT if has_truth else ""
+    if moving and not has_truth:
+        motion, still_because = read_motion(depsgraph, volume_object, camera)
+    plain = seen_by(
+        volume_object, depsgraph, (view, width, height),
+        triangles=read_occluders(depsgraph) if with_meshes else None,
+        with_shadows=with_shadows,
+        warn=warn,
+        crop=frame_crop(scene.render) if in_region else None,
+        motion=motion,
+        reasons_off={"motion blur": still_because} if still_because else {},
+    )
+    return plain, settings.quality_of(scene)
+
+
+def check_kept_up(volume_object, depsgraph) -> None:
+    """Raise RleSplatError for an object that Blender does not evaluate."""
     if not is_kept_up(volume_object, depsgraph):
         raise RleSplatError(
             f"{volume_object.name!r} is disabled in viewports or excluded from this view layer, so Blender does not "
             "update its place; enable it in the Outliner."
         )
-    view, width, height = read_camera(depsgraph, camera)
+
+
+def read_occluders(depsgraph) -> np.ndarray | None:
+    """Triangles of the meshes that hide the volume, (n, 3, 3) float64 in world space; None without any."""
+    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene))
+    return triangles if len(triangles) else None
+
+
+def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True, warn=None, **of_view) -> Scene:
+    """Read what a picture of a volume depends on, as a given camera sees it.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    view : (Camera, int, int)
+        The camera as plain data, width and height of the frame in pixels.
+    with_shadows : bool
+        Whether shadows and ambient occlusion are used, if they are on in the scene.
+    warn : callable, optional
+        Called with one sentence for each warning.
+    **of_view
+        Further fields of Scene: triangles, crop, motion.
+
+    Returns
+    -------
+    Scene
+        The scene as plain data.
+
+    Raises
+    ------
+    RleSplatError
+        For everything that the user can correct.
+    """
+    scene = depsgraph.scene_eval
+    camera, width, height = view
     volume = volumes.load_volume(volume_object, warn, depsgraph)
     transfer_function = transfer.read_transfer(volume_object, depsgraph)
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
-    has_truth = settings.tolerance_of(scene) is not None
-    motion, still_because = (), LEFT_OUT if has_truth else ""
-    if moving and not has_truth:
-        motion, still_because = read_motion(depsgraph, volume_object, camera)
-    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene)) if with_meshes else None
-    plain = Scene(
+    return Scene(
         volume=volume,
         transfer_function=transfer_function,
-        camera=view,
+        camera=camera,
         width=width,
         height=height,
         volume_matrix=np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64),
         scene_scale=settings.scene_scale_of(scene, volume.unit),
         lights=lights,
         headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
-        triangles=triangles if triangles is not None and len(triangles) else None,
-        crop=frame_crop(scene.render) if in_region else None,
         clips=read_clips(depsgraph),
         channels=read_channels(volume_object, depsgraph, volume),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         mode=scene.rle_splat.mode,
         mist=read_mist(depsgraph),
-        motion=motion,
         effects=overrides_of(scene),
-        reasons_off={"motion blur": still_because} if still_because else {},
         volume_shadows=with_shadows and bool(lights) and scene.rle_splat.use_shadows,
         # In a scene without lights the headlight replaces the world light too.
         world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,
         ambient_occlusion=scene.rle_splat.ambient_occlusion if with_shadows else 0.0,
+        **of_view,
     )
-    return plain, settings.quality_of(scene)
 
 
 def is_rendered(volume_object, depsgraph) -> bool:

@@ -21,13 +21,14 @@ SHORT = "real_blender.py"
 WINDOW = "window.py"
 PANELS = "window_panels.py"
 IMPORT = "window_import.py"
+LIVE = "window_live.py"
 WHOLE = "whole_suite.py"
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
-SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, WHOLE: 1200}
+SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, WHOLE: 1200}
 SCENARIO_SECONDS = 600  # of one that is given
 
 USUAL_SCREEN = (1280, 800)
@@ -85,11 +86,12 @@ def _virtual_screen(blender: Blender, size: tuple[int, int]):
 
 
 def window_stages(zip_path: Path) -> list[Stage]:
-    """What only a window does (F12 off the main thread, work from a timer, Esc), panels, and how files are read."""
+    """What only a window does (F12 off the main thread, work from a timer, Esc), panels, files, viewports."""
     return [
         window_stage(zip_path, TESTS / WINDOW, "window", USUAL_SCREEN),
         window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
         window_stage(zip_path, TESTS / IMPORT, "import", USUAL_SCREEN),
+        window_stage(zip_path, TESTS / LIVE, "live", USUAL_SCREEN),
     ]
 
 

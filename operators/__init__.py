@@ -13,6 +13,7 @@ from . import (
     import_volume,
     keyframe_transfer,
     list_effects,
+    live_view,
     own_transfer,
     read_labels,
     relocate,
@@ -26,7 +27,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume,
+    frame_volume, live_view,
 )
 
 

@@ -8,6 +8,7 @@ from . import (
     clip_objects,
     effects,
     labels,
+    live_view,
     picture,
     playback,
     quality,
@@ -26,9 +27,11 @@ def register():
     for module in MODULES:
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
+    live_view.register()
 
 
 def unregister():
+    live_view.unregister()
     for module in reversed(MODULES):
         for cls in reversed(module.CLASSES):
             bpy.utils.unregister_class(cls)

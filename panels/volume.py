@@ -6,6 +6,7 @@ from ..bridge import read_ahead, volumes
 from ..bridge.jobs import StepwiseOperator
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.volume.volume import PATIENT
+from .live_view import draw_state, draw_switch
 from .places import Sidebar, paragraph
 
 
@@ -24,7 +25,10 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             layout.operator("rle_splat.import_volume", icon="IMPORT")
             return
         properties = owner.rle_splat
-        layout.label(text=owner.name, icon=_icon(owner))
+        row = layout.row()
+        row.label(text=owner.name, icon=_icon(owner))
+        draw_switch(row, context.space_data)
+        draw_state(context, layout)
         _draw_views(layout, properties)
         column = layout.column(align=True)
         for line in properties.facts.split("\n"):

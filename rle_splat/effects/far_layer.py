@@ -35,8 +35,9 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
         each plane that shows any of them, cut to a window for the far layer.
     """
     found = [(layers.near, region, list(enumerate(planes)))]
-    rows, columns = np.nonzero(layers.coverage_of(region) < 1.0)
-    if len(rows) > 0:
+    past = layers.coverage_of(region) < 1.0
+    if past.any():  # most pictures have no silhouette, and finding its pixels reads them all again
+        rows, columns = np.nonzero(past)
         left, top = region[0], region[1]
         behind = (
             left + int(columns.min()), top + int(rows.min()), left + int(columns.max()) + 1, top + int(rows.max()) + 1

@@ -10,10 +10,9 @@ from tests.blender import layout_recorder
 
 OPERATORS = {
     "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "error_map",
-    "frame_volume", "import_folder", "import_volume", "keyframe_transfer", "list_effects", "load_transfer",
-    "measure_accuracy",
-    "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel", "remove_composite", "render_image",
-    "save_transfer", "set_backdrop", "shadow_pass", "window_level",
+    "frame_volume", "import_folder", "import_volume", "keyframe_transfer", "list_effects", "live_again",
+    "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel",
+    "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "quality", "render",
@@ -33,13 +32,14 @@ CLASSES = {
 }  # fmt: skip
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
-    "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch"],
-    "frame_change_post": ["over_render", "watch"], "load_post": ["source_paths", "migration", "watch"],
-    "load_pre": ["handlers"], "redo_post": ["watch"], "render_cancel": ["over_render"],
+    "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch", "shown", "live"],
+    "frame_change_post": ["over_render", "watch", "shown"],
+    "load_post": ["source_paths", "migration", "watch", "shown"],
+    "load_pre": ["handlers"], "redo_post": ["watch", "shown"], "render_cancel": ["over_render"],
     "render_complete": ["over_render"], "render_init": ["over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"], "save_post": ["source_paths"],
     "save_post_fail": ["source_paths"], "save_pre": ["source_paths", "over_render", "picture_files"],
-    "undo_post": ["watch"],
+    "undo_post": ["watch", "shown"],
 }  # fmt: skip
 
 
@@ -62,7 +62,8 @@ def class_names() -> list:
 
 
 def menu_entries() -> list:
-    functions = getattr(bpy.types.TOPBAR_MT_file_import.draw, "_draw_funcs", [])
+    places = bpy.types.TOPBAR_MT_file_import, bpy.types.VIEW3D_PT_overlay
+    functions = [function for place in places for function in getattr(place.draw, "_draw_funcs", [])]
     return [f.__name__ for f in functions if "rle_splat" in f.__module__]
 
 
@@ -80,7 +81,7 @@ def test_everything_is_there_once(addon):
     assert traces() == {
         "listeners": LISTENERS,
         "classes": sorted(CLASSES),
-        "menu": ["draw_menu_entry"],
+        "menu": ["draw_menu_entry", "_draw_overlay"],
         "properties": ["Object", "Scene"],
         "operators": sorted(OPERATORS),
     }

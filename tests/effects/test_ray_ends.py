@@ -7,6 +7,7 @@ import pytest
 
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.effects import mesh_occlusion
 from rle_splat.effects.mesh_depth import mesh_depth
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Pose, Quality, RleSplatError, Scene
@@ -63,6 +64,20 @@ def test_away_from_silhouettes_both_agree():
             edges |= near[down : down + ends.shape[0], across : across + ends.shape[1]]
     assert 0.05 < edges.mean() < 0.9
     np.testing.assert_allclose(found[~edges], expected[~edges], atol=1.0 / 255.0)
+
+
+def test_a_bilinear_warp_draws_no_pixel_twice(monkeypatch):
+    scene = scene_of()
+    triangles = np.array([((-20, -20, 2), (1, -20, 2), (1, 20, 2))], float)
+    ended = replace(scene, ray_ends=depths_of(scene, triangles))
+    passes = []
+    splat = mesh_occlusion.layers_to_splat
+    monkeypatch.setattr(mesh_occlusion, "layers_to_splat", lambda *a: passes.append(len(splat(*a))) or splat(*a))
+    quick = replace(QUALITY, warp_filter="bilinear")
+    rough, fine = render(ended, quick).rgba, render(ended, QUALITY).rgba
+    assert passes == [1, 2]
+    assert np.median(np.abs(rough - fine).max(axis=-1)) < 4.0 / 255.0
+    assert np.abs(render(scene, quick).rgba - rough).max() > 0.1
 
 
 def test_depths_without_an_end_change_no_bit():

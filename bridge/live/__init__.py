@@ -1,0 +1,220 @@
+"""The volume live in every 3D viewport: handlers that draw it, and the timer that refines it.
+
+Without a visible volume, during a render and in background mode nothing of this runs.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import jobs, kernel_preparation, render_scene
+from ..messages import tell
+from . import drawing, shown, surface
+from .viewport import Viewport
+
+TICK, BUSY = 0.005, 0.2  # seconds between bites of work, and between checks whether other work is done
+
+calls: Counter = Counter()  # how often a handler was called ("before", "after"), and how often it went on ("drawn")
+_handles: list = []
+
+
+class Live:
+    """A viewport, and what is held for drawing it.
+
+    ``framebuffer``: the viewport's own, during a redraw.  ``placed``: textures of the pictures of ``version``.
+    ``waits``: see ``BlenderSurface``.
+    """
+
+    def __init__(self):
+        self.viewport = Viewport(render_scene.KEPT)
+        self.framebuffer = None
+        self.version, self.placed = -1, []
+        self.waits: list = []
+
+
+_lives: dict[int, Live] = {}  # by address of the region
+
+
+@persistent
+def _on_update(_scene=None, depsgraph=None):
+    """Redraw viewports after an edit, since Blender does not for all that a volume depends on, such as node trees."""
+    if _lives and depsgraph is not None and depsgraph.mode != "RENDER" and is_allowed():
+        for address in _lives:
+            region, _area = surface.region_of(address)
+            if region is not None:
+                region.tag_redraw()
+
+
+HANDLERS = (*shown.HANDLERS, ("depsgraph_update_post", _on_update))
+
+
+def is_allowed() -> bool:
+    """Whether viewports may draw volumes now: not in background mode and not during a render."""
+    return not (bpy.app.background or bpy.app.is_job_running("RENDER"))
+
+
+def _volumes_of(context) -> tuple:
+    """Keys of the volumes to draw in a viewport; empty at once where the scene has none."""
+    if not is_allowed() or not shown.volume_keys(context.scene):
+        return ()
+    return shown.visible_volumes(context.scene, context.view_layer, context.space_data)
+
+
+def _before() -> None:
+    """PRE_VIEW: keep the viewport's framebuffer, which is the one in use, until this redraw ends."""
+    calls["before"] += 1
+    context = bpy.context
+    if not _volumes_of(context):
+        return
+    address = context.region.as_pointer()
+    if address not in _lives:
+        _forget_closed()
+        _lives[address] = Live()
+    _lives[address].framebuffer = surface.active_framebuffer()
+
+
+def _forget_closed() -> None:
+    """Drop viewports whose region is not there any more."""
+    for address in [address for address in _lives if surface.region_of(address)[0] is None]:
+        _lives.pop(address).viewport.stop()
+
+
+def _after() -> None:
+    """POST_VIEW: look at what this redraw shows, and draw the pictures that there are."""
+    calls["after"] += 1
+    context = bpy.context
+    keys = _volumes_of(context)
+    if not keys:
+        if _lives and is_allowed():
+            _lives.pop(context.region.as_pointer(), None)  # with its textures
+        return
+    live = _lives.get(context.region.as_pointer())
+    if live is None or live.framebuffer is None:
+        return
+    calls["drawn"] += 1
+    framebuffer, live.framebuffer = live.framebuffer, None
+    viewport = live.viewport
+    if not kernel_preparation.is_due():
+        request = surface.request_of(context, keys)
+        had = viewport.problem
+        viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
+        _draw(live, framebuffer)
+        _tell_of(viewport, had)
+    if viewport.is_busy:
+        _start_timer()
+
+
+def _draw(live: Live, framebuffer) -> None:
+    """Draw the pictures; a driver that cannot is a problem of the viewport."""
+    viewport = live.viewport
+    try:
+        if live.version != viewport.version:
+            live.placed = [(drawing.texture_of(one), one.place) for one in viewport.pictures]
+            live.version = viewport.version
+        if live.placed:
+            drawing.draw(live.placed, framebuffer)
+    except Exception as problem:
+        live.placed = []
+        viewport.give_up(f"The viewport cannot draw the volume with this graphics driver: {problem}.")
+
+
+def _tell_of(viewport: Viewport, had: str) -> None:
+    if viewport.problem and viewport.problem != had:
+        tell(viewport.problem)
+
+
+def _start_timer() -> None:
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=TICK)
+
+
+def _tick():
+    """Timer function: work on one viewport for a bite; Blender calls it again after the returned seconds."""
+    busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
+    if not busy:
+        return None
+    if not is_allowed() or jobs.StepwiseOperator.is_running():
+        for live in busy.values():
+            live.viewport.put_off()
+        return BUSY
+    address, live = min(busy.items(), key=lambda item: item[1].viewport.wait())
+    wait = live.viewport.wait()
+    if wait > 0.0:
+        return wait
+    region, area = surface.region_of(address)
+    if region is None:  # its area was closed, or its screen is not shown
+        _forget_closed()
+        return TICK
+    had = live.viewport.problem
+    if live.viewport.work():
+        region.tag_redraw()
+        _tell_of(live.viewport, had)
+        _redraw_panels(area)
+    return TICK
+
+
+def _redraw_panels(area) -> None:
+    for region in area.regions:
+        if region.type == "UI":
+            region.tag_redraw()
+
+
+def viewports_of(area) -> list[Viewport]:
+    """The viewports of an area that show volumes: one, or up to four in a quad view.
+
+    Parameters
+    ----------
+    area : bpy.types.Area
+        The area of a 3D view.
+
+    Returns
+    -------
+    list of Viewport
+    """
+    addresses = [region.as_pointer() for region in area.regions if region.type == "WINDOW"]
+    return [_lives[address].viewport for address in addresses if address in _lives]
+
+
+def problem_of(area) -> str:
+    """Why an area's viewports do not show volumes; "" without a problem."""
+    return next((one.problem for one in viewports_of(area) if one.problem), "")
+
+
+def try_again(area) -> None:
+    """Forget the problems of an area's viewports and draw them anew.
+
+    Parameters
+    ----------
+    area : bpy.types.Area
+        The area of a 3D view.
+    """
+    for viewport in viewports_of(area):
+        viewport.try_again()
+    area.tag_redraw()
+
+
+def stop() -> None:
+    """Drop all pictures and work, before another file is opened."""
+    for live in _lives.values():
+        live.viewport.stop()
+    _lives.clear()
+    shown.forget()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def register():
+    if not bpy.app.background:
+        for function, when in ((_before, "PRE_VIEW"), (_after, "POST_VIEW")):
+            _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
+
+
+def unregister():
+    for handle in _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+    _handles.clear()
+    stop()
+    drawing.forget()

@@ -1,0 +1,158 @@
+"""The pictures of one view: a scene for each volume as the viewport sees it, rendered in steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...rle_splat.pipeline.render import render_steps
+from ...rle_splat.scene import Quality, Scene
+from ...rle_splat.view.projection import depth_row
+from .view import Matrices, View, furthest_of_blocks, pixels_of, view_of, with_margin
+
+DRAFT = "draft"
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """What one volume shows in any view.
+
+    Attributes
+    ----------
+    plain : Scene
+        Its camera and its size are replaced in every picture.
+    quality : Quality
+        Of the refined picture.
+    digest : str
+        Hash of both.
+    corners : (8, 3) ndarray of float64
+        World coordinates of a box that holds everything that is shown of the volume.
+    """
+
+    plain: Scene
+    quality: Quality
+    digest: str
+    corners: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture of a part of a region.
+
+    Attributes
+    ----------
+    rgba : (H, W, 4) ndarray of float32
+        Premultiplied scene-linear colors, row 0 at the top.
+    place : (left, top, right, bottom)
+        Where it lies, as shares of the region's width and height, from the top left.
+    """
+
+    rgba: np.ndarray
+    place: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One view of all visible volumes.
+
+    Attributes
+    ----------
+    matrices : Matrices
+    view : View
+        In the region's own size.
+    contents : tuple of Contents
+        Those that the view shows, the furthest first.
+    pixels : dict
+        Number in ``contents`` -> the region's pixels that show it.
+    """
+
+    matrices: Matrices
+    view: View
+    contents: tuple[Contents, ...]
+    pixels: dict
+
+    @property
+    def part(self) -> tuple[int, int, int, int] | None:
+        """The region's pixels whose depth the pictures depend on; None where no volume is in the view."""
+        if not self.pixels:
+            return None
+        parts = np.array([with_margin(one, self.view.width, self.view.height) for one in self.pixels.values()])
+        return *(int(n) for n in parts[:, :2].min(axis=0)), *(int(n) for n in parts[:, 2:].max(axis=0))
+
+
+def shot_of(matrices: Matrices, contents) -> Shot:
+    """A view of volumes, the furthest first.
+
+    Parameters
+    ----------
+    matrices : Matrices
+    contents : sequence of Contents
+
+    Returns
+    -------
+    Shot
+
+    Raises
+    ------
+    RleSplatError
+        As ``view_of``.
+    """
+    view = view_of(matrices, 0.0)
+    depths = [one.corners @ depth_row(view.camera)[:3] + depth_row(view.camera)[3] - view.set_back for one in contents]
+    view = view_of(matrices, min((float(depth.min()) for depth in depths), default=0.0))
+    order = sorted(range(len(contents)), key=lambda n: -float(depths[n].mean()))
+    ordered = tuple(contents[n] for n in order)
+    found = {n: pixels_of(view, one.corners) for n, one in enumerate(ordered)}
+    return Shot(matrices, view, ordered, {n: pixels for n, pixels in found.items() if pixels is not None})
+
+
+def picture_steps(shot: Shot, ends: np.ndarray | None, cache, side: int | None):
+    """Generator: make the pictures of a view; yields Progress, returns a list of Picture, the furthest first.
+
+    Parameters
+    ----------
+    shot : Shot
+    ends : (height, width) ndarray of float32 or None
+        Depths at which rays end, of the whole region; None where none is known.
+    cache : StageCache
+    side : int or None
+        Pixels of the region along each side of a pixel of a draft; None for refined pictures.
+    """
+    width, height, block = shot.view.width, shot.view.height, side or 1
+    view = shot.view
+    if block > 1:
+        view = _sized(shot, -(-width // block), -(-height // block))
+        ends = None if ends is None else furthest_of_blocks(ends, block)
+    made = []
+    for n, (left, top, right, bottom) in shot.pixels.items():
+        one = shot.contents[n]
+        crop = left // block, top // block, -(-right // block), -(-bottom // block)
+        plain = replace(
+            one.plain, camera=view.camera, width=view.width, height=view.height, crop=crop, ray_ends=ends,
+        )
+        quality = one.quality if side is None else draft_of(one.quality)
+        rendering = yield from render_steps(plain, quality, cache, refuse_empty_view=False)
+        place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
+        made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place))
+    return made
+
+
+def _sized(shot: Shot, width: int, height: int) -> View:
+    """The same view in another size, from the same place."""
+    again = view_of(replace(shot.matrices, width=width, height=height), 0.0)
+    camera = replace(
+        again.camera, matrix_world=shot.view.camera.matrix_world, clip_start=shot.view.camera.clip_start,
+        clip_end=shot.view.camera.clip_end,
+    )
+    return View(camera, width, height, shot.view.window, shot.view.set_back)
+
+
+def draft_of(quality: Quality) -> Quality:
+    """The quality of drafts: the preset's, with what a scene sets beside presets."""
+    if quality.model != "extinction":  # the paper's own model has no presets
+        return quality
+    return Quality.preset(
+        DRAFT, classification=quality.classification, refinement=quality.refinement, record=quality.record,
+        threads=quality.threads, backend=quality.backend,
+    )

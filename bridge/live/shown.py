@@ -1,0 +1,103 @@
+"""Which volumes a viewport shows, and the stamp that tells when anything may have changed.
+
+Whether volumes are shown live is the viewport's own switch for volumes among Blender's object type filters.  It belongs
+to the 3D view, so Blender saves it with the screen, copies it when an area is split and keeps it through undo.  A
+property of ours could only be stored in the scene or the screen by the number of an area, which changes with every area
+that is joined or split, or by an address in memory, which another file gives to another view.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import volumes
+
+SWITCH = "show_object_viewport_volume"  # of a SpaceView3D
+
+
+class _Now:
+    """The number of events so far, and the volumes of each scene as of one of them."""
+
+    stamp = 0
+    known: dict = {}  # session id of a scene -> (stamp, keys of its volume objects)
+
+
+@persistent
+def _on_event(*_arguments):
+    _Now.stamp += 1
+
+
+@persistent
+def _on_update(_scene=None, depsgraph=None):
+    if depsgraph is None or depsgraph.mode != "RENDER":
+        _Now.stamp += 1
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _on_update),
+    ("frame_change_post", _on_update),
+    ("undo_post", _on_event),
+    ("redo_post", _on_event),
+    ("load_post", _on_event),
+)
+
+
+def stamp() -> int:
+    """A number that differs after every event that may have changed a scene."""
+    return _Now.stamp
+
+
+def volume_keys(scene) -> tuple:
+    """Keys of the volume objects of a scene, for ``find``; looked up once after each event."""
+    at, found = _Now.known.get(scene.session_uid, (None, ()))
+    if at != _Now.stamp:
+        found = tuple(_key(owner) for owner in volumes.volume_objects(scene))
+        _Now.known[scene.session_uid] = _Now.stamp, found
+    return found
+
+
+def find(key: tuple):
+    """The object of a key, None if it is gone."""
+    name, library = key
+    return bpy.data.objects.get(name if library is None else (name, library))
+
+
+def visible_volumes(scene, view_layer, space) -> tuple:
+    """Keys of the volumes that a viewport shows.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    view_layer : bpy.types.ViewLayer
+        Its view layer.
+    space : bpy.types.SpaceView3D
+        The viewport, whose local view, collections and object type filters count.
+
+    Returns
+    -------
+    tuple
+    """
+    if not is_on(space):
+        return ()
+    found = []
+    for key in volume_keys(scene):
+        owner = find(key)
+        if owner is not None and owner.visible_get(view_layer=view_layer, viewport=space):
+            found.append(key)
+    return tuple(found)
+
+
+def is_on(space) -> bool:
+    """Whether a viewport shows volumes."""
+    return getattr(space, SWITCH)
+
+
+def forget() -> None:
+    """Forget all scenes, before another file is opened."""
+    _Now.known.clear()
+
+
+def _key(owner) -> tuple:
+    return owner.name, None if owner.library is None else owner.library.filepath

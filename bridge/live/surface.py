@@ -1,0 +1,166 @@
+"""What a viewport looks up while it is redrawn: its matrices, the contents of its volumes and its depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import bpy
+import gpu
+import numpy as np
+
+from ...rle_splat.scene import Camera, Scene
+from .. import freshness, loading, read_ahead, render_scene, settings
+from ..box import CORNERS
+from ..decimals import typed
+from . import shown
+from .frames import Contents
+from .view import Matrices, View, ray_ends
+from .viewport import Request
+
+BEYOND = 2.0  # voxels by which footprints reach beyond the outermost voxel centers
+ELSEWHERE = {"depth of field", "motion blur"}  # effects of a camera's exposure, which a viewport has not
+WAITS, MOST_WAITS = 0.25, 3  # seconds that reading depth may take, and how often in a row it may take longer
+_ANY_VIEW = Camera(), 1, 1
+
+
+def request_of(context, volumes: tuple) -> Request:
+    """What the viewport that is being drawn shows.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        While a draw handler runs.
+    volumes : tuple
+        Of ``shown.visible_volumes``.
+
+    Returns
+    -------
+    Request
+    """
+    space, region, view = context.space_data, context.region, context.region_data
+    matrices = Matrices(
+        tuple(value for row in view.view_matrix for value in row),
+        tuple(value for row in view.window_matrix for value in row),
+        region.width, region.height, _clip_of(context, space, view),
+    )
+    shading = space.shading
+    drawn = (
+        shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
+        shading.show_xray_wireframe,
+    )
+    return Request(matrices, volumes, drawn)
+
+
+def _clip_of(context, space, view) -> tuple:
+    """Clip distances of a viewport's perspective view: those of the camera in its view."""
+    owner = space
+    if view.view_perspective == "CAMERA":
+        camera = space.camera if space.use_local_camera else context.scene.camera
+        if camera is not None and camera.type == "CAMERA":
+            owner = camera.data
+    return typed(owner.clip_start), typed(owner.clip_end)
+
+
+def has_depth(request: Request) -> bool:
+    """Whether a viewport's framebuffer holds the depth of its objects.
+
+    Without overlays EEVEE leaves zeros in it while it samples, and Cycles ones.
+    """
+    shading, engine, overlays = request.drawn[:3]
+    return overlays or shading in ("SOLID", "WIREFRAME") or (shading == "RENDERED" and engine == "BLENDER_WORKBENCH")
+
+
+class BlenderSurface:
+    """The ``Surface`` of a viewport during one redraw.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        While a draw handler runs.
+    request : Request
+    framebuffer : gpu.types.GPUFrameBuffer or None
+        The viewport's own, with the depth of its objects.
+    waits : list of float
+        How long the last reads of depth took, in seconds; changed in place.
+    """
+
+    def __init__(self, context, request: Request, framebuffer, waits: list):
+        self._scene, self._depsgraph = context.scene, context.view_layer.depsgraph
+        self._request, self._framebuffer, self._waits = request, framebuffer, waits
+
+    def hides(self) -> bool:
+        """See ``Surface.hides``."""
+        return self._scene.rle_splat.meshes_occlude
+
+    def contents(self, request: Request, with_triangles: bool) -> list[Contents] | None:
+        """See ``Surface.contents``."""
+        owners = [owner for owner in map(shown.find, request.volumes) if owner is not None]
+        if self._depsgraph is None:
+            return None
+        if not all(loading.is_at_hand(owner, self._depsgraph) for owner in owners):
+            waiting = [read_ahead.want(owner, self._depsgraph) for owner in owners]
+            if any(waiting):
+                return None
+        triangles = None
+        if self.hides() and (with_triangles or self._casts_shadows()):
+            triangles = render_scene.read_occluders(self._depsgraph)
+        return [self._contents_of(owner, triangles) for owner in owners]
+
+    def _casts_shadows(self) -> bool:
+        """Whether meshes count beside the depth at which they end rays."""
+        held = self._scene.rle_splat
+        return (held.lighting == "SCENE" and held.use_shadows) or held.ambient_occlusion > 0.0
+
+    def _contents_of(self, owner, triangles) -> Contents:
+        render_scene.check_kept_up(owner, self._depsgraph)
+        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, triangles=triangles)
+        overrides = {name: on for name, on in plain.effects.items() if not (on and name in ELSEWHERE)}
+        if overrides != plain.effects:
+            plain = replace(plain, effects=overrides)
+        quality = settings.quality_of(self._depsgraph.scene_eval)
+        digest = freshness.made_of(plain, quality, None, triangles is not None).digest
+        return Contents(plain, quality, digest, _corners_of(plain))
+
+    def ends(self, view: View, part) -> np.ndarray | None:
+        """See ``Surface.ends``."""
+        if self._framebuffer is None or not has_depth(self._request) or _are_slow(self._waits):
+            return None
+        left, top, right, bottom = part
+        _, _, width, height = self._framebuffer.viewport_get()
+        if (width, height) != (view.width, view.height):
+            return None
+        buffer = np.empty((bottom - top, right - left), np.float32)
+        held = gpu.types.Buffer("FLOAT", buffer.shape, buffer)  # copies nothing: the driver writes into the array
+        began = perf_counter()
+        self._framebuffer.read_depth(left, view.height - bottom, right - left, bottom - top, data=held)
+        self._waits[:] = [*self._waits, perf_counter() - began][-MOST_WAITS:]
+        if not buffer.any():  # nothing has been drawn into it
+            return None
+        return ray_ends(view, buffer, part)
+
+
+def _are_slow(waits: list) -> bool:
+    return len(waits) == MOST_WAITS and min(waits) > WAITS
+
+
+def _corners_of(plain: Scene) -> np.ndarray:
+    """(8, 3) float64 world coordinates around all that is shown of a volume."""
+    indices = CORNERS * (np.asarray(plain.volume.shape_xyz, np.float64) - 1.0 + 2.0 * BEYOND) - BEYOND
+    return indices @ plain.index_to_world[:3, :3].T + plain.index_to_world[:3, 3]
+
+
+def region_of(address: int):
+    """The region of a 3D view at an address, and its area; (None, None) if it was closed."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.as_pointer() == address:
+                        return region, area
+    return None, None
+
+
+def active_framebuffer():
+    """The framebuffer that is being drawn to."""
+    return gpu.state.active_framebuffer_get()

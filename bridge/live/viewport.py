@@ -1,0 +1,262 @@
+"""What one viewport shows: a draft while anything changes, a refined picture when all is still.
+
+Nothing of Blender is used here.  What a viewport is drawn with comes as a Request, and what must be looked up comes
+from a Surface, so that tests can stand in for both.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..messages import sentence_of
+from .frames import Contents, Picture, Shot, picture_steps, shot_of
+from .view import Matrices, View, differ
+
+BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
+STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
+RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
+CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
+MOST_SIDE = 2  # pixels of the region along the side of a draft's pixel, at most
+SLOW, QUICK = 0.03, 0.012  # seconds of a draft above which the next one is coarser, and below which it is finer
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a redraw of a viewport shows; compared by value.
+
+    Attributes
+    ----------
+    matrices : Matrices
+    volumes : tuple of str
+        Keys of the visible volumes.
+    drawn : tuple
+        How the viewport draws its objects, because their depth depends on it.
+    """
+
+    matrices: Matrices
+    volumes: tuple = ()
+    drawn: tuple = ()
+
+
+class Surface(Protocol):
+    """What a viewport looks up while it is redrawn."""
+
+    def contents(self, request: Request, with_triangles: bool) -> list[Contents] | None:
+        """The visible volumes; None while voxels are being read.  ``with_triangles``: meshes end rays by them."""
+
+    def hides(self) -> bool:
+        """Whether meshes hide the volume."""
+
+    def ends(self, view: View, part) -> np.ndarray | None:
+        """Depths of ``view.ray_ends``; None where the viewport has none."""
+
+
+class Viewport:
+    """The pictures of one viewport, and the work on them.
+
+    Parameters
+    ----------
+    cache : StageCache
+    now : callable
+        Returns seconds.
+
+    Attributes
+    ----------
+    pictures : list of Picture
+        To draw, the furthest first.
+    version : int
+        Grows with every new list of pictures.
+    problem : str
+        Why nothing is shown; "" without a problem.
+    counts : Counter
+        How often something was done: "reads" of contents, "depths", "drafts", "refinements".
+    """
+
+    def __init__(self, cache, now=time.perf_counter):
+        self.pictures: list[Picture] = []
+        self.version, self.problem, self.counts = 0, "", Counter()
+        self._cache, self._now = cache, now
+        self._request: Request | None = None
+        self._stamp = None
+        self._contents: list[Contents] = []
+        self._has_triangles = False
+        self._shot: Shot | None = None
+        self._ends: np.ndarray | None = None
+        self._checked, self._changed, self._due = -np.inf, -np.inf, None
+        self._work: Generator | None = None
+        self._work_on: tuple = ()  # (shot, side) of the work
+        self._spent, self._was_slow, self._side = 0.0, False, 1
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether there is work, now or later."""
+        return self._work is not None or self._due is not None
+
+    def redraw(self, request: Request, stamp, surface: Surface) -> None:
+        """Look at what a redraw shows; where it changed, work on a draft for at most a bite.
+
+        Parameters
+        ----------
+        request : Request
+        stamp : object
+            Differs from that of the last redraw after any event that may have changed the contents.
+        surface : Surface
+        """
+        now = self._now()
+        moved = request != self._request
+        stale = moved or stamp != self._stamp or now - self._checked >= RECHECK
+        if self.problem or not stale:
+            return
+        try:
+            if self._look(request, stamp, surface, moved, now):
+                self._begin(now)
+        except Exception as problem:  # one sentence instead of a traceback for every redraw
+            self._fail(problem)
+
+    def _look(self, request: Request, stamp, surface: Surface, moved: bool, now: float) -> bool:
+        """Look up contents and depths; return whether the picture is of something else."""
+        last = self._request
+        other = last is None or (request.volumes, request.drawn) != (last.volumes, last.drawn)
+        changed = moved
+        if other or stamp != self._stamp or now - self._checked >= RECHECK:
+            found = self._read(request, surface, self._has_triangles and not other)
+            if found is None:
+                return False  # the next redraw asks again
+            changed |= [one.digest for one in found] != [one.digest for one in self._contents]
+            self._contents, self._stamp, self._checked = found, stamp, now
+        shot = shot_of(request.matrices, self._contents)
+        ends = None
+        if surface.hides() and shot.part is not None and not self._has_triangles:
+            self.counts["depths"] += 1
+            ends = surface.ends(shot.view, shot.part)
+            if ends is None:
+                self._has_triangles = True
+                found = self._read(request, surface, True)
+                if found is None:
+                    return False
+                self._contents, shot, changed = found, shot_of(request.matrices, found), True
+        changed = changed or _ends_differ(ends, self._ends)
+        if changed:
+            self._request, self._shot, self._ends = request, shot, ends
+        return changed
+
+    def _read(self, request: Request, surface: Surface, with_triangles: bool) -> list[Contents] | None:
+        self.counts["reads"] += 1
+        self._has_triangles = with_triangles
+        return surface.contents(request, with_triangles)
+
+    def _begin(self, now: float) -> None:
+        """Begin a draft of what was looked at; one that is under way ends first, or a slow one would never be seen."""
+        interval, self._changed = now - self._changed, now
+        self._due, self._pause = None, max(STILL, PER_REDRAW * interval if interval < 1.0 else STILL)
+        if self._work is not None and self._work_on[1] is None:
+            self._stop_work()
+        if self._work is None:
+            self._start(self._side)
+        self._advance(now + BITE)
+
+    def work(self) -> bool:
+        """Work for a bite, from a timer; return whether there is a new picture to draw."""
+        version = self.version
+        try:
+            if self._work is None and self._due is not None and self._now() >= self._due:
+                self._due = None
+                self._start(None)
+            self._advance(self._now() + BITE)
+        except Exception as problem:
+            self._fail(problem)
+        return version != self.version or bool(self.problem)
+
+    def wait(self) -> float:
+        """Seconds until there is work."""
+        return 0.0 if self._work is not None or self._due is None else max(self._due - self._now(), 0.0)
+
+    def put_off(self) -> None:
+        """Leave the work as it is and come back later: other work is more urgent."""
+        if self._work is None and self._due is not None:
+            self._due = max(self._due, self._now() + STILL)
+
+    def stop(self) -> None:
+        """Drop everything; the next redraw begins anew."""
+        self._stop_work()
+        self._request, self._shot, self._ends, self._contents, self._due = None, None, None, [], None
+        self._stamp, self._checked = None, -np.inf
+        self._show([])
+
+    def try_again(self) -> None:
+        """Forget the problem; the next redraw begins anew."""
+        self.problem = ""
+        self.stop()
+
+    def give_up(self, sentence: str) -> None:
+        """Show nothing more, and say why, until ``try_again``."""
+        self.stop()
+        self.problem = sentence
+
+    def _fail(self, problem: Exception) -> None:
+        self.give_up(sentence_of(problem))
+
+    def _start(self, side: int | None) -> None:
+        self._work_on, self._spent = (self._shot, side), 0.0
+        self._work = picture_steps(self._shot, self._ends, self._cache, side)
+
+    def _stop_work(self) -> None:
+        if self._work is not None:
+            self._work.close()
+            self._work = None
+
+    def _advance(self, until: float) -> None:
+        """Work until a time, or until the pictures are made."""
+        while self._work is not None:
+            began = self._now()
+            try:
+                next(self._work)
+            except StopIteration as finished:
+                self._spent += self._now() - began
+                self._finish(finished.value)
+            else:
+                self._spent += self._now() - began
+            now = self._now()
+            # Of a refined picture no step is begun that may end after the bite; a draft is to be seen at once.
+            if now >= until or (self._work_on[1] is None and 2.0 * now - began >= until):
+                break
+
+    def _finish(self, pictures: list[Picture]) -> None:
+        shot, side = self._work_on
+        self._work = None
+        self._show(pictures)
+        self.counts["refinements" if side is None else "drafts"] += 1
+        if side is None:
+            # The next redraw looks once more: EEVEE has no depth while it compiles shaders and sends no event after it.
+            self._checked = -np.inf
+            return
+        self._choose_side(side)
+        if shot is not self._shot:
+            self._start(self._side)
+        else:
+            self._due = self._now() + self._pause
+
+    def _choose_side(self, side: int) -> None:
+        """Make drafts coarser after two slow ones, as the first may have made tables, and finer after a quick one."""
+        was_slow, self._was_slow = self._was_slow, self._spent > SLOW
+        if was_slow and self._was_slow:
+            self._side = min(2 * side, MOST_SIDE)
+        elif self._spent < QUICK:
+            self._side = max(side // 2, 1)
+
+    def _show(self, pictures: list[Picture]) -> None:
+        self.pictures = pictures
+        self.version += 1
+
+
+def _ends_differ(ends: np.ndarray | None, others: np.ndarray | None) -> bool:
+    """Whether rays end elsewhere than before; None is no depth at all."""
+    if ends is None or others is None:
+        return ends is not others
+    return differ(ends, others, CHANGED)

@@ -1,0 +1,26 @@
+"""Try Again: draw the volume in a viewport anew after a failure."""
+
+import bpy
+
+from ..bridge import live
+
+
+class RLE_SPLAT_OT_live_again(bpy.types.Operator):
+    bl_idname = "rle_splat.live_again"
+    bl_label = "Try Again"
+    bl_description = "Draw the volume in this viewport again, after it was switched off because of a problem"
+    bl_options = set()
+
+    @classmethod
+    def poll(cls, context):
+        if context.area is not None and context.area.type == "VIEW_3D":
+            return True
+        cls.poll_message_set("Only a 3D viewport shows volumes live")
+        return False
+
+    def execute(self, context):
+        live.try_again(context.area)
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_live_again,)

@@ -1,0 +1,51 @@
+"""The switch that shows volumes live in one viewport: beside the volume's name, and among the viewport's overlays."""
+
+import bpy
+
+from ..bridge import live, volumes
+from ..bridge.live import shown
+from .places import paragraph
+
+
+def draw_switch(layout, space, text: str = "") -> None:
+    """Draw the switch of a viewport: an eye without a text, a checkbox with one.
+
+    Parameters
+    ----------
+    layout : bpy.types.UILayout
+        Where it is added.
+    space : bpy.types.Space
+        Nothing is drawn for another editor than a 3D view.
+    text : str
+        Label of the checkbox.
+    """
+    if space is None or space.type != "VIEW_3D":
+        return
+    if text:
+        layout.prop(space, shown.SWITCH, text=text)
+    else:
+        icon = "HIDE_OFF" if shown.is_on(space) else "HIDE_ON"
+        layout.prop(space, shown.SWITCH, text="", icon=icon, emboss=False)
+
+
+def draw_state(context, layout) -> None:
+    """Say what the viewport does, or why it shows no volume."""
+    area = context.area
+    problem = "" if area is None or area.type != "VIEW_3D" else live.problem_of(area)
+    if problem:
+        paragraph(context, layout, f"Not shown in this viewport: {problem}", icon="ERROR")
+        layout.operator("rle_splat.live_again", icon="FILE_REFRESH")
+
+
+def _draw_overlay(self, context) -> None:
+    """An entry in the popover of viewport overlays."""
+    if volumes.volume_objects(context.scene):
+        draw_switch(self.layout, context.space_data, "Volumes (RLE Splat)")
+
+
+def register():
+    bpy.types.VIEW3D_PT_overlay.append(_draw_overlay)
+
+
+def unregister():
+    bpy.types.VIEW3D_PT_overlay.remove(_draw_overlay)

@@ -1,0 +1,288 @@
+"""What a viewport does from redraw to redraw, with a clock, matrices and depths of the test's own."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+SIZE = 48, 40
+SIDE = 8  # voxels
+
+
+class Clock:
+    """Seconds that pass when told to."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+class Surface:
+    """Stands in for Blender: contents, and depths as of the test."""
+
+    def __init__(self, contents):
+        self.held, self.depth, self.hiding, self.reads, self.with_triangles = contents, None, True, 0, []
+
+    def hides(self):
+        return self.hiding
+
+    def contents(self, _request, with_triangles):
+        self.with_triangles.append(with_triangles)
+        return self.held
+
+    def ends(self, view, _part):
+        return None if self.depth is None else np.full((view.height, view.width), self.depth, np.float32)
+
+
+@pytest.fixture
+def live(bridge):
+    return SimpleNamespace(**{name: bridge(f"live.{name}") for name in ("view", "frames", "viewport")})
+
+
+@pytest.fixture
+def contents(live, core):
+    """One volume of one color, about the origin."""
+    volume = core("volume.volume").Volume(np.full((SIDE,) * 3, 100, np.uint8), np.eye(4))
+    transfer = core("classify.transfer_function").TransferFunction(
+        opacity=((0.0, 0.2), (255.0, 0.2)), color=((0.0, 0.8, 0.4, 0.2), (255.0, 0.8, 0.4, 0.2)), shade=None)
+    scene = core("scene")
+    placed = np.eye(4)
+    placed[:3, 3] = -0.5 * (SIDE - 1)
+    plain = scene.Scene(volume, transfer, scene.Camera(), 1, 1, placed, headlight=False)
+    half = 0.5 * SIDE
+    corners = np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (-half, half)])
+    return live.frames.Contents(plain, scene.Quality(backend="numpy"), "first", corners)
+
+
+def request_of(live, distance=30.0, volumes=("one",), **more):
+    """A view along -Z from a distance."""
+    view = np.eye(4)
+    view[2, 3] = -distance
+    window = np.diag((2.0, 2.4, -1.002, 0.0))
+    window[2, 3], window[3, 2] = -0.2002, -1.0
+    matrices = live.view.Matrices(tuple(view.ravel()), tuple(window.ravel()), *SIZE, clip=(0.1, 100.0))
+    return live.viewport.Request(matrices, volumes, **more)
+
+
+@pytest.fixture
+def made(live, contents, core):
+    clock = Clock()
+    viewport = live.viewport.Viewport(core("pipeline.stage_cache").StageCache(), clock)
+    return viewport, clock, Surface([contents])
+
+
+def finish(viewport, clock):
+    """Let a timer work until there is nothing left to do."""
+    for _ in range(200):
+        if not viewport.is_busy:
+            return
+        clock.now += viewport.wait()
+        viewport.work()
+    raise AssertionError("the work does not end")
+
+
+def test_a_draft_comes_at_once_and_the_picture_when_all_is_still(live, made):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 0), viewport.problem
+    assert viewport.pictures[0].rgba[..., 3].max() > 0.5 and viewport.is_busy
+    assert viewport.wait() == pytest.approx(live.viewport.STILL)
+    assert not viewport.work() or viewport.counts["refinements"] == 0, "refined before all was still"
+    finish(viewport, clock)
+    assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 1)
+
+
+def test_the_refined_picture_is_that_of_render(live, made, contents, core):
+    viewport, clock, surface = made
+    request = request_of(live)
+    viewport.redraw(request, 1, surface)
+    finish(viewport, clock)
+    seen = live.view.view_of(request.matrices)
+    plain = replace(contents.plain, camera=seen.camera, width=SIZE[0], height=SIZE[1])
+    whole = core("pipeline.render").render(plain, contents.quality).rgba
+    (picture,) = viewport.pictures
+    left, top, right, bottom = (round(share * side) for share, side in zip(picture.place, 2 * SIZE))
+    np.testing.assert_array_equal(picture.rgba, whole[top:bottom, left:right])
+    assert whole[..., 3].sum() == pytest.approx(picture.rgba[..., 3].sum()), "the part leaves something out"
+
+
+def test_a_depth_that_comes_late_is_found_by_the_redraw_after_the_refinement(live, made):
+    viewport, clock, surface = made
+    surface.depth = np.inf
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    surface.depth = 29.0
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.counts["drafts"] == 2
+    finish(viewport, clock)
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.counts["drafts"] == 2 and not viewport.is_busy
+
+
+def test_an_unchanged_redraw_does_nothing(live, made):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    viewport.redraw(request_of(live), 1, surface)
+    before, version = viewport.counts.copy(), viewport.version
+    clock.now = viewport._checked + 0.1
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.counts == before and viewport.version == version and not viewport.is_busy
+
+
+def test_an_event_that_changes_nothing_makes_no_picture(live, made):
+    viewport, clock, surface = made
+    surface.depth = 50.0
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    version, reads = viewport.version, viewport.counts["reads"]
+    viewport.redraw(request_of(live), 2, surface)
+    assert viewport.counts["reads"] == reads + 1 and viewport.version == version and not viewport.is_busy
+
+
+@pytest.mark.parametrize("change", ["view", "contents", "depth", "hides", "size"])
+def test_what_changed_is_drafted_and_refined_again(change, live, made):
+    viewport, clock, surface = made
+    surface.depth = 29.0
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    request = request_of(live)
+    if change == "view":
+        request = request_of(live, 31.0)
+    elif change == "size":
+        request = replace(request, matrices=replace(request.matrices, width=44))
+    elif change == "contents":
+        surface.held = [replace(surface.held[0], digest="second")]
+    elif change == "depth":
+        surface.depth = 31.0
+    else:
+        surface.hiding = False
+    viewport.redraw(request, 2, surface)
+    finish(viewport, clock)
+    assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (2, 2)
+
+
+def test_a_change_cancels_the_refinement(live, made):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    clock.now += 1.0
+    viewport._start(None)
+    next(viewport._work)
+    refinement = viewport._work
+    viewport.redraw(request_of(live, 31.0), 1, surface)
+    assert viewport._work is not refinement and list(refinement) == [], "it goes on"
+    finish(viewport, clock)
+    assert viewport.counts["refinements"] == 1
+
+
+def test_a_slow_draft_ends_although_the_view_moves_on(live, made, monkeypatch):
+    viewport, clock, surface = made
+    make = live.viewport.picture_steps
+
+    def slow_steps(*arguments):
+        steps = make(*arguments)
+        while True:
+            clock.now += 0.02  # so that a bite is two steps
+            try:
+                step = next(steps)
+            except StopIteration as finished:
+                return finished.value
+            yield step
+
+    monkeypatch.setattr(live.viewport, "picture_steps", slow_steps)
+    seen = []
+    for n in range(60):
+        viewport.redraw(request_of(live, 30.0 + 0.1 * n), 1, surface)
+        viewport.work()
+        seen.append(len(viewport.pictures))
+    assert viewport.counts["drafts"] >= 3 and viewport.counts["refinements"] == 0 and seen[-1] == 1
+    assert viewport._side == 2, "a slow draft makes the next one coarser"
+    finish(viewport, clock)
+    assert viewport._work_on[0].matrices == request_of(live, 30.0 + 0.1 * 59).matrices
+    assert viewport.counts["refinements"] == 1
+
+
+def test_depth_ends_rays_and_without_one_triangles_do(live, made):
+    viewport, _clock, surface = made
+    surface.depth = 30.0
+    viewport.redraw(request_of(live), 1, surface)
+    half = viewport.pictures[0].rgba[..., 3].max()
+    surface.depth = None
+    viewport.redraw(request_of(live, drawn=("RENDERED",)), 1, surface)
+    whole = viewport.pictures[0].rgba[..., 3].max()
+    assert surface.with_triangles == [False, False, True] and half < whole - 0.1
+    depths = viewport.counts["depths"]
+    viewport.redraw(request_of(live, 31.0, drawn=("RENDERED",)), 1, surface)
+    assert viewport.counts["depths"] == depths, "it asks again at every redraw"
+
+
+def test_a_volume_out_of_the_view_is_no_work(live, made):
+    viewport, clock, surface = made
+    surface.held = [replace(surface.held[0], corners=surface.held[0].corners + (500.0, 0.0, 0.0))]
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    assert viewport.pictures == [] and viewport.counts["depths"] == 0 and not viewport.problem
+
+
+def test_the_furthest_of_several_volumes_is_drawn_first(live, contents):
+    near = replace(contents, corners=contents.corners + (0.0, 0.0, 9.0), digest="near")
+    shot = live.frames.shot_of(request_of(live).matrices, [near, contents])
+    assert [one.digest for one in shot.contents] == ["first", "near"] and list(shot.pixels) == [0, 1]
+
+
+def test_voxels_that_are_being_read_are_waited_for(live, made):
+    viewport, _clock, surface = made
+    surface.held, held = None, surface.held
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.pictures == [] and not viewport.is_busy and not viewport.problem
+    surface.held = held
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.counts["drafts"] == 1
+
+
+def test_the_first_failure_switches_the_viewport_off_until_it_is_tried_again(live, made, core):
+    viewport, _clock, surface = made
+    calls = []
+
+    def fail(*_arguments):
+        calls.append(1)
+        raise core("scene").RleSplatError("The file is gone; press Relocate.")
+
+    surface.contents = fail
+    for _ in range(5):
+        viewport.redraw(request_of(live), 1, surface)
+    assert viewport.problem == "The file is gone; press Relocate." and len(calls) == 1
+    assert viewport.pictures == [] and not viewport.is_busy
+    del surface.contents
+    viewport.try_again()
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.problem == "" and viewport.counts["drafts"] == 1
+
+
+def test_a_failure_of_the_work_is_a_sentence_too(live, made):
+    viewport, _clock, surface = made
+    scene = surface.held[0].plain
+    flat = np.diag((1.0, 0.0, 1.0, 1.0))
+    surface.held = [replace(surface.held[0], plain=replace(scene, volume_matrix=flat))]
+    viewport.redraw(request_of(live), 1, surface)
+    assert "flattens the volume" in viewport.problem and viewport.pictures == []
+
+
+def test_a_region_of_no_size_is_a_sentence(live, made):
+    viewport, _clock, surface = made
+    request = request_of(live)
+    viewport.redraw(replace(request, matrices=replace(request.matrices, width=0)), 1, surface)
+    assert viewport.problem.startswith("The viewport has 0 x 40 pixels")
+
+
+def test_stopping_drops_the_work(live, made):
+    viewport, _clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    viewport._start(None)
+    work = viewport._work
+    next(work)
+    viewport.stop()
+    assert not viewport.is_busy and list(work) == [] and viewport.pictures == []
