@@ -109,11 +109,12 @@ EDITS = {
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
 READERS = ("list_effects", "save_transfer", "measure_accuracy")  # of which nothing is undone
+VIEWS = ("frame_volume", "live_again")  # of views, which have no undo
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 
 def test_B75_every_operator_is_listed(addon):
-    assert {*EDITS, *PICTURES, *READERS, *SERIES} == set(dir(bpy.ops.rle_splat))
+    assert {*EDITS, *PICTURES, *READERS, *VIEWS, *SERIES} == set(dir(bpy.ops.rle_splat))
 
 
 @pytest.mark.parametrize("name", EDITS)
