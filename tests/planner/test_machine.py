@@ -86,11 +86,10 @@ def test_where_nothing_can_be_kept_it_is_measured_each_time(folder, monkeypatch,
 
 
 @CLASSIFICATIONS
-def test_this_machine_has_a_speed(monkeypatch, classification):
-    monkeypatch.setattr(machine, "REPEATS", 1)
-    monkeypatch.setattr(machine, "SIDE", 24)
-    monkeypatch.setattr(machine, "PIXELS", 48)
-    profile = drain(machine._measure_steps(Quality(classification=classification)))
+@pytest.mark.parametrize("backend", ("auto", "numpy"))
+def test_this_machine_has_a_speed(monkeypatch, classification, backend):
+    monkeypatch.setattr(machine, "KERNELS", machine.NUMPY)
+    profile = drain(machine._measure_steps(Quality(classification=classification, backend=backend)))
     assert profile.splat > 0.0 and profile.warp > 0.0 and profile.memory > 1 << 28
     assert (profile.cell_us > 0.0 and profile.slab_us > 0.0) == (classification == "post")
 

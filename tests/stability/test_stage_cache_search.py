@@ -35,8 +35,8 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 # What a search begins with -> how many scenes are edited anyhow, how many by each kind of edit alone, and stages of
 # which some results must be found again.
 SEARCHES = {
-    "post": (12, 3, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
-    "pre": (12, 2, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
+    "post": (9, 2, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
+    "pre": (9, 2, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
     "refined": (5, 1, ("blocks", "visible", "properties", "normals", "runs", "records")),
     "pool": (8, 1, ("visible", "properties", "nodes", "node records")),
 }  # fmt: skip

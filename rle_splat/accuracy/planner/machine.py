@@ -14,6 +14,7 @@ import tempfile
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,9 +37,19 @@ from .ray_cost import FEW_SLABS
 from .single_rays import single_ray_steps
 
 MEASURING = "Measuring this machine, once"
-SIDE, PIXELS = 80, 320  # of the synthetic volume and of its picture
-REPEATS = 5  # of each frame, the least time of which counts
 ROWS_APART = 8  # of the picture, from one whose rays are followed to the next
+
+
+class Size(NamedTuple):
+    """Of a measurement: voxels along a side of the volume, pixels along a side of its picture, and how often each frame
+    is made, the least time of which counts."""
+
+    side: int
+    pixels: int
+    repeats: int
+
+
+KERNELS, NUMPY = Size(80, 320, 5), Size(24, 48, 1)  # numpy takes hundreds of times as long
 
 
 @dataclass(frozen=True)
@@ -103,27 +114,28 @@ def _write(path: Path, profiles: dict) -> None:
         os.replace(part.name, path)
 
 
-def synthetic_scene() -> Scene:
+def synthetic_scene(size: Size) -> Scene:
     """Blobs of different opacities with empty space between them, lit by a headlight."""
-    z, y, x = np.mgrid[:SIDE, :SIDE, :SIDE] * (2.0 * np.pi / SIDE)
+    z, y, x = np.mgrid[: size.side, : size.side, : size.side] * (2.0 * np.pi / size.side)
     field = np.sin(2.0 * x + np.sin(y)) + np.sin(3.0 * y + 0.5 * z) + np.sin(2.0 * z - np.sin(3.0 * x))
     volume = Volume(np.rint(127.5 + 42.0 * field).astype(np.uint8), np.eye(4))
     function = TransferFunction(
         opacity=((130.0, 0.0), (180.0, 0.1), (230.0, 0.8)), color=((0.0, 0.9, 0.5, 0.2), (255.0, 1.0, 1.0, 0.9)),
     )  # fmt: skip
-    camera, matrix = turntable(volume, 30.0, 20.0, width=PIXELS, height=PIXELS)
-    return Scene(volume, function, camera, PIXELS, PIXELS, matrix)
+    camera, matrix = turntable(volume, 30.0, 20.0, width=size.pixels, height=size.pixels)
+    return Scene(volume, function, camera, size.pixels, size.pixels, matrix)
 
 
 def _measure_steps(quality: Quality):
     """Generator of Progress: the MachineProfile of this machine."""
     yield Progress(0.0, MEASURING)
-    scene, cache, model = synthetic_scene(), StageCache(), Model.of(quality.classification)
+    size = KERNELS if compiled(quality.backend) else NUMPY
+    scene, cache, model = synthetic_scene(size), StageCache(), Model.of(quality.classification)
     plain = Quality(
         classification=quality.classification, backend=quality.backend, threads=quality.threads, record=quality.record,
     )  # fmt: skip
     plans, drawn, taken = pilots(plain), {}, {}
-    for _ in range(REPEATS + 1):  # the first also fills the caches
+    for _ in range(size.repeats + 1):  # the first also fills the caches
         for name, plan in plans.items():
             drawn[name] = yield from mapped(render_steps(scene, plan, cache), _told)
             taken.setdefault(name, []).append(drawn[name].report["stages_ms"])
@@ -135,15 +147,15 @@ def _measure_steps(quality: Quality):
     speeds = {stage: max(float(np.median(values)), 1e-3) for stage, values in ratios.items()}
     cell_us, slab_us = 0.0, 0.0
     if can_trace(choose_source(scene, plain)):
-        cell_us, slab_us = yield from _ray_steps(scene, plain, cache)
+        cell_us, slab_us = yield from _ray_steps(scene, plain, cache, size)
     return MachineProfile(speeds["splat"], speeds["warp"], cell_us, slab_us, total_bytes())
 
 
-def _ray_steps(scene: Scene, quality: Quality, cache: StageCache):
+def _ray_steps(scene: Scene, quality: Quality, cache: StageCache, size: Size):
     """Generator of Progress: ``cell_us`` and ``slab_us``."""
-    rows, columns = (each.ravel() for each in np.mgrid[0:PIXELS:ROWS_APART, 0:PIXELS])
+    rows, columns = (each.ravel() for each in np.mgrid[0 : size.pixels : ROWS_APART, 0 : size.pixels])
     spent = {}
-    for _ in range(REPEATS + 1):
+    for _ in range(size.repeats + 1):
         for slabs in (FEW_SLABS, 2 * FEW_SLABS):
             steps = single_ray_steps(scene, quality, columns, rows, slabs, cache)
             _, work, took = yield from mapped(steps, lambda _: Progress(0.0, MEASURING))
