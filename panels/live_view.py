@@ -31,7 +31,11 @@ def draw_switch(layout, space, text: str = "") -> None:
 def draw_state(context, layout) -> None:
     """Say what the viewport does, or why it shows no volume."""
     area = context.area
-    problem = "" if area is None or area.type != "VIEW_3D" else live.problem_of(area)
+    if area is None or area.type != "VIEW_3D":
+        return
+    problem, remark = live.problem_of(area), live.remark_of(area)
+    if remark:
+        paragraph(context, layout, remark, icon="INFO")
     if problem:
         paragraph(context, layout, f"Not shown in this viewport: {problem}", icon="ERROR")
         layout.operator("rle_splat.live_again", icon="FILE_REFRESH")

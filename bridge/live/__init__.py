@@ -183,6 +183,14 @@ def problem_of(area) -> str:
     return next((one.problem for one in viewports_of(area) if one.problem), "")
 
 
+def remark_of(area) -> str:
+    """What differs from the volume in what an area's viewports show; "" for nothing, and while they draw drafts."""
+    halvings = max((one.halvings for one in viewports_of(area) if not one.is_busy), default=0)
+    if not halvings:
+        return ""
+    return f"Shown with voxels {2**halvings} times as large, because the volume's own need more memory than is free."
+
+
 def try_again(area) -> None:
     """Forget the problems of an area's viewports and draw them anew.
 

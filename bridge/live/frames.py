@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...rle_splat.pipeline.render import render_steps
+from ...rle_splat.pipeline.fitting import fitting_steps
 from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.projection import depth_row
 from .view import Matrices, View, furthest_of_blocks, pixels_of, view_of, with_margin
@@ -46,10 +46,13 @@ class Picture:
         Premultiplied scene-linear colors, row 0 at the top.
     place : (left, top, right, bottom)
         Where it lies, as shares of the region's width and height, from the top left.
+    halvings : int
+        How often the number of voxels along each side of the volume was halved for it.
     """
 
     rgba: np.ndarray
     place: tuple[float, float, float, float]
+    halvings: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,7 @@ def shot_of(matrices: Matrices, contents) -> Shot:
     return Shot(matrices, view, ordered, {n: pixels for n, pixels in found.items() if pixels is not None})
 
 
-def picture_steps(shot: Shot, ends: np.ndarray | None, cache, side: int | None):
+def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | None):
     """Generator: make the pictures of a view; yields Progress, returns a list of Picture, the furthest first.
 
     Parameters
@@ -116,10 +119,12 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, side: int | None):
     ends : (height, width) ndarray of float32 or None
         Depths at which rays end, of the whole region; None where none is known.
     cache : StageCache
-    side : int or None
-        Pixels of the region along each side of a pixel of a draft; None for refined pictures.
+    coarseness : int or None
+        Of a draft: 0 for every pixel of the region, 1 for every second one, and above that also a volume with half as
+        many voxels along each side, so often. None for refined pictures, which are coarser only where memory runs out.
     """
-    width, height, block = shot.view.width, shot.view.height, side or 1
+    width, height, block = shot.view.width, shot.view.height, 2 if coarseness else 1
+    halvings = max(coarseness - 1, 0) if coarseness else 0
     view = shot.view
     if block > 1:
         view = _sized(shot, -(-width // block), -(-height // block))
@@ -131,10 +136,10 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, side: int | None):
         plain = replace(
             one.plain, camera=view.camera, width=view.width, height=view.height, crop=crop, ray_ends=ends,
         )
-        quality = one.quality if side is None else draft_of(one.quality)
-        rendering = yield from render_steps(plain, quality, cache, refuse_empty_view=False)
+        quality = one.quality if coarseness is None else draft_of(one.quality)
+        rendering, halved = yield from fitting_steps(plain, quality, cache, halvings)
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
-        made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place))
+        made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, halved))
     return made
 
 

@@ -22,8 +22,9 @@ BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
 RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
-MOST_SIDE = 2  # pixels of the region along the side of a draft's pixel, at most
+MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
 SLOW, QUICK = 0.03, 0.012  # seconds of a draft above which the next one is coarser, and below which it is finer
+OF_FEWER_VOXELS = 0.25  # of QUICK, for drafts of fewer voxels: with twice as many along each side they take much longer
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,13 @@ class Viewport:
         self._ends: np.ndarray | None = None
         self._checked, self._changed, self._due = -np.inf, -np.inf, None
         self._work: Generator | None = None
-        self._work_on: tuple = ()  # (shot, side) of the work
-        self._spent, self._was_slow, self._side = 0.0, False, 1
+        self._work_on: tuple = ()  # (shot, coarseness) of the work
+        self._spent, self._was_slow, self._coarseness = 0.0, False, 0
+
+    @property
+    def halvings(self) -> int:
+        """How often the number of voxels along each side of a volume was halved for what is shown."""
+        return max((one.halvings for one in self.pictures), default=0)
 
     @property
     def is_busy(self) -> bool:
@@ -158,7 +164,7 @@ class Viewport:
         if self._work is not None and self._work_on[1] is None:
             self._stop_work()
         if self._work is None:
-            self._start(self._side)
+            self._start(self._coarseness)
         self._advance(now + BITE)
 
     def work(self) -> bool:
@@ -202,9 +208,9 @@ class Viewport:
     def _fail(self, problem: Exception) -> None:
         self.give_up(sentence_of(problem))
 
-    def _start(self, side: int | None) -> None:
-        self._work_on, self._spent = (self._shot, side), 0.0
-        self._work = picture_steps(self._shot, self._ends, self._cache, side)
+    def _start(self, coarseness: int | None) -> None:
+        self._work_on, self._spent = (self._shot, coarseness), 0.0
+        self._work = picture_steps(self._shot, self._ends, self._cache, coarseness)
 
     def _stop_work(self) -> None:
         if self._work is not None:
@@ -228,27 +234,27 @@ class Viewport:
                 break
 
     def _finish(self, pictures: list[Picture]) -> None:
-        shot, side = self._work_on
+        shot, coarseness = self._work_on
         self._work = None
         self._show(pictures)
-        self.counts["refinements" if side is None else "drafts"] += 1
-        if side is None:
+        self.counts["refinements" if coarseness is None else "drafts"] += 1
+        if coarseness is None:
             # The next redraw looks once more: EEVEE has no depth while it compiles shaders and sends no event after it.
             self._checked = -np.inf
             return
-        self._choose_side(side)
+        self._choose_coarseness(coarseness)
         if shot is not self._shot:
-            self._start(self._side)
+            self._start(self._coarseness)
         else:
             self._due = self._now() + self._pause
 
-    def _choose_side(self, side: int) -> None:
+    def _choose_coarseness(self, coarseness: int) -> None:
         """Make drafts coarser after two slow ones, as the first may have made tables, and finer after a quick one."""
         was_slow, self._was_slow = self._was_slow, self._spent > SLOW
         if was_slow and self._was_slow:
-            self._side = min(2 * side, MOST_SIDE)
-        elif self._spent < QUICK:
-            self._side = max(side // 2, 1)
+            self._coarseness, self._was_slow = min(coarseness + 1, MOST_COARSENESS), False
+        elif self._spent < QUICK * (OF_FEWER_VOXELS if coarseness > 1 else 1.0):
+            self._coarseness = max(coarseness - 1, 0)
 
     def _show(self, pictures: list[Picture]) -> None:
         self.pictures = pictures

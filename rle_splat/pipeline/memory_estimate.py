@@ -25,7 +25,7 @@ from ..effects.sizes import MESH_LAYERS, MESH_PIXEL
 from ..encode.sizes import SCANLINE, run_bytes, scalar_record, scanlines, work_bytes
 from ..raycast.sizes import AT_ONCE, RAY, STEEP_PIXEL
 from ..runtime.memory import available_bytes, bytes_text
-from ..scene import RECORDS, Quality, RleSplatError
+from ..scene import RECORDS, Quality, RleSplatError, TooLargeError
 from ..shade.sizes import LIGHT, LIT, NORMAL, NORMAL_CODE, lit_voxels, shadow_bytes
 from ..splat.sizes import SHEET_PIXEL
 from ..view.sizes import INTERVALS
@@ -275,12 +275,12 @@ def refuse_too_large(picture: int, width: int, height: int) -> None:
 
 
 def refuse_too_much(wanted: MemoryEstimate) -> None:
-    """RleSplatError, with what would fit, when more memory is wanted than there is."""
+    """TooLargeError, with what would fit, when more memory is wanted than there is."""
     free = SPARE * available_bytes()
     if wanted.needed <= free:
         return
     which = "that the transfer function shows" if wanted.record else "that are shown, and their neighbors,"
-    raise RleSplatError(
+    raise TooLargeError(
         f"The {wanted.visible_voxels} voxels {which} need about {bytes_text(wanted.needed)} of memory and "
         f"{bytes_text(free)} are free; {_what_fits(wanted, free)}."
     )

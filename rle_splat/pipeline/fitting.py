@@ -1,0 +1,80 @@
+"""Pictures of volumes that are too large: with voxels twice as large until they fit, or as often as is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..effects.mixing import is_mixed
+from ..runtime.steps import portion
+from ..scene import Quality, Scene, TooLargeError
+from ..volume.coarser import coarser_steps
+from .render import render_steps
+from .stage_cache import StageCache
+
+LEAST_SIDE = 32  # voxels along the shortest side of a volume that is made coarser
+AVERAGING, TOO_LARGE = "Averaging voxels", "too large"  # a message, and a stage of the cache
+
+
+def fitting_steps(scene: Scene, quality: Quality, cache: StageCache, halvings: int = 0):
+    """Generator of Progress: a picture of the volume itself, or of a coarser one where its tables do not fit in memory.
+
+    What does not fit is kept in the cache, and tried again after an edit of the transfer function.
+
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+    cache : StageCache
+    halvings : int
+        How often the number of voxels along each side is halved at least, where that is possible.
+
+    Returns
+    -------
+    rendering : Rendering
+    halvings : int
+        How often it was halved.
+
+    Raises
+    ------
+    RleSplatError
+        As ``render_steps`` does; TooLargeError only for scenes with labels or channels, and for a volume of few voxels.
+    """
+    most = _most_halvings(scene)
+    halvings = min(halvings, most)
+    contents = scene.volume.key, scene.transfer_function.classification_key, quality.classification
+    while halvings < most and cache.has(TOO_LARGE, (contents, halvings)):
+        halvings += 1
+    while True:
+        shown = yield from _coarser_steps(scene, cache, halvings)
+        try:
+            rendering = yield from render_steps(shown, quality, cache, refuse_empty_view=False)
+        except TooLargeError:
+            if halvings == most:
+                raise
+            job = cache.job()
+            job.get(TOO_LARGE, (contents, halvings), lambda: True, lambda _: 1)
+            job.keep()
+            halvings += 1
+        else:
+            return rendering, halvings
+
+
+def _most_halvings(scene: Scene) -> int:
+    """How often the voxels of a scene can be halved; those of labels and channels belong to the volume's own grid."""
+    if is_mixed(scene) or not scene.volume.holds_values:
+        return 0
+    return max((min(scene.volume.shape_xyz) // LEAST_SIDE).bit_length() - 1, 0)
+
+
+def _coarser_steps(scene: Scene, cache: StageCache, halvings: int):
+    """Generator of Progress: the scene with half as many voxels along each side, so often."""
+    if not halvings:
+        return scene
+    volume, function, job = scene.volume, scene.transfer_function, cache.job()
+    for _ in range(halvings):
+        steps = job.steps("coarser", volume.key, lambda of=volume: coarser_steps(of), lambda made: made.voxels.nbytes)
+        volume = yield from portion(steps, 0.0, 0.0, AVERAGING)
+    job.keep()
+    # Voxels twice as far apart would be half as dense by themselves.
+    distance = float(function.opacity_unit_distance or scene.volume.spacing.min())
+    return replace(scene, volume=volume, transfer_function=replace(function, opacity_unit_distance=distance))

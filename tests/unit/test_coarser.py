@@ -1,0 +1,112 @@
+"""Volumes with half as many voxels along each side, and pictures of volumes that are too large."""
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline import memory_estimate
+from rle_splat.pipeline.fitting import TOO_LARGE, fitting_steps
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Labels, Quality, RleSplatError, Scene, TooLargeError
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.coarser import coarser_steps
+from rle_splat.volume.volume import Volume
+
+QUALITY = Quality.preset("draft", backend="numpy")
+N = 64
+
+
+def ball() -> Volume:
+    z, y, x = np.meshgrid(*(np.arange(N) - (N - 1) / 2,) * 3, indexing="ij")
+    return Volume((100.0 * (np.sqrt(x**2 + y**2 + z**2) < 20.0)).astype(np.uint8), np.diag((0.5, 0.5, 0.5, 1.0)))
+
+
+def scene_of(volume: Volume) -> Scene:
+    function = TransferFunction(opacity=((50, 0.0), (60, 0.02)), color=((0, 0.9, 0.5, 0.2),))
+    camera, matrix = turntable(volume, 20, 30, width=96, height=96)
+    return Scene(volume, function, camera, 96, 96, matrix)
+
+
+@pytest.mark.parametrize("dtype", ("uint8", "int16", "float32", "float64"))
+@pytest.mark.parametrize("shape", ((4, 6, 8), (5, 7, 3), (2, 2, 2)))
+def test_a_linear_field_stays_where_it_is(dtype, shape):
+    """But for the last voxel of an odd side, which counts twice."""
+    affine = np.array(((0.5, 0.1, 0, 3), (0, 0.7, 0, -2), (0, 0, 2, 5), (0, 0, 0, 1)), float)
+    index = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")[::-1], axis=-1)
+    fine = (8 * index @ (1, 2, 3)).astype(dtype)
+    coarse = drain(coarser_steps(Volume(fine, affine, slope=2.0, value_unit="HU")))
+    assert coarse.voxels.dtype == dtype and coarse.voxels.shape == tuple((n + 1) // 2 for n in shape)
+    assert coarse.slope == 2.0 and coarse.value_unit == "HU"
+    whole = tuple(slice(0, n // 2) for n in shape)
+    at = np.stack(np.meshgrid(*(np.arange(n // 2) for n in shape), indexing="ij")[::-1], axis=-1)
+    world = at @ coarse.affine[:3, :3].T + coarse.affine[:3, 3]
+    there = (world - affine[:3, 3]) @ np.linalg.inv(affine[:3, :3]).T
+    np.testing.assert_allclose(coarse.voxels[whole], 8 * there @ (1, 2, 3), atol=1e-9)
+    assert coarse.voxels.max() <= fine.max() and coarse.voxels.min() >= fine.min()
+
+
+def test_means_of_whole_numbers_are_rounded_and_keys_differ():
+    volume = Volume(np.array((0, 0, 0, 0, 0, 0, 3, 3), np.uint8).reshape(2, 2, 2), np.eye(4))
+    coarse = drain(coarser_steps(volume))
+    assert coarse.voxels.item() == 1 and coarse.key != volume.key
+    again = drain(coarser_steps(Volume(volume.voxels.copy(), np.eye(4))))
+    assert again.key == coarse.key, "of equal voxels"
+
+
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_fewer_voxels_are_as_dense_as_the_volume(classification):
+    scene, quality = scene_of(ball()), QUALITY.classified(classification)
+    whole = render(scene, quality).rgba
+    coarse, halvings = drain(fitting_steps(scene, quality, StageCache(), 1))
+    assert halvings == 1
+    assert coarse.rgba[..., 3].sum() == pytest.approx(whole[..., 3].sum(), rel=0.02)
+    inside = np.s_[44:52, 44:52]
+    np.testing.assert_allclose(coarse.rgba[inside], whole[inside], atol=0.04)
+
+
+def test_what_fits_is_the_picture_itself_to_the_bit():
+    scene = scene_of(ball())
+    rendering, halvings = drain(fitting_steps(scene, QUALITY, StageCache()))
+    assert halvings == 0
+    np.testing.assert_array_equal(rendering.rgba, render(scene, QUALITY).rgba)
+
+
+def test_what_is_too_large_is_halved_and_that_is_kept(monkeypatch):
+    """Memory for a coarser ball, but not for the ball."""
+    needs = {}
+    refuse = memory_estimate.refuse_too_much
+
+    def noting(wanted):
+        needs[wanted.voxels] = max(wanted.needed, needs.get(wanted.voxels, 0))
+        return refuse(wanted)
+
+    monkeypatch.setattr("rle_splat.pipeline.source.refuse_too_much", noting)
+    scene, cache = scene_of(ball()), StageCache()
+    drain(fitting_steps(scene, QUALITY, StageCache(), 1))
+    render(scene, QUALITY)
+    assert needs[(N // 2) ** 3] < 0.8 * needs[N**3]
+    free = 0.9 * needs[N**3] / memory_estimate.SPARE
+    monkeypatch.setattr(memory_estimate, "available_bytes", lambda: free)
+    with pytest.raises(TooLargeError, match="are free"):
+        render(scene, QUALITY)
+    rendering, halvings = drain(fitting_steps(scene, QUALITY, cache))
+    assert halvings == 1 and rendering.rgba[..., 3].max() > 0.3
+    (kept,) = (key for stage, key in cache.contents if stage == TOO_LARGE)
+    needs.clear()
+    again, halvings = drain(fitting_steps(scene, QUALITY, cache))
+    assert halvings == 1 and N**3 not in needs and kept[1] == 0, "asked for the whole volume once more"
+    np.testing.assert_array_equal(again.rgba, rendering.rgba)
+    monkeypatch.setattr(memory_estimate, "available_bytes", lambda: 1000)
+    with pytest.raises(RleSplatError):
+        drain(fitting_steps(scene, QUALITY, StageCache()))
+
+
+def test_labels_belong_to_the_volume_s_own_voxels(monkeypatch):
+    scene = scene_of(ball())
+    labels = Volume((scene.volume.voxels > 50).astype(np.uint8), scene.volume.affine)
+    hidden = Scene(scene.volume, scene.transfer_function, scene.camera, 96, 96, scene.volume_matrix,
+                   labels=Labels(labels, {1: None}))  # fmt: skip
+    _, halvings = drain(fitting_steps(hidden, QUALITY, StageCache(), 1))
+    assert halvings == 0
