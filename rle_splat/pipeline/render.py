@@ -16,7 +16,7 @@ from ..runtime.jit import compiled, nothing_compiled_yet, noting_kernels
 from ..runtime.steps import Clock, Progress, drain, mapped, portion, timed, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..splat.splat import LOADING
-from ..warp.warp import warp
+from ..warp.warp import warp_steps
 from .choose_source import Settled, choose_source, settled
 from .memory_estimate import picture_bytes, refuse_too_large
 from .preset_plan import with_plan
@@ -180,8 +180,10 @@ def _fade_steps(
                 image = yield from _splat_steps(steps, clock, begin, span[1] / parts)
                 images.append(rays.drawn(ray_pass, number, image))
             done += 1
+        steps = warp_steps(images, view.index_view, ray_pass.region, source.quality, most_color)
+        at = span[0] + span[1] * done / parts
+        found = yield from portion(timed(steps, clock, "warp"), at, at, "Warping")
         with clock.stage("warp"):
-            found = warp(images, view.index_view, ray_pass.region, source.quality, most_color)
             found = medium.picture(*found) if medium.picture else found
             picture = rays.mixed(ray_pass, picture, found)
     rgba, depth = picture

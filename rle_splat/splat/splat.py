@@ -18,8 +18,8 @@ from .sheet_buffer import splat_rows
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
-# Pixel-sheets between two chances to report progress or to cancel, about a tenth of a second's work.
-WORK_AT_ONCE = 150_000_000
+# Pixel-sheets between two chances to report progress or to cancel, a few hundredths of a second's work.
+WORK_AT_ONCE = 60_000_000
 LOADING = None
 
 

@@ -13,6 +13,7 @@ from .resample import resample, shown_in
 from .resample_numpy import clear, resample_numpy
 from .spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
 
+PIXELS_AT_ONCE = 300_000  # of the picture, between two steps: some ten milliseconds' work
 TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
 
 
@@ -21,8 +22,10 @@ def warp_reach(quality: Quality) -> int:
     return TAPS + (MARGIN if is_prefiltered(quality.warp_filter) else 0)
 
 
-def warp(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_color: float):
-    """Warp the intermediate images, one per principal axis and direction, to one picture.
+def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_color: float):
+    """Generator: warp the intermediate images, one per principal axis and direction, to one picture.
+
+    Yields fractions done, and returns the picture.
 
     Parameters
     ----------
@@ -66,25 +69,28 @@ def warp(images: list[IntermediateImage], view: IndexView, region, quality: Qual
     *to_sheets, directions = np.linalg.inv([*from_sheets, np.eye(3) if view.is_parallel else view.projection[:, :3]])
     if view.is_parallel:
         directions = np.zeros((3, 3))
+    rows_at_once = max(PIXELS_AT_ONCE // max(right - left, 1), 1)
     for number, (image, (rows, columns)) in enumerate(parts):
         plane, (pixels, half, filled) = planes[number], image.arrays
         part_origin = plane.origin[0] + columns.start, plane.origin[1] + rows.start
-        window = shown_in(
-            from_sheets[number], (rows.stop - rows.start, columns.stop - columns.start), part_origin, depth.shape,
-            (left, top),
-        )
         origin = plane.origin
         if prefiltered:
             pixels, half = _coefficients(pixels[rows, columns], quality), half[rows, columns]
             filled, origin = np.ascontiguousarray(filled[:, rows]) - np.int32(columns.start), part_origin
-        arguments = (
-            pixels, half, origin, to_sheets[number], directions, plane.axis, plane.sign, taps_of(name), table_of(name),
-            np.float32(most_color), _depth_map(plane), (left, top), number == 0, rgba, depth,
-        )
-        if with_kernels:
-            resample(window, filled, reach, *arguments, quality.threads)
-        else:
-            resample_numpy(*arguments)
+        size = rows.stop - rows.start, columns.stop - columns.start
+        for first in range(0, len(depth), rows_at_once):
+            yield (number + first / len(depth)) / len(parts)
+            some = slice(first, first + rows_at_once)
+            at = left, top + first
+            arguments = (
+                pixels, half, origin, to_sheets[number], directions, plane.axis, plane.sign, taps_of(name),
+                table_of(name), np.float32(most_color), _depth_map(plane), at, number == 0, rgba[some], depth[some],
+            )
+            if with_kernels:
+                window = shown_in(from_sheets[number], size, part_origin, depth[some].shape, at)
+                resample(window, filled, reach, *arguments, quality.threads)
+            else:
+                resample_numpy(*arguments)
     return rgba, depth
 
 

@@ -15,10 +15,11 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.encode.tables import RunLengthVolume
-from rle_splat.pipeline.render import render_steps, warp
+from rle_splat.pipeline.render import render_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.splat.scalar_splat import scalar_splat_steps, value_splat_steps
 from rle_splat.splat.splat import OPAQUE, splat_steps
+from rle_splat.warp.warp import warp_steps
 
 SPLATS = {
     "rle_splat.pipeline.scan_source.splat_steps": splat_steps,
@@ -131,14 +132,14 @@ def stages(splats: list, warps: list):
         for one in splats:
             if any(one.image is image for image in images):
                 one.most = float(rest[-1])
-        made = warp(images, *rest)
+        made = yield from warp_steps(images, *rest)
         warps.append((images, rest, tuple(each.copy() for each in made)))  # pictures are mixed in place
         return made
 
     with ExitStack() as stack:
         for name, steps in SPLATS.items():
             stack.enter_context(patch(name, kept(steps)))
-        stack.enter_context(patch("rle_splat.pipeline.render.warp", warped))
+        stack.enter_context(patch("rle_splat.pipeline.render.warp_steps", warped))
         yield
 
 
@@ -154,7 +155,7 @@ def warps_apart(warps) -> float:
     """Largest difference of warped pictures of the same sheets, kernel and reference, color by the brightest."""
     worst = 0.0
     for images, (view, region, quality, most), (rgba, _) in warps:
-        reference, _ = warp(images, view, region, replace(quality, backend="numpy"), most)
+        reference, _ = drain(warp_steps(images, view, region, replace(quality, backend="numpy"), most))
         off = abs(rgba.astype(np.float64) - reference) / np.array([max(most, 1.0)] * 3 + [1.0])
         worst = max(worst, float(off.max(initial=0.0)))
     return worst

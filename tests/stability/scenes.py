@@ -9,10 +9,11 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline.render import render, warp
+from rle_splat.pipeline.render import render
 from rle_splat.scene import CLASSIFICATIONS, Camera, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from rle_splat.warp.warp import warp_steps
 
 BACKENDS = ("numba", "numpy")
 # Where what is interpolated is the scalar: sheet pixels, or the voxels of a finer grid, are classified.
@@ -52,9 +53,9 @@ def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knob
 
     def catching(images, *rest):
         caught.extend(images)
-        return warp(images, *rest)
+        return warp_steps(images, *rest)
 
-    with patch("rle_splat.pipeline.render.warp", catching):
+    with patch("rle_splat.pipeline.render.warp_steps", catching):
         render(scene, replace(quality, backend=backend, **knobs))
     (image,) = caught
     (u, v), (nx, ny, _) = image.base_plane.origin, scene.volume.shape_xyz

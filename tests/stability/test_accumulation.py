@@ -25,7 +25,7 @@ from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.footprints import FOOTPRINTS, GAUSSIAN, footprint_values
 from rle_splat.view.principal_axis import candidate_pyramids
-from rle_splat.warp.warp import warp
+from rle_splat.warp.warp import warp_steps
 from tests.stability.catalogue import WIDTHS
 from tests.stability.scenes import BACKENDS, columns, from_above, sheets, transfer
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage
@@ -269,7 +269,7 @@ def test_A8_a_denser_medium_hides_more_and_more_light_shows_more(record, width, 
     def seen(field, **more):
         images = []
         with monkeypatch.context() as patch:
-            patch.setattr(PIPELINE, "warp", lambda made, *rest: images.extend(made) or warp(made, *rest))
+            patch.setattr(PIPELINE, "warp_steps", lambda made, *rest: images.extend(made) or warp_steps(made, *rest))
             render(STAGE.on_turntable(field, 35.0, 25.0, size=(24, 24), **more), quality)
         return images[0].pixels
 

@@ -17,13 +17,14 @@ from hypothesis import strategies as st
 
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline.render import render_steps, warp
+from rle_splat.pipeline.render import render_steps
 from rle_splat.runtime.jit import compiled
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
+from rle_splat.warp.warp import warp_steps
 from tests.stability.fuzz import examples
 from tests.stability.references import STEPS, by_stages, tables_apart, warps_apart
 from tests.stability.strategies import plain_scenes, qualities, scenes
@@ -170,9 +171,9 @@ def sheet_errors(scene, quality, seed=0):
 
     def catching(images, *rest):
         caught.extend(images)
-        return warp(images, *rest)
+        return warp_steps(images, *rest)
 
-    with patch("rle_splat.pipeline.render.warp", catching):
+    with patch("rle_splat.pipeline.render.warp_steps", catching):
         drain(render_steps(scene, quality, refuse_empty_view=False))
     found, random = [np.empty((0, 4))], np.random.default_rng(seed)
     for image in caught:

@@ -12,12 +12,13 @@ from benchmarks.phantoms import FIELDS
 from rle_splat.classify.classification import classify
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline.render import render
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import QUALITY_PRESETS, Quality
 from rle_splat.splat.splat import splat_steps
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import axis_shares
-from rle_splat.warp.warp import warp
+from rle_splat.warp.warp import warp_steps
 
 LEVEL = 1.0 / 255.0
 ANGLES = (43.0, 44.0, 44.9, 45.0, 45.1, 46.0, 47.0)
@@ -35,7 +36,7 @@ def by_axis(scene, axis, quality):
         try:
             next(steps)
         except StopIteration as finished:
-            return warp([finished.value], view, scene.region, quality, 1.0)[0]
+            return drain(warp_steps([finished.value], view, scene.region, quality, 1.0))[0]
 
 
 @pytest.mark.parametrize("azimuth", ANGLES)

@@ -9,10 +9,11 @@ import pytest
 
 from rle_splat.effects.ray_mode import OF_VALUES
 from rle_splat.pipeline.render import render
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Mist, Quality
 from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.volume.volume import Volume
-from rle_splat.warp.warp import warp
+from rle_splat.warp.warp import warp_steps
 from tests.unit.test_crop import BACKENDS, TRIANGLES, VOLUME, bits, scene_of
 
 PIPELINE = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
@@ -45,7 +46,7 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
     shares = []
 
     def everywhere(images, *others):
-        found, whole = warp(images, *others), []
+        found, whole = (yield from warp_steps(images, *others)), []
         for image in images:
             height, width = image.half_depth.shape
             some = (image.pixels != (0.0, 0.0, 0.0, 1.0)).any(axis=-1)
@@ -61,11 +62,11 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
                     assert columns[0] - BLOCK < first[row] <= columns[0] < last[row] <= columns[-1] + BLOCK
             shares.append(inside.mean())
             whole.append(replace(image, filled=np.array((np.zeros(height), np.full(height, width)), np.int32)))
-        for ours, theirs in zip(found, warp(whole, *others), strict=True):
+        for ours, theirs in zip(found, drain(warp_steps(whole, *others)), strict=True):
             np.testing.assert_array_equal(bits(ours), bits(theirs))
         return found
 
-    monkeypatch.setattr(PIPELINE, "warp", everywhere)
+    monkeypatch.setattr(PIPELINE, "warp_steps", everywhere)
     of_values = more.get("mode") in OF_VALUES
     scene = replace(scene_of(kind, **more), volume=VOLUME if of_values else DOTS)
     picture = render(scene, replace(quality, backend=backend))
