@@ -17,7 +17,6 @@ from tests.stability.pictures import SCENES, pictures
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 BITS = "bits are counted"
-CLASSIFIED = ("parallel", "post")  # of SCENES, one for each classification
 
 
 def elsewhere(folder, *arguments, python=sys.executable, **environ) -> dict[str, np.ndarray]:
@@ -106,8 +105,8 @@ def test_A13_other_versions_of_python_and_numpy(record, tmp_path, python):
     """Each of Blender's: by the reference implementations, which need no compiler, and by kernels if it has numba."""
     if python is None:
         pytest.skip("no environment of another Python is at hand")
-    # Of the kernels one for each classification: each takes another Python ten seconds to compile.
-    for backend, names in (("numpy", SCENES), ("auto", tuple(name for name in SCENES if name in CLASSIFIED))):
+    # Of the kernels those of the default classification: they take another Python ten seconds to compile.
+    for backend, names in (("numpy", SCENES), ("auto", ("post",))):
         here = pictures(names, backend=backend)
         there = elsewhere(tmp_path, "--backend", backend, "--scenes", *names, python=python, NUMBA_OPT="1")
         for name in here:

@@ -18,13 +18,14 @@ from ...runtime.steps import Progress, mapped, part, portion
 from ...scene import Quality, Rendering, Scene
 from .choose import NEARLY_BEST, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
-from .features import Features, features_of, pilots
+from .features import PILOTS, Features, features_of, pilots
 from .machine import MachineProfile, profile_steps
 from .model import Model
 from .ray_cost import RayCost
 from .single_rays import ray_cost_steps, single_ray_steps
 
 TRACING = "Tracing single rays"
+PILOT_ROUNDS = 2
 
 
 @dataclass(eq=False)
@@ -47,8 +48,7 @@ class PlannerSession:
     machine : MachineProfile
         By which plans are chosen.
     frames : list of (Quality, dict)
-        Plans that were rendered, each with the ``stages_ms`` of its report.  The very first picture also filled the
-        caches and is not among them.
+        Plans that were rendered, each with the ``stages_ms`` of its report; of a pilot the least of PILOT_ROUNDS.
     estimate : ErrorEstimate or None
         None where the scene or the classification has no single rays.
     ray_cost : RayCost or None
@@ -146,14 +146,19 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
     has no calibrated model.
     """
     model = Model.of(quality.classification)
-    plans, drawn, frames = pilots(quality), {}, []
-    for number, (name, plan) in enumerate(plans.items()):
-        span = end * number / len(plans), end * (number + 1) / len(plans)
+    plans, drawn, times = pilots(quality), {}, {name: [] for name in PILOTS}
+    # Twice: the first time a frame also waits for memory that later ones find at hand.
+    for number, (name, plan) in enumerate(PILOT_ROUNDS * (*plans.items(),)):
+        span = end * number / (PILOT_ROUNDS * len(plans)), end * (number + 1) / (PILOT_ROUNDS * len(plans))
         drawn[name] = yield from picture_steps(scene, plan, cache, *span, "Looking at the scene", refuse_empty_view)
-        frames.append((plan, drawn[name].report["stages_ms"]))
+        times[name].append(drawn[name].report["stages_ms"])
+    frames = [
+        (plan, {stage: min(one[stage] for one in times[name]) for stage in ("splat", "warp")})
+        for name, plan in plans.items()
+    ]
     features, shown = features_of(scene, quality, drawn), analyzed(scene, quality)[1]
     machine = yield from part(profile_steps(quality), end, end)
-    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, frames[1:])
+    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, frames)
     if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
         steps = ray_cost_steps(shown, quality, session.estimate, machine.cell_us, machine.slab_us, cache)
