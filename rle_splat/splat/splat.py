@@ -20,6 +20,7 @@ from .sheet_buffer import splat_rows
 OPAQUE = 1e-30
 # Pixel-sheets between two chances to report progress or to cancel, a few hundredths of a second's work.
 WORK_AT_ONCE = 60_000_000
+BANDS_EACH = 4  # for each thread at once, at least: with fewer, threads wait for one another
 LOADING = None
 
 
@@ -76,7 +77,8 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
         yield LOADING
         splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
         note_loaded(splat_rows, given)
-    rows_at_once = BAND * max(2, int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin))))
+    bands = int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin)))
+    rows_at_once = BAND * workers * max(BANDS_EACH, bands // workers)
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         splat(first, min(first + rows_at_once, plane.height), workers)
