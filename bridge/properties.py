@@ -266,24 +266,24 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
         "arrow Empties as planes. The part that all of them keep is shown")
     meshes_occlude: LiveBool(
-        name="Meshes Occlude", description="Let meshes hide the part of the volume behind them, also inside the volume",
-        default=True)
+        name="Meshes Hide Volume", default=True,
+        description="Let meshes hide the part of the volume behind them, also inside the volume")
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera view shows the backdrop", update=_place_backdrop,
-        items=[("BACK", "Behind", "Show the backdrop behind the objects"),
-               ("FRONT", "In Front", "Show the backdrop in front of the objects")])
+        name="Place", description="Where the camera view shows the pinned picture", update=_place_backdrop,
+        items=[("BACK", "Behind", "Show the pinned picture behind the objects"),
+               ("FRONT", "In Front", "Show the pinned picture in front of the objects")])
     backdrop_object: PointerProperty(
         name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop")
     backdrop_follows: BoolProperty(
-        name="Follow Scene", default=False, update=_evaluate_anew,
-        description="Update the backdrop when the frame, the camera, the volume, a light, a clip object or a setting "
-        "changes")
+        name="Keep Up to Date", default=False, update=_evaluate_anew,
+        description="Update the pinned picture when the frame, the camera, the volume, a light, a clip object or a "
+        "setting changes")
     composite_object: PointerProperty(
-        name="Composite Volume", type=bpy.types.Object, description="Volume that is composited into renders")
+        name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include")
     deleted_volume: StringProperty(
-        name="Deleted Volume", description="Name of the composited volume that was deleted", options={"HIDDEN"})
+        name="Deleted Volume", description="Name of the volume in renders that was deleted", options={"HIDDEN"})
     composite_image: PointerProperty(
-        name="Composite Picture", type=bpy.types.Image, description="Picture that is composited into renders")
+        name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
     use_previews: BoolProperty(
         name="Progressive Preview", default=True,
         description="Show coarse pictures first if a picture in a window takes more than about 0.15 seconds. The final "
@@ -300,7 +300,7 @@ class SceneSettings(bpy.types.PropertyGroup):
                ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
                 "Blender reports the animation as finished. A script that renders single frames continues")])
     use_composite: BoolProperty(
-        name="Composite into Render", description="Render the volume with every frame and composite it",
+        name="Include in Renders", description="Render the volume with every frame and combine it with the meshes",
         default=False)
     scene_id: StringProperty(
         name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"})

@@ -1,4 +1,4 @@
-"""Render Image: render the volume through the active camera into a color image and a depth image."""
+"""Save Picture: render the volume through the active camera into a color image and a depth image."""
 
 import bpy
 
@@ -10,7 +10,7 @@ from .through_camera import ThroughCamera, report_picture
 
 class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.render_image"
-    bl_label = "Render Image"
+    bl_label = "Save Picture"
     bl_description = "Render the volume through the active camera into a color image and a depth image"
 
     def prepare(self, context):

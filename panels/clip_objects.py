@@ -1,4 +1,4 @@
-"""The Clip Objects panel: boxes and planes that cut the volume."""
+"""The Cut panel: boxes and planes that cut the volume."""
 
 import bpy
 
@@ -7,9 +7,9 @@ from .places import Sidebar
 
 
 class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
-    bl_label = "Clip Objects"
+    bl_label = "Cut"
     bl_idname = "RLE_SPLAT_PT_clip_objects"
-    bl_order = 2
+    bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod

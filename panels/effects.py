@@ -44,12 +44,12 @@ def row_text(row) -> str:
 
 class RLE_SPLAT_PT_effects(EffectsPanel, Sidebar, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_effects"
-    bl_order = 4
+    bl_parent_id = "RLE_SPLAT_PT_diagnostics"
 
 
 class RLE_SPLAT_PT_render_effects(EffectsPanel, RenderTab, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_render_effects"
-    bl_parent_id = "RLE_SPLAT_PT_render"
+    bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
 
 
 CLASSES = (RLE_SPLAT_PT_effects, RLE_SPLAT_PT_render_effects)

@@ -1,17 +1,19 @@
-"""The Labels panel: the label file, and the visibility, transfer function and color of each label."""
+"""The Segments panel: the label file, and the visibility, transfer function and color of each label."""
 
 import bpy
 
 from ..bridge import volumes
-from .places import BelowTransfer
+from .places import OfVolume
 
 NAME_SHARE = 0.4  # of a row's width that the label's name takes
 SWATCH = 1.2  # width of a color, in buttons
 
 
-class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
-    bl_label = "Labels"
+class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
+    bl_label = "Segments"
     bl_idname = "RLE_SPLAT_PT_labels"
+    bl_order = 5
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         layout = self.layout

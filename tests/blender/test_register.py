@@ -15,9 +15,9 @@ OPERATORS = {
     "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
-    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "quality", "render",
-    "render_accuracy", "render_advanced", "render_effects", "render_quality", "render_report", "report", "shading",
-    "transfer", "volume",
+    "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",
+    "display", "effects", "labels", "picture", "playback", "render", "render_accuracy", "render_advanced",
+    "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading", "transfer", "volume",
 }  # fmt: skip
 MENUS = {"presets", "windows"}
 # Property groups, whose names no user and no script sees.

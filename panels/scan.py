@@ -1,0 +1,43 @@
+"""The Scan panel: the volume's file, grid and values, and remarks on unusual data."""
+
+import bpy
+
+from ..bridge import volumes
+from .places import DataTab, OfVolume, paragraph
+
+
+class ScanPanel:
+    """Draws the panel in the sidebar and in the object data properties."""
+
+    bl_label = "Scan"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        properties = volumes.volume_object(context).rle_splat
+        row = layout.row(align=True)
+        row.prop(properties, "filepath", text="")
+        row.operator("rle_splat.relocate", text="Relocate")
+        column = layout.column(align=True)
+        for line in properties.facts.split("\n"):
+            name, _, value = line.partition(": ")
+            row = column.split(factor=0.32, align=True)
+            row.label(text=name)
+            row.label(text=value)
+        for sentence in filter(None, properties.remarks.split("\n")):
+            paragraph(context, layout, sentence, icon="INFO")
+        layout.prop(context.scene.rle_splat, "scene_scale")
+        layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+
+
+class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_scan"
+    bl_order = 7
+
+
+class RLE_SPLAT_PT_data_scan(ScanPanel, DataTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_data_scan"
+    bl_order = 3
+
+
+CLASSES = (RLE_SPLAT_PT_scan, RLE_SPLAT_PT_data_scan)
