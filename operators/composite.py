@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import compositor, images, pictures, versions, volumes
+from ..bridge import compositor, images, pictures, preferences, versions, volumes
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
@@ -46,6 +46,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         remarks = compositor.insert(scene, make_image)
         settings.composite_object, settings.composite_image = volume_object, compositor.images_of(scene)[0]
         settings.use_composite = True
+        if not settings.is_property_set("on_failed_frame"):
+            settings.on_failed_frame = preferences.failed_frame()
         settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:

@@ -220,20 +220,18 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
-            for name in ("grid", "series", "frame", "spacing"):
+            for name in ("grid", "series", "frame"):
                 if name in kind.options:
                     layout.prop(self, name)
+            if "spacing" in kind.options:
+                source_options.draw_spacing(layout, self)
         if self.sequence_text:
             layout.prop(self, "use_sequence")
             layout.label(text=self.sequence_text, icon="SEQUENCE")
         layout.separator()
         layout.prop(self, "modality")
         layout.prop(self, "value_unit")
-        layout.prop(self, "use_calibration")
-        column = layout.column(align=True)
-        column.active = self.use_calibration
-        column.prop(self, "slope")
-        column.prop(self, "intercept")
+        source_options.draw_calibration(layout, self)
         layout.separator()
         layout.prop(self, "preset")
         layout.prop(self, "at_cursor")
@@ -245,8 +243,15 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         return told or (format_named(paths[0]) if paths else None)
 
     def _draw_raw(self, layout):
-        for name in ("shape", "dtype", "byte_order", "header_bytes", "spacing"):
+        for name in ("shape", "dtype", "byte_order", "header_bytes"):
             layout.prop(self, name)
+        if any(self.spacing):
+            layout.prop(self, "spacing")
+        else:
+            row = layout.row(heading="Spacing")
+            row.alert = True
+            row.prop(self, "use_file_spacing", text="Unknown: Enter It (Counts as 1)", toggle=True)
+        layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             layout.label(text=f"In memory: {facts.memory_text(source_options.bytes_of(self))}", icon="MEMORY")
         if self.guess_text:

@@ -20,11 +20,12 @@ from . import (
     shading,
     transfer,
     volume,
+    volume_menu,
 )
 
 MODULES = (
-    volume, preset_menu, display, transfer, shading, clip_objects, labels, picture, scan, playback, advanced, channels,
-    diagnostics, effects, report, accuracy,
+    volume, volume_menu, preset_menu, display, transfer, shading, clip_objects, labels, picture, scan, playback,
+    advanced, channels, diagnostics, effects, report, accuracy,
 )  # fmt: skip
 
 

@@ -6,12 +6,12 @@ from ..bridge import facts, transfer, volumes
 from ..bridge.camera import image_size
 from ..bridge.settings import OF_PRE, quality_of
 from ..rle_splat.scene import RleSplatError
-from .places import RenderTab, Sidebar, paragraph
+from .places import RenderTab, Sidebar, draw_number, paragraph
 
 KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
 )
-MACHINE = ("record", "threads", "backend")  # count with every quality
+MACHINE = ("record", "backend")  # count with every quality
 # The knobs that the planner chooses when a maximum error is set.
 PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade")
 
@@ -39,10 +39,10 @@ class AdvancedPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.scene.rle_splat
-        layout.prop(settings, "max_error")
-        if settings.max_error and (lost := taken_away(context.scene)):
-            paragraph(context, layout, f"Pictures with a Maximum Error have no {' and no '.join(lost)}.", "INFO")
-        layout.prop(settings, "use_previews")
+        _draw_error(context, layout)
+        row = layout.row(align=True, heading="Pipeline")
+        for name in ("paper", "custom"):
+            row.prop_enum(settings, "quality", name)
         if settings.quality != "paper":
             layout.prop(settings, "classification")
             if settings.classification == "refined":
@@ -54,9 +54,22 @@ class AdvancedPanel:
             counts = counts and (name != "rays" or settings.classification == "post")
             row.active = counts and not (settings.max_error and name in PLANNED)
             row.prop(settings, name)
+        draw_number(layout, settings, "threads", "use_all_cores")
+        layout.prop(settings, "use_previews")
         needed = _memory(context)
         if needed:
             paragraph(context, layout, needed, icon="MEMORY")
+
+
+def _draw_error(context, layout) -> None:
+    """The maximum error, and what pictures lose by it, also before it is set."""
+    settings = context.scene.rle_splat
+    layout.prop(settings, "use_max_error")
+    if settings.use_max_error:
+        layout.prop(settings, "max_error", text="Levels of 1/255")
+    if lost := taken_away(context.scene):
+        which = "Pictures with a Maximum Error" if settings.max_error else "With it, pictures"
+        paragraph(context, layout, f"{which} have no {' and no '.join(lost)}.", "INFO")
 
 
 def _memory(context) -> str:
@@ -65,7 +78,7 @@ def _memory(context) -> str:
     if owner is None:
         return ""
     try:
-        function, quality = transfer.read_transfer(owner), quality_of(context.scene)
+        function, quality = transfer.shown_transfer(owner, context.scene), quality_of(context.scene)
     except RleSplatError:
         return ""
     meshes = context.scene.rle_splat.meshes_occlude and any(

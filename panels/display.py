@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge import transfer_nodes, volumes
+from ..rle_splat.scene import MODES
 from .places import DataTab, OfVolume
 
 
@@ -16,11 +17,17 @@ class DisplayPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         properties = volumes.volume_object(context).rle_splat
-        layout.prop(context.scene.rle_splat, "mode")
+        settings = context.scene.rle_splat
+        layout.prop(settings, "display")
+        if settings.mode != MODES[0]:
+            layout.prop(settings, "use_grays")
         is_there = properties.transfer is not None and transfer_nodes.is_transfer_tree(properties.transfer)
         name = properties.transfer_name if is_there else ""
         layout.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
-        layout.prop(properties, "opacity_scale", slider=True)
+        layout.prop(properties, "shift", slider=True)
+        row = layout.row()
+        row.active = settings.mode == MODES[0] or not settings.use_grays
+        row.prop(properties, "opacity_scale", slider=True)
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):

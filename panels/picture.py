@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge import freshness
+from ..rle_splat.scene import PRESET_AIMS
+from .outdated import draw_outdated
 from .places import RenderTab, Sidebar, paragraph
 
 
@@ -25,17 +26,27 @@ class PicturePanel:
         row.prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
         layout.prop(settings, "meshes_occlude")
-        row = layout.row()
-        row.active = not settings.max_error or settings.quality in ("paper", "custom")  # some of their knobs count
-        row.prop(settings, "quality")
-        for image in freshness.out_of_date(context.scene):
-            paragraph(context, layout, f"Out of date: {image.name}. The scene has changed since", icon="FILE_REFRESH")
+        _draw_quality(context, layout)
+        draw_outdated(context, layout)
         _draw_composite(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
             alert = layout.column()
             alert.alert = True
             paragraph(context, alert, sentence, icon="ERROR")
+
+
+def _draw_quality(context, layout) -> None:
+    """The named qualities; the others are in Advanced."""
+    settings = context.scene.rle_splat
+    grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+    grid.active = not settings.max_error
+    for name in PRESET_AIMS:
+        grid.prop_enum(settings, "quality", name)
+    if settings.max_error:
+        layout.label(text="A maximum error is set in Advanced", icon="INFO")
+    elif settings.quality not in PRESET_AIMS:
+        layout.label(text="The quality is set in Advanced", icon="INFO")
 
 
 def _draw_composite(context, layout) -> None:

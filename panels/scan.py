@@ -1,4 +1,4 @@
-"""The Scan panel: the volume's file, grid and values, and remarks on unusual data."""
+"""The Scan panel: the volume's file, grid and values, remarks on them, and corrections of what the file says."""
 
 import bpy
 
@@ -18,6 +18,9 @@ class ScanPanel:
         row = layout.row(align=True)
         row.prop(properties, "filepath", text="")
         row.operator("rle_splat.relocate", text="Relocate")
+        row = layout.row(align=True)
+        row.operator("rle_splat.reload", text="Reload", icon="FILE_REFRESH").use_dialog = False
+        row.operator("rle_splat.reload", text="Edit…", icon="GREASEPENCIL").use_dialog = True
         column = layout.column(align=True)
         for line in properties.facts.split("\n"):
             name, _, value = line.partition(": ")

@@ -11,7 +11,7 @@ BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sideb
 
 
 class RLE_SPLAT_MT_windows(bpy.types.Menu):
-    bl_label = "Windows"
+    bl_label = "Level and Window"
     bl_idname = "RLE_SPLAT_MT_windows"
 
     def draw(self, _context):
@@ -70,7 +70,12 @@ def _draw_window(layout, properties) -> None:
 
 def _draw_opacity(layout, properties) -> None:
     """The length to which opacities refer, and the opacity of flat regions."""
-    layout.prop(properties, "opacity_unit_distance", text=f"Per Distance ({properties.length_unit})")
+    column = layout.column(align=True)
+    column.label(text=f"Opacity Distance ({properties.length_unit})")
+    row = column.row(align=True)
+    row.prop(properties, "use_smallest_spacing", toggle=True)
+    if not properties.use_smallest_spacing:
+        row.prop(properties, "opacity_unit_distance", text="")
     layout.prop(properties, "use_gradient_opacity")
     if properties.use_gradient_opacity:
         column = layout.column(align=True)

@@ -7,8 +7,10 @@ from ..bridge.jobs import StepwiseOperator
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from ..rle_splat.volume.volume import PATIENT
+from . import first_run
 from .live_view import draw_state, draw_switch
 from .places import Sidebar, paragraph
+from .volume_menu import icon_of
 
 
 class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
@@ -24,14 +26,16 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
         preparing = kernel_preparation.text()
         if preparing:
             paragraph(context, layout, preparing, icon="TIME")
-        owner = volumes.volume_object(context)
-        if owner is None:
-            if volumes.volume_objects(context.scene):
-                paragraph(context, layout, WHICH_VOLUME, icon="INFO")
-            layout.operator("rle_splat.import_volume", icon="IMPORT")
+        if not volumes.volume_objects(context.scene):
+            first_run.draw(context, layout)
             return
-        row = layout.row()
-        row.label(text=owner.name, icon=icon_of(owner))
+        owner = volumes.volume_object(context)
+        row = layout.row(align=True)
+        if owner is None:
+            row.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
+            paragraph(context, layout, WHICH_VOLUME, icon="INFO")
+            return
+        row.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
         draw_switch(row, context.space_data)
         _draw_views(layout, owner.rle_splat)
         draw_state(context, layout)
@@ -63,13 +67,6 @@ def _warn_without_numba(context, layout) -> None:
         box.label(text="No compiled kernels: rendering is very slow", icon="ERROR")
         paragraph(context, box, f"numba cannot be loaded ({NUMBA_PROBLEM}). Disable other extensions that bring a "
                                 "numba of their own, or reinstall this one, then restart Blender")
-
-
-def icon_of(owner) -> str:
-    """The outliner's icon for a local, linked or overridden volume; linked ones have disabled buttons."""
-    if owner.library is not None:
-        return "LIBRARY_DATA_DIRECT"
-    return "OUTLINER_OB_VOLUME" if owner.override_library is None else "LIBRARY_DATA_OVERRIDE"
 
 
 CLASSES = (RLE_SPLAT_PT_volume,)

@@ -181,7 +181,8 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
     assert "7 × 6 × 5, uint8" in texts(log)
     for wanted in (
         ("template_curve_mapping", "mapping"), ("template_color_ramp", "color_ramp"), ("prop", "window_center"),
-        ("prop", "window_width"), ("prop", "quality"), ("operator", "rle_splat.render_image"),
+        ("prop", "window_width"), ("prop_enum", "quality"), ("prop", "display"), ("prop", "shift"),
+        ("operator", "rle_splat.render_image"),
         ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"),
         ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
     ):
