@@ -41,7 +41,8 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         layout.use_property_split = True
         layout.use_property_decorate = False
         source_options.draw_place(layout, self)
-        if volumes.volume_object(context).rle_splat.frame_count > 1:
+        owner = volumes.volume_object(context)
+        if owner is not None and owner.rle_splat.frame_count > 1:
             layout.label(text="The frame that is shown is set in Time", icon="INFO")
         layout.separator()
         for name in ("modality", "value_unit"):
