@@ -40,7 +40,7 @@ QUALITY_TEXTS = {
     "fine": ("Fine", "More accurate, for final pictures"),
     "strict": ("Strict", "The most accurate quality, and slow"),
 }
-AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels of a post-classified picture"
+AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels"
 CLASSIFICATION_TEXTS = {
     "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
                               "are softer. Errors are measured against truth T1"),
@@ -147,7 +147,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
 
     label_file: LiveString(
         name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
-        "If a label has its own transfer function or color, the volume is drawn pre-classified",
+        "If a label has its own transfer function or color, edges inside the volume are softer",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="Appearance of each segment")
     active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)

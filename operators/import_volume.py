@@ -288,7 +288,8 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("spacing", "modality", "preset", "at_cursor", "use_framing"):
+        source_options.draw_spacing(layout, self)
+        for name in ("modality", "preset", "at_cursor", "use_framing"):
             layout.prop(self, name)
 
 

@@ -40,7 +40,8 @@ class AdvancedPanel:
         layout.use_property_decorate = False
         settings = context.scene.rle_splat
         _draw_error(context, layout)
-        row = layout.row(align=True, heading="Pipeline")
+        row = layout.row(align=True)
+        row.use_property_split = False
         for name in ("paper", "custom"):
             row.prop_enum(settings, "quality", name)
         if settings.quality != "paper":

@@ -8,6 +8,7 @@ from .places import OfVolume
 NAME_SHARE = 0.62  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
+BUTTON = 2.5  # width of a button beside a path, in buttons
 
 
 class RLE_SPLAT_UL_labels(bpy.types.UIList):
@@ -40,7 +41,9 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         properties = volumes.volume_object(context).rle_splat
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
-        row.operator("rle_splat.read_labels", text="Read")
+        button = row.row(align=True)
+        button.ui_units_x = BUTTON
+        button.operator("rle_splat.read_labels", text="Read")
         if not properties.labels:
             return
         layout.template_list(

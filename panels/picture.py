@@ -13,22 +13,20 @@ class PicturePanel:
     def draw(self, context):
         layout = self.layout
         settings = context.scene.rle_splat
-        column = layout.column()
-        column.scale_y = 1.2
-        row = column.row(align=True)
-        row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
+        row = _tall(layout)
+        row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
         row.operator("rle_splat.remove_composite", text="", icon="X")
-        row = column.row(align=True)
+        _draw_composite(context, layout)
+        row = _tall(layout)
         row.operator("rle_splat.set_backdrop", icon="PINNED")
         row.operator("rle_splat.remove_backdrop", text="", icon="X")
-        column.operator("rle_splat.render_image", icon="IMAGE_DATA")
         row = layout.row()
         row.prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
-        layout.prop(settings, "meshes_occlude")
+        _tall(layout).operator("rle_splat.render_image", icon="IMAGE_DATA")
         _draw_quality(context, layout)
+        layout.prop(settings, "meshes_occlude")
         draw_outdated(context, layout)
-        _draw_composite(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
             alert = layout.column()
@@ -36,9 +34,17 @@ class PicturePanel:
             paragraph(context, alert, sentence, icon="ERROR")
 
 
+def _tall(layout):
+    """A row for a button that starts long work."""
+    row = layout.row(align=True)
+    row.scale_y = 1.2
+    return row
+
+
 def _draw_quality(context, layout) -> None:
     """The named qualities; the others are in Advanced."""
     settings = context.scene.rle_splat
+    layout.label(text="Quality")
     grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
     grid.active = not settings.max_error
     for name in PRESET_AIMS:

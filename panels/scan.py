@@ -5,6 +5,8 @@ import bpy
 from ..bridge import volumes
 from .places import DataTab, OfVolume, paragraph
 
+BUTTON = 3.5  # width of the button beside the path, in buttons
+
 
 class ScanPanel:
     """Draws the panel in the sidebar and in the object data properties."""
@@ -17,7 +19,9 @@ class ScanPanel:
         properties = volumes.volume_object(context).rle_splat
         row = layout.row(align=True)
         row.prop(properties, "filepath", text="")
-        row.operator("rle_splat.relocate", text="Relocate")
+        button = row.row(align=True)
+        button.ui_units_x = BUTTON
+        button.operator("rle_splat.relocate", text="Relocate")
         row = layout.row(align=True)
         row.operator("rle_splat.reload", text="Reload", icon="FILE_REFRESH").use_dialog = False
         row.operator("rle_splat.reload", text="Edit…", icon="GREASEPENCIL").use_dialog = True

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.blender import scenes
+from tests.blender.real_blender import MODULE
 
 N = 9
 
@@ -202,6 +203,20 @@ def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_p
     assert cache.size() == 201
     assert bpy.ops.rle_splat.clear_kernels() == {"FINISHED"}
     assert cache.size() == 1 and used.is_dir() and not other.exists()
+
+
+def test_every_choice_has_a_tooltip(addon):
+    groups = [bpy.types.Object, bpy.types.Scene]
+    groups = [base.bl_rna.properties["rle_splat"].fixed_type for base in groups]
+    groups += [entry.fixed_type for group in groups for entry in group.properties if entry.type == "COLLECTION"]
+    groups += [getattr(bpy.ops.rle_splat, name).get_rna_type() for name in dir(bpy.ops.rle_splat)]
+    groups.append(bpy.context.preferences.addons[MODULE].preferences.bl_rna)
+    choices = [
+        (group.identifier, entry.identifier, item.identifier, item.description) for group in groups
+        for entry in group.properties if entry.type == "ENUM" for item in entry.enum_items
+    ]
+    assert len(choices) > 100
+    assert [choice for choice in choices if not choice[-1]] == []
 
 
 def test_progress_never_runs_backwards(bridge, core, monkeypatch):

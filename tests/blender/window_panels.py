@@ -60,7 +60,21 @@ def check_state(name: str):
     drawn.clear()
     yield from photograph(name)
     with in_the_view():
-        assert drawn == {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
+        shown = {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
+        assert drawn == {cls for cls in shown if getattr(cls, "bl_context", "") != "data"}
+
+
+def check_object_data():
+    """The panels in Properties > Object Data of a volume."""
+    yield from new_file()
+    with in_the_view():
+        add_volume(folder())
+    yield
+    area_of("PROPERTIES").spaces.active.context = "DATA"
+    yield
+    drawn.clear()
+    yield from photograph("object_data")
+    assert {cls for cls in of_addon(bpy.types.Panel) if getattr(cls, "bl_context", "") == "data"} <= drawn
 
 
 def close_popup():
@@ -121,7 +135,7 @@ def scenario():
     for name in STATES:
         yield from check_state(name)
         passed(name)
-    for check in (check_popups, check_preferences, check_flaws):
+    for check in (check_object_data, check_popups, check_preferences, check_flaws):
         yield from check()
         passed(check.__name__)
 
