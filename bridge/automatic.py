@@ -31,3 +31,21 @@ def switch(name: str, special: float, other: float, *, when_special: bool = True
             setattr(group, name, special if on == when_special else other)
 
     return {"get": get, "set": put}
+
+
+def draw_number(layout, data, name: str, switch: str) -> None:
+    """Draw a number that a checkbox makes automatic: the checkbox alone, or both.
+
+    Parameters
+    ----------
+    layout : bpy.types.UILayout
+        Where they are added.
+    data : bpy.types.bpy_struct
+        What has both properties.
+    name, switch : str
+        The number, and the checkbox of ``switch``, whose label says what it makes of the number.
+    """
+    column = layout.column(align=True, heading=data.bl_rna.properties[name].name)
+    column.prop(data, switch)
+    if not getattr(data, switch):
+        column.prop(data, name, text=" ")

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from ..rle_splat.runtime import memory
 from ..rle_splat.runtime.jit import cache_folder
 from . import kernel_cache, kernel_preparation
-from .automatic import switch
+from .automatic import draw_number, switch
 from .paths import EXTENSION
 
 BESIDE, PACKED = "BESIDE", "PACKED"
@@ -71,10 +71,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         for name in ("pictures", "failed_frame", "show_live"):
             layout.prop(self, name)
         for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
-            column = layout.column(align=True, heading=self.bl_rna.properties[name].name)
-            column.prop(self, automatic)
-            if not getattr(self, automatic):
-                column.prop(self, name, text=" ")
+            draw_number(layout, self, name, automatic)
         layout.prop(self, "prepare_kernels")
         row = layout.row()
         row.label(text=f"Compiled kernels: {memory.bytes_text(kernel_cache.size())} in {cache_folder()}")

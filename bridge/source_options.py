@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from ..rle_splat.volume.volume import STORED_TYPES
+from .automatic import switch
 from .decimals import typed, typed_tuple
 from .overridable import (
     BoolProperty,
@@ -119,12 +120,18 @@ class SourceOptions:
     series: IntProperty(
         name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
         min=0)
+    use_only_series: BoolProperty(
+        name="The Only One", description="Read the series that the place holds, and ask where it holds several",
+        **switch("series", 0, 1))
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})
     frame: IntProperty(
         name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
         "the first", default=0, min=0)
+    use_first_frame: BoolProperty(
+        name="The First", description="Read the first volume, and show others with the timeline",
+        **switch("frame", 0, 1))
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "
         "smoke_0001.vdb, as volumes in time", default=False)

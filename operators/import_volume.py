@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProp
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge import box, facts, new_volume, source_options, viewports
+from ..bridge.automatic import draw_number
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -220,9 +221,11 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
-            for name in ("grid", "series", "frame"):
+            if "grid" in kind.options:
+                layout.prop(self, "grid")
+            for name, automatic in (("series", "use_only_series"), ("frame", "use_first_frame")):
                 if name in kind.options:
-                    layout.prop(self, name)
+                    draw_number(layout, self, name, automatic)
             if "spacing" in kind.options:
                 source_options.draw_spacing(layout, self)
         if self.sequence_text:

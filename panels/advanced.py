@@ -3,10 +3,11 @@
 import bpy
 
 from ..bridge import facts, transfer, volumes
+from ..bridge.automatic import draw_number
 from ..bridge.camera import image_size
 from ..bridge.settings import OF_PRE, quality_of
 from ..rle_splat.scene import RleSplatError
-from .places import RenderTab, Sidebar, draw_number, paragraph
+from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",

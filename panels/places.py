@@ -47,24 +47,6 @@ class DataTab:
         return owner is not None and owner == getattr(context, "object", None)
 
 
-def draw_number(layout, data, name: str, switch: str) -> None:
-    """Draw a number that a checkbox makes automatic: the checkbox alone, or both.
-
-    Parameters
-    ----------
-    layout : bpy.types.UILayout
-        Where they are added.
-    data : bpy.types.bpy_struct
-        What has both properties.
-    name, switch : str
-        The number, and the checkbox of ``automatic.switch``, whose label says what it makes of the number.
-    """
-    column = layout.column(align=True, heading=data.bl_rna.properties[name].name)
-    column.prop(data, switch)
-    if not getattr(data, switch):
-        column.prop(data, name, text=" ")
-
-
 def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
     """Draw a text of any length as several labels, since Blender's labels do not wrap.
 
