@@ -11,7 +11,6 @@ from functools import partial
 import bpy
 
 from ..rle_splat import scene as tables
-from ..rle_splat.effects.ray_mode import MODE_NAMES
 from . import backdrop, box, knob_items
 from .accuracy import AccuracyRowProperties
 from .automatic import switch
@@ -57,11 +56,15 @@ QUALITY_ITEMS = [
     ("paper", "As Published", "The algorithm exactly as published, for comparison"),
     ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
-MODE_ITEMS = [
-    (name, "Shaded" if name == "composite" else MODE_NAMES[name].replace("average", "Average"),
-     text[0].upper() + text[1:])
-    for name, text in tables.MODE_TEXTS.items()
+DISPLAY_ITEMS = [
+    ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
+    ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
+    ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
+    ("average", "Average", "Show the mean value along each line of sight"),
+    ("xray", "X-ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
 ]
+SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
+MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
@@ -229,14 +232,14 @@ def _place_backdrop(settings, context):
 
 
 def _mode_of(settings) -> int:
-    return tables.MODES.index(settings.mode)
+    return SHOWN.index(settings.mode)
 
 
 def _choose_mode(settings, index: int) -> None:
     """Set the mode with the look that suits it; ``mode`` alone leaves the look as it is."""
     if index != _mode_of(settings):
-        settings.mode = tables.MODES[index]
-        settings.use_grays = index > 0
+        settings.mode = SHOWN[index]
+        settings.use_grays = settings.mode != tables.MODES[0]
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -300,7 +303,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         "in the mode Shaded")
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded switches to "
-        "gray by level and window", items=MODE_ITEMS, get=_mode_of, set=_choose_mode)
+        "gray by level and window", items=DISPLAY_ITEMS, get=_mode_of, set=_choose_mode)
     lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_shadows: LiveBool(
         name="Shadows", default=True,
