@@ -74,8 +74,9 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
             draw_number(layout, self, name, automatic)
         layout.prop(self, "prepare_kernels")
         row = layout.row()
-        row.label(text=f"Compiled kernels: {memory.bytes_text(kernel_cache.size())} in {cache_folder()}")
+        row.label(text=f"Compiled kernels: {memory.bytes_text(kernel_cache.size())}")
         row.operator("rle_splat.clear_kernels", icon="TRASH")
+        layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
 
 
 def current():
