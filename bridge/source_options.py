@@ -215,7 +215,7 @@ def draw_spacing(layout, source) -> None:
     column = layout.column(heading="Spacing")
     column.prop(source, "use_file_spacing")
     if not source.use_file_spacing:
-        column.prop(source, "spacing", text="")
+        column.prop(source, "spacing", text=" ")
 
 
 def draw_place(layout, source) -> None:

@@ -42,10 +42,9 @@ class ColorPanel:
         curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         _draw_window(layout, owner.rle_splat)
         _draw_opacity(layout, owner.rle_splat)
-        row = layout.row(align=True)
-        row.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
+        layout.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
         if transfer.is_shared(owner):
-            row.operator("rle_splat.own_transfer", text=str(tree.users), icon="DUPLICATE")
+            layout.operator("rle_splat.own_transfer", text=f"Make Own Copy ({tree.users} Users)", icon="DUPLICATE")
 
 
 def _draw_histogram(context, layout, owner) -> None:
