@@ -1,5 +1,6 @@
 """What the panels' own buttons and settings do: volumes chosen, modes with their look, segments, cuts, scans edited."""
 
+from importlib import import_module
 from itertools import count
 from types import SimpleNamespace
 
@@ -7,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from tests.blender import scenes
+from tests.blender import layout_recorder, scenes
 from tests.blender.real_blender import MODULE
 
 N = 9
@@ -51,6 +52,30 @@ def test_the_volume_stays_chosen_while_a_clip_object_is_moved(owner, bridge, tmp
 
 def test_an_object_that_is_not_there_cannot_be_chosen(owner, refused):
     refused(bpy.ops.rle_splat.choose_object, "not in this view layer", name="nothing")
+
+
+def state_line(is_on, monkeypatch, viewports=()):
+    """What the top of the tab says of a viewport that shows volumes or not."""
+    live_view = import_module(f"{MODULE}.panels.live_view")
+    monkeypatch.setattr(live_view.live, "viewports_of", lambda area: viewports)
+    log = []
+    context = SimpleNamespace(
+        area=SimpleNamespace(type="VIEW_3D", regions=()), region=None, preferences=bpy.context.preferences,
+        scene=bpy.context.scene, space_data=SimpleNamespace(show_object_viewport_volume=is_on))
+    live_view.draw_state(context, layout_recorder.Recorder(log))
+    return log
+
+
+def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
+    for is_busy, text in ((True, "Refining"), (False, "Up to date")):
+        assert ("label", text) in state_line(True, monkeypatch, [SimpleNamespace(is_busy=is_busy, problem="")])
+    assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
+    picture()
+    assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
+    owner.rle_splat.window_width *= 2.0
+    log = state_line(False, monkeypatch)
+    assert ("operator", "rle_splat.render_image") in log and ("text", "Update") in log
+    assert any("Out of date" in str(value) for kind, value in log if kind == "label")
 
 
 def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge):
