@@ -68,7 +68,8 @@ def state_line(is_on, monkeypatch, viewports=()):
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
     for is_busy, text in ((True, "Refining"), (False, "Up to date")):
-        assert ("label", text) in state_line(True, monkeypatch, [SimpleNamespace(is_busy=is_busy, problem="", halvings=0)])
+        viewport = SimpleNamespace(is_busy=is_busy, problem="", halvings=0)
+        assert ("label", text) in state_line(True, monkeypatch, [viewport])
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
     picture()
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)

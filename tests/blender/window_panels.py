@@ -22,6 +22,7 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     redraw,
+    until,
     window,
 )
 
@@ -83,6 +84,25 @@ def close_popup():
     yield
 
 
+def check_saved_picture():
+    """Save Picture opens an image editor with what it made, and Edit in the panel Scan a dialog."""
+    yield from new_file()
+    with in_the_view():
+        add_volume(folder())
+        bpy.ops.rle_splat.render_image("INVOKE_DEFAULT")
+
+    def shown():
+        areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+        return [area.spaces.active.image for area in areas if area.type == "IMAGE_EDITOR"]
+
+    yield from until(lambda: shown() and shown() == [bpy.context.scene.rle_splat.image])
+    yield from photograph("saved_picture")
+    with in_the_view():
+        bpy.ops.rle_splat.reload("INVOKE_DEFAULT", use_dialog=True)
+    yield from photograph("edit_scan")
+    yield from close_popup()
+
+
 def check_popups():
     """The menus, the line in File > Import, and the import dialog of a raw file and of a VDB."""
     yield from new_file()
@@ -135,7 +155,7 @@ def scenario():
     for name in STATES:
         yield from check_state(name)
         passed(name)
-    for check in (check_object_data, check_popups, check_preferences, check_flaws):
+    for check in (check_object_data, check_saved_picture, check_popups, check_preferences, check_flaws):
         yield from check()
         passed(check.__name__)
 
