@@ -37,13 +37,6 @@ def clip_objects(scene) -> list:
     return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
 
 
-def is_box(one) -> bool:
-    """Whether a clip object cuts as a box, as far as panels can tell: a mesh that is not flat, or a cube Empty."""
-    if one.type == "EMPTY":
-        return one.empty_display_type == "CUBE"
-    return one.type != "MESH" or min(one.dimensions) > FLAT * max(one.dimensions)
-
-
 def read_clips(depsgraph) -> tuple[Clip, ...]:
     """The scene's clip objects as plain data at the depsgraph's time.
 

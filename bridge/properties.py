@@ -159,10 +159,10 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         default=True)
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
-    clip_keep: LiveEnum(
-        name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
     clip_flipped: BoolProperty(
         name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
+    clip_keep: LiveEnum(
+        name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
         description="Colors and opacity curve, stored in a node group. Copies of the object share it")

@@ -25,7 +25,6 @@ READING = 0.9  # share of the time until a file is read; the rest is for measuri
 
 _kept: dict = {}  # source key -> Volume
 _in_use: dict = {}  # session id of a volume object -> the source key that it asked for last
-_last: dict = {}  # session id of a scene -> that of its volume object that was active last
 _ahead: list = []  # the source key that was read ahead, if any
 
 
@@ -54,22 +53,17 @@ def volume_object(context):
     Returns
     -------
     bpy.types.Object or None
-        The active object if it is a volume, else the only selected volume, else the only volume of the scene.  While a
-        clip object is active, the volume that was active before.
+        The active object if it is a volume, else the only selected volume, else the only volume of the scene.
     """
     active = context.view_layer.objects.active
     if active is not None and active.rle_splat.is_volume:
-        _last[context.scene.session_uid] = active.session_uid
         return active
     every = volume_objects(context.scene)
     selected = [o for o in every if o.select_get(view_layer=context.view_layer)]
     for candidates in (selected, every):
         if len(candidates) == 1:
             return candidates[0]
-    clips = context.scene.rle_splat.clip_objects
-    if active is None or clips is None or active.name not in clips.all_objects:
-        return None
-    return next((one for one in every if one.session_uid == _last.get(context.scene.session_uid)), None)
+    return None
 
 
 def expose_modules() -> None:

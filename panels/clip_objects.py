@@ -36,10 +36,17 @@ def _draw_one(context, layout, one) -> None:
     eye.enabled = one.type == "EMPTY"  # a mesh cuts, hidden or not
     eye.prop(one, "hide_render", text="", icon="HIDE_ON" if one.hide_render else "HIDE_OFF", emboss=False)
     is_active = context.view_layer.objects.active == one
-    icon = "MESH_CUBE" if clip_objects.is_box(one) else "MESH_PLANE"
+    icon = "MESH_CUBE" if _is_box(one) else "MESH_PLANE"
     row.operator("rle_splat.choose_object", text=one.name, icon=icon, emboss=is_active).name = one.name
     row.prop(one.rle_splat, "clip_flipped", text="", icon="ARROW_LEFTRIGHT")
     row.operator("rle_splat.delete_clip", text="", icon="X", emboss=False).name = one.name
+
+
+def _is_box(one) -> bool:
+    """Whether a clip object cuts as a box, as far as its own shape tells: a cube Empty, or a mesh that is not flat."""
+    if one.type == "EMPTY":
+        return one.empty_display_type == "CUBE"
+    return min(one.dimensions) > clip_objects.FLAT * max(one.dimensions)
 
 
 CLASSES = (RLE_SPLAT_PT_clip_objects,)

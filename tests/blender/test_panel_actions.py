@@ -39,17 +39,6 @@ def test_a_chosen_volume_is_the_one_that_buttons_work_on(owner, bridge, tmp_path
     assert owner.select_get() and not other.select_get()
 
 
-def test_the_volume_stays_chosen_while_a_clip_object_is_moved(owner, bridge, tmp_path):
-    other = scenes.import_raw(tmp_path, np.zeros((2, 2, 2), np.uint8), name="other")
-    bpy.ops.rle_splat.choose_object(name=owner.name)
-    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
-    assert bpy.context.object not in (owner, other)
-    assert bridge("volumes").volume_object(bpy.context) == owner
-    bpy.context.view_layer.objects.active = bpy.context.scene.camera
-    bpy.context.object.select_set(True)
-    assert bridge("volumes").volume_object(bpy.context) is None
-
-
 def test_an_object_that_is_not_there_cannot_be_chosen(owner, refused):
     refused(bpy.ops.rle_splat.choose_object, "not in this view layer", name="nothing")
 
