@@ -35,6 +35,7 @@ def write_facts(volume_object, volume, counted) -> None:
     properties.value_low, properties.value_high = low, high
     properties.value_unit = volume.value_unit or ""
     properties.length_unit = volume.unit
+    properties.found_spacing = volume.spacing
     properties.space = volume.space or ""
     properties.facts = "\n".join(fact_lines(volume, os.path.basename(properties.filepath.replace("\\", "/"))))
     properties.remarks = "\n".join(volume.remarks)

@@ -102,13 +102,13 @@ def out_of_date(scene) -> list:
     """
     return [
         row.image for row in shown_rows(scene)
-        if row.image.session_uid in _out_of_date or _has_new_transfer_function(row)
+        if row.image.session_uid in _out_of_date or _has_new_transfer_function(scene, row)
     ]
 
 
 def have_new_transfer_functions(scene) -> bool:
     """Whether the transfer function of a shown picture was edited, including edits by a script without an update."""
-    return any(_has_new_transfer_function(row) for row in shown_rows(scene))
+    return any(_has_new_transfer_function(scene, row) for row in shown_rows(scene))
 
 
 def forget() -> None:
@@ -171,10 +171,11 @@ def shown_rows(scene) -> list:
     ]
 
 
-def _has_new_transfer_function(row) -> bool:
+def _has_new_transfer_function(scene, row) -> bool:
     known = made_from(row.image)
     try:
-        return bool(known.transfer_function) and known.transfer_function != _digest(transfer.read_transfer(row.volume))
+        shown = transfer.shown_transfer(row.volume, scene)
+        return bool(known.transfer_function) and known.transfer_function != _digest(shown)
     except RleSplatError:
         return True
 

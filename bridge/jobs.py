@@ -8,6 +8,7 @@ and Esc everything is as it was before the first preview.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import bpy
 
@@ -157,6 +158,9 @@ class StepwiseOperator:
                 self._show(context, progress)
                 return {"RUNNING_MODAL"}  # let Blender draw it
         if progress is not None:
+            last = StepwiseOperator._progress
+            if last is not None and last.fraction > progress.fraction:  # a bar that runs back looks like a mistake
+                progress = replace(progress, fraction=last.fraction)
             StepwiseOperator._progress = progress
             context.window_manager.progress_update(progress.fraction)
             self._say(context, f"{progress.message} ({progress.fraction:.0%})")

@@ -36,11 +36,19 @@ class _Now:
 
     process: subprocess.Popen | None = None
     text = ""
+    missing: bool | None = None
 
 
 def text() -> str:
     """What is going on, for people; "" when no kernels are prepared."""
     return _Now.text
+
+
+def are_missing() -> bool:
+    """Whether the kernels of default pictures are not on disk; looked up once in a session, and after a preparation."""
+    if _Now.missing is None:
+        _Now.missing = is_needed()
+    return _Now.missing
 
 
 def is_due() -> bool:
@@ -69,7 +77,7 @@ def begin() -> None:
 
 def end() -> None:
     """End the process, if there is one, and wait until it is gone."""
-    process, _Now.process, _Now.text = _Now.process, None, ""
+    process, _Now.process, _Now.text, _Now.missing = _Now.process, None, "", None
     if process is not None:
         process.kill()
         process.wait()

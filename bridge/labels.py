@@ -19,11 +19,22 @@ from ..rle_splat.volume.counts import counts_values, stored_values
 from ..rle_splat.volume.measure import measured_steps
 from . import file_state, volumes
 from .decimals import typed
-from .overridable import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+from .overridable import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    StringProperty,
+)
 from .preset_items import IMPORT_ITEMS, SUGGESTED
 
 OWN = "OWN"
-FUNCTION_ITEMS = [(OWN, "As the Volume", "Use the volume's own transfer function")] + [
+SOLID = "SOLID"
+FUNCTION_ITEMS = [
+    (OWN, "As the Volume", "Use the volume's own transfer function"),
+    (SOLID, "Solid", "Give all voxels of the segment the same opacity, whatever their values"),
+] + [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
@@ -34,6 +45,17 @@ _kept: dict = {}  # (path, its state, shape, affine, space) of the last label fi
 
 def _evaluate_anew(row, _context):
     row.id_data.update_tag()
+
+
+def _color_of(row):
+    return tuple(row.color)
+
+
+def _give_color(row, color) -> None:
+    """Show a segment in a color, also where the volume's transfer function makes its values transparent."""
+    row.color, row.use_color, row.show = color, True, True
+    if row.look == OWN:
+        row.look = SOLID
 
 
 class LabelProperties(bpy.types.PropertyGroup):
@@ -53,10 +75,19 @@ class LabelProperties(bpy.types.PropertyGroup):
         name="Transfer Function", description="Transfer function for the voxels of this label", items=FUNCTION_ITEMS,
         default=OWN, update=_evaluate_anew)
 
+    opacity: FloatProperty(
+        name="Opacity", description="Factor on the opacity of this segment", default=1.0, min=0.0, max=1.0,
+        subtype="FACTOR", update=_evaluate_anew)
+    shown_color: FloatVectorProperty(
+        name="Color", description="Color of the segment. Choosing one shows all voxels of the segment in it, with one "
+        "opacity", subtype="COLOR", size=3, min=0.0, max=1.0, get=_color_of, set=_give_color)
+
     def plain(self) -> LabelStyle:
         return LabelStyle(
             self.label, self.label_name, not self.show,
-            tuple(typed(c) for c in self.color) if self.use_color else None, None if self.look == OWN else self.look,
+            tuple(typed(c) for c in self.color) if self.use_color else None,
+            None if self.look in (OWN, SOLID) else self.look,
+            opacity=typed(self.opacity), solid=self.look == SOLID,
         )
 
 

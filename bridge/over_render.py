@@ -162,8 +162,8 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
         if volume_object is None or presence.is_deleted(volume_object):
             name = settings.deleted_volume if volume_object is None else volume_object.name
             raise RleSplatError(
-                f"The volume {name!r} was deleted; select another one and press Composite into Render, or press Remove "
-                "from Render."
+                f"The volume {name!r} was deleted; select another one and press Include in Renders, or press Remove "
+                "from Renders."
             )
         hidden = _why_hidden(volume_object, depsgraph)
         if hidden is not None:

@@ -10,13 +10,14 @@ from bpy import props
 _KEPT = {"LIBRARY_OVERRIDABLE"}
 
 (
-    BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, IntVectorProperty, PointerProperty,
-    StringProperty,
+    BoolProperty, BoolVectorProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, IntVectorProperty,
+    PointerProperty, StringProperty,
 ) = (
     partial(kind, override=_KEPT)
     for kind in (
-        props.BoolProperty, props.EnumProperty, props.FloatProperty, props.FloatVectorProperty, props.IntProperty,
-        props.IntVectorProperty, props.PointerProperty, props.StringProperty,
+        props.BoolProperty, props.BoolVectorProperty, props.EnumProperty, props.FloatProperty,
+        props.FloatVectorProperty, props.IntProperty, props.IntVectorProperty, props.PointerProperty,
+        props.StringProperty,
     )
 )  # fmt: skip
 

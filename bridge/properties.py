@@ -5,14 +5,15 @@ of the transfer function are in the node group ``transfer`` (see ``transfer.py``
 object, so that it can be keyframed.
 """
 
+import os
 from functools import partial
 
 import bpy
 
 from ..rle_splat import scene as tables
-from ..rle_splat.effects.ray_mode import MODE_NAMES
-from . import backdrop, box
+from . import backdrop, box, knob_items
 from .accuracy import AccuracyRowProperties
+from .automatic import switch
 from .channels import ChannelProperties
 from .effects import EffectOverrideProperties, EffectRowProperties
 from .labels import LabelProperties
@@ -27,6 +28,7 @@ from .overridable import (
 )
 from .pictures import PictureProperties
 from .playback import Playback
+from .preferences import FAILED_FRAME_ITEMS
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
@@ -37,7 +39,7 @@ QUALITY_TEXTS = {
     "fine": ("Fine", "More accurate, for final pictures"),
     "strict": ("Strict", "The most accurate quality, and slow"),
 }
-AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels of a post-classified picture"
+AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels"
 CLASSIFICATION_TEXTS = {
     "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
                               "are softer. Errors are measured against truth T1"),
@@ -51,15 +53,18 @@ QUALITY_ITEMS = [
     (name, QUALITY_TEXTS[name][0], f"{QUALITY_TEXTS[name][1]}. {AIM_TEXT.format(aim)}")
     for name, aim in tables.PRESET_AIMS.items()
 ] + [
-    ("paper", "Paper", "The algorithm exactly as published, for comparison"),
+    ("paper", "As Published", "The algorithm exactly as published, for comparison"),
     ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
-RECORD_ITEMS = [(str(size), f"{size} Bytes", "") for size in tables.RECORDS]
-REFINEMENT_ITEMS = [(str(times), f"{times} Times", "") for times in tables.REFINEMENTS]
-MODE_ITEMS = [
-    (name, MODE_NAMES[name] if name != "composite" else "Composite", text[0].upper() + text[1:])
-    for name, text in tables.MODE_TEXTS.items()
+DISPLAY_ITEMS = [
+    ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
+    ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
+    ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
+    ("average", "Average", "Show the mean value along each line of sight"),
+    ("xray", "X-ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
 ]
+SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
+MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
@@ -103,8 +108,24 @@ def _knob(name: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def _items(names):
-    return [(name, name.replace("_", " ").title(), "") for name in names]
+def _shift_of(group) -> float:
+    if not group.is_property_set("preset_center"):  # of a file of an earlier version
+        return 0.0
+    return 100.0 * (group.window_center - group.preset_center) / max(group.value_high - group.value_low, 1e-6)
+
+
+def _shift(group, percent: float) -> None:
+    if not group.is_property_set("preset_center"):
+        group.preset_center = group.window_center
+    group.window_center = group.preset_center + 0.01 * percent * (group.value_high - group.value_low)
+
+
+def _is_flipped(group) -> bool:
+    return group.clip_keep == "OUTSIDE"
+
+
+def _flip(group, on: bool) -> None:
+    group.clip_keep = "OUTSIDE" if on else "INSIDE"
 
 
 class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
@@ -129,14 +150,17 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
 
     label_file: LiveString(
         name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
-        "If a label has its own transfer function or color, the volume is drawn pre-classified",
+        "If a label has its own transfer function or color, edges inside the volume are softer",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
-    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Visibility and color of each label")
+    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Appearance of each segment")
+    active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
     smooth_labels: LiveBool(
         name="Smooth Edges", description="Smooth the edges of labels instead of showing the steps of their voxels",
         default=True)
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
+    clip_flipped: BoolProperty(
+        name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
     clip_keep: LiveEnum(
         name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
     transfer: LivePointer(
@@ -149,11 +173,20 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     window_width: LiveFloat(
         name="Window", description="Width of the range of values that the colors and the opacity curve cover",
         default=1.0, min=1e-6, precision=2)
+    preset_center: FloatProperty(
+        name="Level of the Preset", description="Level of the transfer function when it was last applied",
+        options={"HIDDEN"})
+    shift: FloatProperty(
+        name="Shift", description="Move the whole transfer function to higher or lower values, in percent of the range "
+        "of the volume's values", subtype="PERCENTAGE", soft_min=-100.0, soft_max=100.0, get=_shift_of, set=_shift)
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
     opacity_unit_distance: LiveFloat(
         name="Opacity Distance", description="Thickness of material that has the opacity of the curve; 0 uses the "
         "smallest voxel spacing", default=0.0, min=0.0, precision=4)
+    use_smallest_spacing: BoolProperty(
+        name="Automatic", description="Let the opacity of the curve be that of the smallest voxel spacing",
+        **switch("opacity_unit_distance", 0.0, 1.0))
     use_shading: LiveBool(
         name="Shading", description="Light the volume like a surface where its values change", default=True)
     ambient: LiveFloat(
@@ -198,6 +231,17 @@ def _place_backdrop(settings, context):
     _evaluate_anew(settings, context)
 
 
+def _mode_of(settings) -> int:
+    return SHOWN.index(settings.mode)
+
+
+def _choose_mode(settings, index: int) -> None:
+    """Set the mode with the look that suits it; ``mode`` alone leaves the look as it is."""
+    if index != _mode_of(settings):
+        settings.mode = SHOWN[index]
+        settings.use_grays = settings.mode != tables.MODES[0]
+
+
 class SceneSettings(bpy.types.PropertyGroup):
     """The settings of a scene's pictures, and the report of the last one."""
 
@@ -210,25 +254,30 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in levels of 1/255. The fastest settings that keep it are "
         "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")
+    use_max_error: BoolProperty(
+        name="Maximum Error", description="Choose the fastest settings that keep an error, instead of Quality",
+        **switch("max_error", 0.0, 2.0, when_special=False))
     classification: EnumProperty(
         name="Classification", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)
     refinement: LiveEnum(
-        name="Refinement", description=_knob("refinement"), items=REFINEMENT_ITEMS, default=str(USUAL.refinement))
+        name="Refinement", description=_knob("refinement"), items=knob_items.REFINEMENT_ITEMS,
+        default=str(USUAL.refinement))
     depth_rule: KnobEnum(
         name="Depth Rule", description=_knob("depth_rule"), default=USUAL.depth_rule,
-        items=_items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
+        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
     kernel: KnobEnum(
-        name="Footprint", description=_knob("kernel"), items=_items(tables.FOOTPRINTS), default=USUAL.kernel)
+        name="Footprint", description=_knob("kernel"), items=knob_items.items(tables.FOOTPRINTS), default=USUAL.kernel)
     minification: KnobEnum(
-        name="Minification", description=_knob("minification"), items=_items(tables.MINIFICATIONS),
+        name="Minification", description=_knob("minification"), items=knob_items.items(tables.MINIFICATIONS),
         default=USUAL.minification)
     warp_filter: LiveEnum(
-        name="Warp Filter", description=_knob("warp_filter"), items=_items(tables.WARP_FILTERS),
+        name="Warp Filter", description=_knob("warp_filter"), items=knob_items.items(tables.WARP_FILTERS),
         default=USUAL.warp_filter)
-    model: KnobEnum(name="Model", description=_knob("model"), items=_items(tables.MODELS), default=USUAL.model)
+    model: KnobEnum(
+        name="Model", description=_knob("model"), items=knob_items.items(tables.MODELS), default=USUAL.model)
     record: KnobEnum(
-        name="Voxel Record", description=_knob("record"), items=RECORD_ITEMS, default=str(USUAL.record))
+        name="Voxel Record", description=_knob("record"), items=knob_items.RECORD_ITEMS, default=str(USUAL.record))
     sheet_density: LiveFloat(
         name="Sheet Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0,
         max=tables.MOST_SHEET_DENSITY)
@@ -241,10 +290,20 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Single Rays", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
     threads: LiveInt(
         name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64)
+    use_all_cores: BoolProperty(
+        name="All Cores", description="Use as many threads as the processor has cores",
+        **switch("threads", 0, os.cpu_count() or 1))
     backend: LiveEnum(
-        name="Backend", description=_knob("backend"), items=_items(tables.BACKENDS),
+        name="Backend", description=_knob("backend"), items=knob_items.items(tables.BACKENDS),
         default=USUAL.backend)
     mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
+    use_grays: LiveBool(
+        name="Gray by Window", default=False,
+        description="Show the values in gray by level and window, instead of the transfer function's colors. Not used "
+        "in the mode Shaded")
+    display: EnumProperty(
+        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded switches to "
+        "gray by level and window", items=DISPLAY_ITEMS, get=_mode_of, set=_choose_mode)
     lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_shadows: LiveBool(
         name="Shadows", default=True,
@@ -266,24 +325,24 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
         "arrow Empties as planes. The part that all of them keep is shown")
     meshes_occlude: LiveBool(
-        name="Meshes Occlude", description="Let meshes hide the part of the volume behind them, also inside the volume",
-        default=True)
+        name="Meshes Hide Volume", default=True,
+        description="Let meshes hide the part of the volume behind them, also inside the volume")
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera view shows the backdrop", update=_place_backdrop,
-        items=[("BACK", "Behind", "Show the backdrop behind the objects"),
-               ("FRONT", "In Front", "Show the backdrop in front of the objects")])
+        name="Place", description="Where the camera view shows the pinned picture", update=_place_backdrop,
+        items=[("BACK", "Behind", "Show the pinned picture behind the objects"),
+               ("FRONT", "In Front", "Show the pinned picture in front of the objects")])
     backdrop_object: PointerProperty(
         name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop")
     backdrop_follows: BoolProperty(
-        name="Follow Scene", default=False, update=_evaluate_anew,
-        description="Update the backdrop when the frame, the camera, the volume, a light, a clip object or a setting "
-        "changes")
+        name="Keep Up to Date", default=False, update=_evaluate_anew,
+        description="Update the pinned picture when the frame, the camera, the volume, a light, a clip object or a "
+        "setting changes")
     composite_object: PointerProperty(
-        name="Composite Volume", type=bpy.types.Object, description="Volume that is composited into renders")
+        name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include")
     deleted_volume: StringProperty(
-        name="Deleted Volume", description="Name of the composited volume that was deleted", options={"HIDDEN"})
+        name="Deleted Volume", description="Name of the volume in renders that was deleted", options={"HIDDEN"})
     composite_image: PointerProperty(
-        name="Composite Picture", type=bpy.types.Image, description="Picture that is composited into renders")
+        name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
     use_previews: BoolProperty(
         name="Progressive Preview", default=True,
         description="Show coarse pictures first if a picture in a window takes more than about 0.15 seconds. The final "
@@ -296,11 +355,9 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7")
     on_failed_frame: EnumProperty(
         name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
-        items=[("PLACEHOLDER", "Placeholder", "Show magenta stripes instead of the volume and continue"),
-               ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
-                "Blender reports the animation as finished. A script that renders single frames continues")])
+        items=FAILED_FRAME_ITEMS)
     use_composite: BoolProperty(
-        name="Composite into Render", description="Render the volume with every frame and composite it",
+        name="Include in Renders", description="Render the volume with every frame and combine it with the meshes",
         default=False)
     scene_id: StringProperty(
         name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"})

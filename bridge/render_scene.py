@@ -135,7 +135,7 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
     scene = depsgraph.scene_eval
     camera, width, height = view
     volume = volumes.load_volume(volume_object, warn, depsgraph)
-    transfer_function = transfer.read_transfer(volume_object, depsgraph)
+    transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)
     lighting = scene.rle_splat.lighting
     lights = read_lights(depsgraph) if lighting == "SCENE" else ()
     return Scene(

@@ -1,6 +1,7 @@
 """The settings of a Blender scene as plain data."""
 
 from ..rle_splat.scene import DEFAULT_QUALITY, NO_RAYS, POST_ONLY, Quality, preintegrated_of, preset_knobs
+from . import preferences
 from .decimals import typed
 
 # Millimeters per unit.  A VDB states no unit; Blender takes its world units as meters.
@@ -30,7 +31,8 @@ def quality_of(scene) -> Quality:
         For a knob out of range, or one that the classification does not support.
     """
     settings = scene.rle_splat
-    common = dict(threads=settings.threads, backend=settings.backend, record=int(settings.record))
+    threads = settings.threads or preferences.threads()
+    common = dict(threads=threads, backend=settings.backend, record=int(settings.record))
     if settings.quality == "paper":
         return Quality.paper(**common)
     common |= dict(classification=settings.classification, refinement=int(settings.refinement))

@@ -6,11 +6,13 @@ group, as copies share a material, but has its own window.
 """
 
 from ..rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
-from ..rle_splat.scene import RleSplatError
+from ..rle_splat.scene import MODES, RleSplatError
 from . import linked
 from . import transfer_nodes as nodes
 from .animation import curves_of
 from .decimals import rounded_to_span, typed
+
+XRAY_ALPHA = 0.04  # as the preset x-ray has
 
 
 def window_of(properties) -> tuple[float, float]:
@@ -51,6 +53,7 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     low, high = _usable_window(transfer_function, properties) if window is None else window
     properties.window_center = 0.5 * (low + high)
     properties.window_width = high - low
+    properties.preset_center = properties.window_center
     low, high = window_of(properties)  # rounded by the properties, so that reading gives the same values
     tree = properties.transfer
     if tree is None or not nodes.is_transfer_tree(tree) or not linked.is_own(tree):  # overrides of curves are lost
@@ -157,6 +160,39 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
         name=properties.transfer_name, unit=properties.transfer_unit or None, opacity=tuple(opacity),
         color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade,
         gradient_opacity=steep)
+
+
+def shown_transfer(volume_object, scene, depsgraph=None) -> TransferFunction:
+    """The transfer function that a scene shows a volume object with: its own, or grays by its level and window.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+    scene : bpy.types.Scene
+        Gives the mode.
+    depsgraph : bpy.types.Depsgraph, optional
+        As for ``read_transfer``.
+
+    Returns
+    -------
+    TransferFunction
+        With grays, the value at the low end of the window is black, and that at the high end white. In the mode X-ray
+        it has the opacity XRAY_ALPHA per smallest spacing.
+
+    Raises
+    ------
+    RleSplatError
+        If the object has no usable transfer function.
+    """
+    own = read_transfer(volume_object, depsgraph)
+    mode = scene.rle_splat.mode
+    if not scene.rle_splat.use_grays or mode == MODES[0]:
+        return own
+    low, high = window_of((volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)).rle_splat)
+    return TransferFunction(
+        name=f"{own.name}, gray", unit=own.unit, opacity=((low, 0.0), (high, XRAY_ALPHA if mode == "xray" else 1.0)),
+        color=((low, 1.0, 1.0, 1.0),))
 
 
 def evaluate_anew(volume_object) -> None:

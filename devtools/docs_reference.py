@@ -24,6 +24,7 @@ HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options of Blender's properties that no user
 PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a panel
     ("VIEW_3D", "RLE Splat"): "3D View > Sidebar > RLE Splat",
     ("PROPERTIES", "render"): "Properties > Render",
+    ("PROPERTIES", "data"): "Properties > Object Data",
 }
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",

@@ -7,8 +7,11 @@ from . import (
     add_clip,
     apply_preset,
     channels,
+    choose_object,
     choose_series,
+    clear_kernels,
     composite,
+    delete_clip,
     frame_volume,
     import_volume,
     keyframe_transfer,
@@ -16,6 +19,7 @@ from . import (
     live_view,
     own_transfer,
     read_labels,
+    reload,
     relocate,
     render_image,
     set_backdrop,
@@ -27,7 +31,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view,
+    frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload,
 )
 
 

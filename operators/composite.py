@@ -1,8 +1,8 @@
-"""Composite into Render and Remove from Render: add the volume to every render through the compositor."""
+"""Include in Renders and Remove from Renders: add the volume to every render through the compositor."""
 
 import bpy
 
-from ..bridge import compositor, images, pictures, versions, volumes
+from ..bridge import compositor, images, pictures, preferences, versions, volumes
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
@@ -13,8 +13,8 @@ from .through_camera import has_volume_and_camera
 
 class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.composite"
-    bl_label = "Composite into Render"
-    bl_description = "Render the volume with every frame of this scene and composite it with the meshes inside it"
+    bl_label = "Include in Renders"
+    bl_description = "Render the volume with every frame of this scene (F12) and combine it with the meshes inside it"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -46,24 +46,26 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         remarks = compositor.insert(scene, make_image)
         settings.composite_object, settings.composite_image = volume_object, compositor.images_of(scene)[0]
         settings.use_composite = True
+        if not settings.is_property_set("on_failed_frame"):
+            settings.on_failed_frame = preferences.failed_frame()
         settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
-            remarks.append(f"Only {volume_object.name} is composited, not {', '.join(others)}.")
-        self.report({"INFO"}, " ".join([f"{volume_object.name} is now composited into every render.", *remarks]))
+            remarks.append(f"Only {volume_object.name} is included, not {', '.join(others)}.")
+        self.report({"INFO"}, " ".join([f"{volume_object.name} is now included in every render.", *remarks]))
         return {"FINISHED"}
 
 
 class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
     bl_idname = "rle_splat.remove_composite"
-    bl_label = "Remove from Render"
+    bl_label = "Remove from Renders"
     bl_description = "Remove the volume's nodes from the compositor and keep all other nodes"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):
         if not (context.scene.rle_splat.use_composite or compositor.is_inserted(context.scene)):
-            cls.poll_message_set("No volume is composited into the render")
+            cls.poll_message_set("Renders include no volume")
             return False
         return True
 

@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProp
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge import box, facts, new_volume, source_options, viewports
+from ..bridge.automatic import draw_number
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -220,20 +221,20 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
-            for name in ("grid", "series", "frame", "spacing"):
+            if "grid" in kind.options:
+                layout.prop(self, "grid")
+            for name, automatic in (("series", "use_only_series"), ("frame", "use_first_frame")):
                 if name in kind.options:
-                    layout.prop(self, name)
+                    draw_number(layout, self, name, automatic)
+            if "spacing" in kind.options:
+                source_options.draw_spacing(layout, self)
         if self.sequence_text:
             layout.prop(self, "use_sequence")
             layout.label(text=self.sequence_text, icon="SEQUENCE")
         layout.separator()
         layout.prop(self, "modality")
         layout.prop(self, "value_unit")
-        layout.prop(self, "use_calibration")
-        column = layout.column(align=True)
-        column.active = self.use_calibration
-        column.prop(self, "slope")
-        column.prop(self, "intercept")
+        source_options.draw_calibration(layout, self)
         layout.separator()
         layout.prop(self, "preset")
         layout.prop(self, "at_cursor")
@@ -245,8 +246,15 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         return told or (format_named(paths[0]) if paths else None)
 
     def _draw_raw(self, layout):
-        for name in ("shape", "dtype", "byte_order", "header_bytes", "spacing"):
+        for name in ("shape", "dtype", "byte_order", "header_bytes"):
             layout.prop(self, name)
+        if any(self.spacing):
+            layout.prop(self, "spacing")
+        else:
+            row = layout.row(heading="Spacing")
+            row.alert = True
+            row.prop(self, "use_file_spacing", text="Unknown: Enter It (Counts as 1)", toggle=True)
+        layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             layout.label(text=f"In memory: {facts.memory_text(source_options.bytes_of(self))}", icon="MEMORY")
         if self.guess_text:
@@ -283,7 +291,8 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("spacing", "modality", "preset", "at_cursor", "use_framing"):
+        source_options.draw_spacing(layout, self)
+        for name in ("modality", "preset", "at_cursor", "use_framing"):
             layout.prop(self, name)
 
 

@@ -1,8 +1,8 @@
-"""Render Image: render the volume through the active camera into a color image and a depth image."""
+"""Save Picture: render the volume through the active camera into a color image and a depth image."""
 
 import bpy
 
-from ..bridge import freshness, pictures, render_scene
+from ..bridge import freshness, pictures, render_scene, show_image
 from ..bridge.canvas import Canvas
 from ..bridge.settings import tolerance_of
 from .through_camera import ThroughCamera, report_picture
@@ -10,8 +10,16 @@ from .through_camera import ThroughCamera, report_picture
 
 class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.render_image"
-    bl_label = "Render Image"
-    bl_description = "Render the volume through the active camera into a color image and a depth image"
+    bl_label = "Save Picture"
+    bl_description = (
+        "Render the volume through the active camera into a color image and a depth image, which are saved with the "
+        ".blend, and open the color image in an image editor")
+
+    _opens = False  # whether a user pressed the button
+
+    def invoke(self, context, event):
+        self._opens = True
+        return super().invoke(context, event)
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)
@@ -35,6 +43,8 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         freshness.note(image, self._made_from)
         pictures.note_report(settings, rendering.report)
         report_picture(self, image, rendering)
+        if self._opens and not bpy.app.background:
+            show_image.show(context, image)
 
 
 CLASSES = (RLE_SPLAT_OT_render_image,)

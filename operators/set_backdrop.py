@@ -1,4 +1,4 @@
-"""Camera Backdrop and Remove Backdrop: the volume's picture as a background image of the active camera."""
+"""Pin to Camera and Remove from Camera: the volume's picture as a background image of the active camera."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
@@ -19,7 +19,7 @@ from .through_camera import (
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.set_backdrop"
-    bl_label = "Camera Backdrop"
+    bl_label = "Pin to Camera"
     bl_description = "Render the volume and show it in the active camera's view, aligned to the pixel"
 
     place: EnumProperty(
@@ -29,7 +29,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
                ("SCENE", "As Set", "Use the setting in the panel")],
         default="SCENE", options={"SKIP_SAVE"})
     follow: BoolProperty(
-        name="Follow Scene", description="Update the picture whenever the frame or the scene changes",
+        name="Keep Up to Date", description="Update the picture whenever the frame or the scene changes",
         options={"SKIP_SAVE"})
 
     @classmethod
@@ -81,12 +81,12 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         backdrop.show(camera, image, self._place)
         report_picture(self, image, rendering)
         if not is_looked_through(context):
-            self.report({"INFO"}, "No 3D view looks through the camera; press Numpad 0 in one to see the backdrop.")
+            self.report({"INFO"}, "No 3D view looks through the camera; press Numpad 0 in one to see the picture.")
 
 
 class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
     bl_idname = "rle_splat.remove_backdrop"
-    bl_label = "Remove Backdrop"
+    bl_label = "Remove from Camera"
     bl_description = "Remove the volume's picture from the active camera's view"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -94,7 +94,7 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
     def poll(cls, context):
         scene = context.scene
         if scene.camera is None or scene.camera.type != "CAMERA" or backdrop.find(scene, scene.camera) is None:
-            cls.poll_message_set("The active camera shows no backdrop of a volume")
+            cls.poll_message_set("No picture of a volume is pinned to the active camera")
             return False
         return True
 

@@ -12,9 +12,9 @@ class ThroughCamera(StepwiseOperator):
     """Base class of operators that make images of the volume as the active camera sees it."""
 
     use_meshes: BoolProperty(
-        name="Meshes Occlude", options={"SKIP_SAVE"},
-        description="Let meshes hide the volume behind them and cast shadows on it. If unset, Meshes Occlude of the "
-        "scene is used")
+        name="Meshes Hide Volume", options={"SKIP_SAVE"},
+        description="Let meshes hide the volume behind them and cast shadows on it. If unset, the scene's setting is "
+        "used")
 
     @classmethod
     def poll(cls, context):

@@ -8,11 +8,11 @@ from .refusal import has_editable_transfer
 
 # Common CT windows: name, level and window in HU.
 CT_WINDOWS = {
-    "CT_BONE": ("CT Bone", 500.0, 2000.0),
-    "CT_SOFT_TISSUE": ("CT Soft Tissue", 50.0, 400.0),
-    "CT_BRAIN": ("CT Brain", 40.0, 80.0),
-    "CT_LUNG": ("CT Lung", -600.0, 1500.0),
-    "CT_ANGIOGRAPHY": ("CT Angiography", 300.0, 600.0),
+    "CT_BONE": ("Bone Window", 500.0, 2000.0),
+    "CT_SOFT_TISSUE": ("Soft Tissue Window", 50.0, 400.0),
+    "CT_BRAIN": ("Brain Window", 40.0, 80.0),
+    "CT_LUNG": ("Lung Window", -600.0, 1500.0),
+    "CT_ANGIOGRAPHY": ("Vessel Window", 300.0, 600.0),
 }
 ITEMS = [
     ("CUSTOM", "Custom", "Use the level and window below"),

@@ -4,22 +4,28 @@ import bpy
 
 from . import (
     accuracy,
+    advanced,
     channels,
     clip_objects,
+    diagnostics,
+    display,
     effects,
     labels,
     live_view,
     picture,
     playback,
-    quality,
+    preset_menu,
     report,
+    scan,
     shading,
     transfer,
     volume,
+    volume_menu,
 )
 
 MODULES = (
-    volume, playback, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy,
+    volume, volume_menu, preset_menu, display, transfer, shading, clip_objects, labels, picture, scan, playback,
+    advanced, channels, diagnostics, effects, report, accuracy,
 )  # fmt: skip
 
 

@@ -4,12 +4,14 @@ import bpy
 
 from ..bridge import volumes
 from ..bridge.presence import is_deleted
-from .places import BelowTransfer, paragraph
+from .places import OfVolume, paragraph
 
 
-class RLE_SPLAT_PT_channels(BelowTransfer, bpy.types.Panel):
+class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
     bl_label = "Channels"
     bl_idname = "RLE_SPLAT_PT_channels"
+    bl_parent_id = "RLE_SPLAT_PT_advanced"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         layout = self.layout

@@ -1,4 +1,4 @@
-"""The Clip Objects panel: boxes and planes that cut the volume."""
+"""The Cut panel: boxes and planes that cut the volume."""
 
 import bpy
 
@@ -7,9 +7,9 @@ from .places import Sidebar
 
 
 class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
-    bl_label = "Clip Objects"
+    bl_label = "Cut"
     bl_idname = "RLE_SPLAT_PT_clip_objects"
-    bl_order = 2
+    bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -18,15 +18,35 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        layout.prop(context.scene.rle_splat, "clip_objects", text="")
-        for one in clip_objects.clip_objects(context.scene):
-            row = layout.row(align=True)
-            row.label(text=one.name, icon="CUBE")
-            row.prop(one.rle_splat, "clip_keep", text="")
-            row.prop(one, "hide_render", text="")
         row = layout.row(align=True)
-        for kind, text, icon in (("BOX", "Add Box", "CUBE"), ("PLANE", "Add Plane", "EMPTY_SINGLE_ARROW")):
+        for kind, text, icon in (("BOX", "Add Box", "MESH_CUBE"), ("PLANE", "Add Plane", "MESH_PLANE")):
             row.operator("rle_splat.add_clip", text=text, icon=icon).kind = kind
+        found = clip_objects.clip_objects(context.scene)
+        if found:
+            column = layout.box().column(align=True)
+            for one in found:
+                _draw_one(context, column, one)
+        layout.prop(context.scene.rle_splat, "clip_objects", text="")
+
+
+def _draw_one(context, layout, one) -> None:
+    """A row of the list: eye, name, flip and delete."""
+    row = layout.row(align=True)
+    eye = row.row(align=True)
+    eye.enabled = one.type == "EMPTY"  # a mesh cuts, hidden or not
+    eye.prop(one, "hide_render", text="", icon="HIDE_ON" if one.hide_render else "HIDE_OFF", emboss=False)
+    is_active = context.view_layer.objects.active == one
+    icon = "MESH_CUBE" if _is_box(one) else "MESH_PLANE"
+    row.operator("rle_splat.choose_object", text=one.name, icon=icon, emboss=is_active).name = one.name
+    row.prop(one.rle_splat, "clip_flipped", text="", icon="ARROW_LEFTRIGHT")
+    row.operator("rle_splat.delete_clip", text="", icon="X", emboss=False).name = one.name
+
+
+def _is_box(one) -> bool:
+    """Whether a clip object cuts as a box, as far as its own shape tells: a cube Empty, or a mesh that is not flat."""
+    if one.type == "EMPTY":
+        return one.empty_display_type == "CUBE"
+    return min(one.dimensions) > clip_objects.FLAT * max(one.dimensions)
 
 
 CLASSES = (RLE_SPLAT_PT_clip_objects,)

@@ -1,4 +1,4 @@
-"""The Effects panel: one row for each effect with its state, the reason, its time, and a switch to force it."""
+"""The Effects panel: the effects that are on with their times, and all of them with reasons and switches."""
 
 import bpy
 
@@ -7,7 +7,6 @@ from ..rle_splat.effects.analyze import EFFECTS
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the effect's name takes
-ON, OFF, UNKNOWN = "CHECKBOX_HLT", "CHECKBOX_DEHLT", "QUESTION"
 
 
 class EffectsPanel:
@@ -18,17 +17,33 @@ class EffectsPanel:
 
     def draw(self, context):
         layout, settings = self.layout, context.scene.rle_splat
-        layout.operator("rle_splat.list_effects", icon="VIEWZOOM")
-        for name in EFFECTS:
-            row = settings.effect_rows.get(name)
-            box = layout.box().column(align=True)
-            split = box.split(factor=NAME_SHARE)
-            split.label(text=title(name), icon=UNKNOWN if row is None else ON if row.on else OFF)
-            split.prop(settings.effect_overrides, property_of(name), text="")
-            if row is not None:
-                paragraph(context, box, row_text(row))
+        layout.operator("rle_splat.list_effects", icon="FILE_REFRESH")
+        rows = {row.name: row for row in settings.effect_rows}
+        used = [name for name in EFFECTS if name in rows and rows[name].on]
+        column = layout.column(align=True)
+        for name in used:
+            split = column.split(factor=NAME_SHARE)
+            split.label(text=title(name))
+            split.label(text=_time(rows[name]))
+        if not used:
+            column.label(text="No effect is on" if rows else "Not listed yet")
         if settings.effects_note:
             paragraph(context, layout, settings.effects_note)
+        header, body = layout.panel("rle_splat_all_effects", default_closed=True)
+        header.label(text="All Effects")
+        if body is not None:
+            _draw_all(context, body, rows)
+
+
+def _draw_all(context, layout, rows: dict) -> None:
+    """Every effect with the choice that forces it on or off, and why it is on or off."""
+    for name in EFFECTS:
+        box = layout.box().column(align=True)
+        split = box.split(factor=NAME_SHARE)
+        split.label(text=title(name))
+        split.prop(context.scene.rle_splat.effect_overrides, property_of(name), text="")
+        if name in rows:
+            paragraph(context, box, row_text(rows[name]))
 
 
 def title(name: str) -> str:
@@ -38,18 +53,23 @@ def title(name: str) -> str:
 
 def row_text(row) -> str:
     """One line: whether an effect is on, its time in milliseconds, and the reason."""
-    took = f", {row.ms:.1f} ms" if row.is_timed and (row.on or row.ms) else ""
+    took = f", {_time(row)}" if row.is_timed and (row.on or row.ms) else ""
     return f"{'On' if row.on else 'Off'}{took}: {row.reason}"
+
+
+def _time(row) -> str:
+    """The time of an effect in the last picture; "" where it is not known."""
+    return f"{row.ms:.1f} ms" if row.is_timed else ""
 
 
 class RLE_SPLAT_PT_effects(EffectsPanel, Sidebar, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_effects"
-    bl_order = 4
+    bl_parent_id = "RLE_SPLAT_PT_diagnostics"
 
 
 class RLE_SPLAT_PT_render_effects(EffectsPanel, RenderTab, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_render_effects"
-    bl_parent_id = "RLE_SPLAT_PT_render"
+    bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
 
 
 CLASSES = (RLE_SPLAT_PT_effects, RLE_SPLAT_PT_render_effects)

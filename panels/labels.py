@@ -1,39 +1,58 @@
-"""The Labels panel: the label file, and the visibility, transfer function and color of each label."""
+"""The Segments panel: the label file, and the visibility, color, name and opacity of each label in it."""
 
 import bpy
 
 from ..bridge import volumes
-from .places import BelowTransfer
+from .places import OfVolume
 
-NAME_SHARE = 0.4  # of a row's width that the label's name takes
+NAME_SHARE = 0.62  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
+ROWS = 6
+BUTTON = 2.5  # width of a button beside a path, in buttons
 
 
-class RLE_SPLAT_PT_labels(BelowTransfer, bpy.types.Panel):
-    bl_label = "Labels"
+class RLE_SPLAT_UL_labels(bpy.types.UIList):
+    """The list of segments."""
+
+    bl_idname = "RLE_SPLAT_UL_labels"
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property):
+        row = layout.row(align=True)
+        row.prop(item, "show", text="", icon="HIDE_OFF" if item.show else "HIDE_ON", emboss=False)
+        swatch = row.row(align=True)
+        swatch.ui_units_x = SWATCH
+        swatch.active = item.use_color
+        swatch.prop(item, "shown_color", text="")
+        split = row.split(factor=NAME_SHARE)
+        split.active = item.show
+        split.prop(item, "label_name", text="", emboss=False)
+        split.prop(item, "opacity", text="", emboss=False)
+
+
+class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
+    bl_label = "Segments"
     bl_idname = "RLE_SPLAT_PT_labels"
+    bl_order = 5
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         layout = self.layout
+        layout.use_property_decorate = False
         properties = volumes.volume_object(context).rle_splat
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
-        row.operator("rle_splat.read_labels", text="Read")
-        if len(properties.labels) > 0:
-            layout.prop(properties, "smooth_labels")
-        for label in properties.labels:
-            row = layout.row(align=True)
-            row.prop(label, "show", text="")
-            split = row.split(factor=NAME_SHARE, align=True)
-            split.prop(label, "label_name", text="")
-            style = split.row(align=True)
-            style.active = label.show
-            style.prop(label, "look", text="")
-            style.prop(label, "use_color", text="")
-            if label.use_color:
-                swatch = style.row(align=True)
-                swatch.ui_units_x = SWATCH
-                swatch.prop(label, "color", text="")
+        button = row.row(align=True)
+        button.ui_units_x = BUTTON
+        button.operator("rle_splat.read_labels", text="Read")
+        if not properties.labels:
+            return
+        layout.template_list(
+            RLE_SPLAT_UL_labels.bl_idname, "", properties, "labels", properties, "active_label", rows=ROWS)
+        if properties.active_label < len(properties.labels):
+            chosen = properties.labels[properties.active_label]
+            layout.prop(chosen, "look", text="")
+            layout.prop(chosen, "use_color")
+        layout.prop(properties, "smooth_labels")
 
 
-CLASSES = (RLE_SPLAT_PT_labels,)
+CLASSES = (RLE_SPLAT_UL_labels, RLE_SPLAT_PT_labels)

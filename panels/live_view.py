@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge import live, volumes
 from ..bridge.live import shown
+from .outdated import draw_outdated
 from .places import paragraph
 
 
@@ -25,13 +26,17 @@ def draw_switch(layout, space, text: str = "") -> None:
         layout.prop(space, shown.SWITCH, text=text)
     else:
         icon = "HIDE_OFF" if shown.is_on(space) else "HIDE_ON"
-        layout.prop(space, shown.SWITCH, text="", icon=icon, emboss=False)
+        layout.prop(space, shown.SWITCH, text="", icon=icon)
 
 
 def draw_state(context, layout) -> None:
-    """Say what the viewport does, or why it shows no volume."""
+    """Say whether the viewport is up to date, why it shows no volume, or which pictures are outdated."""
     area = context.area
     if area is None or area.type != "VIEW_3D":
+        return
+    if not shown.is_on(context.space_data):
+        if not draw_outdated(context, layout):
+            layout.label(text="Not shown in this viewport", icon="HIDE_ON")
         return
     problem, remark = live.problem_of(area), live.remark_of(area)
     if remark:
@@ -39,6 +44,9 @@ def draw_state(context, layout) -> None:
     if problem:
         paragraph(context, layout, f"Not shown in this viewport: {problem}", icon="ERROR")
         layout.operator("rle_splat.live_again", icon="FILE_REFRESH")
+    elif viewports := live.viewports_of(area):
+        is_busy = any(one.is_busy for one in viewports)
+        layout.label(text="Refining" if is_busy else "Up to date", icon="SORTTIME" if is_busy else "CHECKMARK")
 
 
 def _draw_overlay(self, context) -> None:

@@ -18,11 +18,8 @@ class Sidebar:
     bl_category = "RLE Splat"
 
 
-class BelowTransfer(Sidebar):
-    """A sub-panel of Transfer Function in the sidebar, closed by default, shown only with a volume."""
-
-    bl_parent_id = "RLE_SPLAT_PT_transfer"
-    bl_options = {"DEFAULT_CLOSED"}
+class OfVolume(Sidebar):
+    """A panel in the sidebar that is shown only with a volume."""
 
     @classmethod
     def poll(cls, context):
@@ -35,6 +32,19 @@ class RenderTab:
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
+
+
+class DataTab:
+    """A panel in the object data properties, shown while they are those of the volume that the buttons work on."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        owner = volumes.volume_object(context)
+        return owner is not None and owner == getattr(context, "object", None)
 
 
 def paragraph(context, layout, text: str, icon: str = "NONE") -> None:

@@ -1,23 +1,16 @@
-"""The Shading panel: lights, shadows and the shading of the volume."""
+"""The Lighting panel: lights, shadows and the material of the volume."""
 
 import bpy
 
 from ..bridge import volumes
-from .places import Sidebar
+from .places import OfVolume
 
 
-class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
-    bl_label = "Shading"
+class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
+    bl_label = "Lighting"
     bl_idname = "RLE_SPLAT_PT_shading"
-    bl_parent_id = "RLE_SPLAT_PT_transfer"
+    bl_order = 3
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context):
-        return volumes.volume_object(context) is not None
-
-    def draw_header(self, context):
-        self.layout.prop(volumes.volume_object(context).rle_splat, "use_shading", text="")
 
     def draw(self, context):
         layout = self.layout
@@ -35,15 +28,10 @@ class RLE_SPLAT_PT_shading(Sidebar, bpy.types.Panel):
         row.active = not settings.max_error
         row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
         layout.prop(settings, "use_mist")
-        layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
+        layout.prop(properties, "use_shading")
         column = layout.column(align=True)
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
-            column.prop(properties, name)
-        layout.prop(properties, "use_gradient_opacity")
-        column = layout.column(align=True)
-        column.active = properties.use_gradient_opacity
-        for name in ("gradient_low", "gradient_high"):
             column.prop(properties, name)
 
 

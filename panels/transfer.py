@@ -1,30 +1,17 @@
-"""The Transfer Function panel: histogram, opacity curve, color ramp, window and level, and the preset menus."""
+"""The Color and Opacity panel: histogram, opacity curve, color ramp, level and window."""
 
 import bpy
 
 from ..bridge import linked, previews, transfer, transfer_nodes, volumes
-from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
-from .places import Sidebar
+from .places import DataTab, OfVolume
 
 BUTTON = 20.0  # pixels at interface scale 1: the height of a button, which icon scales are multiples of
 BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sidebar's tabs
 
 
-class RLE_SPLAT_MT_presets(bpy.types.Menu):
-    bl_label = "Presets"
-    bl_idname = "RLE_SPLAT_MT_presets"
-
-    def draw(self, _context):
-        for item in IMPORT_ITEMS:
-            self.layout.operator("rle_splat.apply_preset", text=item[1]).preset = item[0]
-        self.layout.separator()
-        self.layout.operator("rle_splat.load_transfer", text="Load from File…", icon="FILE_FOLDER")
-        self.layout.operator("rle_splat.save_transfer", text="Save to File…", icon="FILE_TICK")
-
-
 class RLE_SPLAT_MT_windows(bpy.types.Menu):
-    bl_label = "Windows"
+    bl_label = "Level and Window"
     bl_idname = "RLE_SPLAT_MT_windows"
 
     def draw(self, _context):
@@ -36,49 +23,74 @@ class RLE_SPLAT_MT_windows(bpy.types.Menu):
         wider.preset, wider.keep_values = "DATA", True
 
 
-class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
-    bl_label = "Transfer Function"
-    bl_idname = "RLE_SPLAT_PT_transfer"
-    bl_order = 1
+class ColorPanel:
+    """Draws the panel in the sidebar and in the object data properties."""
 
-    @classmethod
-    def poll(cls, context):
-        return volumes.volume_object(context) is not None
+    bl_label = "Color and Opacity"
 
     def draw(self, context):
         layout = self.layout
         owner = volumes.volume_object(context)
-        properties = owner.rle_splat
-        tree = properties.transfer
-        is_there = tree is not None and transfer_nodes.is_transfer_tree(tree)
-        row = layout.row(align=True)
-        name = properties.transfer_name if is_there else ""
-        row.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
-        row.operator("rle_splat.keyframe_transfer", text="", icon="KEY_HLT")
-        if not is_there:
+        tree = owner.rle_splat.transfer
+        if tree is None or not transfer_nodes.is_transfer_tree(tree):
             layout.label(text="No transfer function. Apply a preset", icon="ERROR")
             return
-        if transfer.is_shared(owner):
-            row.operator("rle_splat.own_transfer", text=str(tree.users), icon="DUPLICATE")
-        icons = previews.histogram_icons(owner)
-        if all(icons):
-            tiles = layout.row(align=True)
-            tiles.alignment = "CENTER"
-            for icon in icons:
-                tiles.template_icon(icon_value=icon, scale=_tile_scale(context, len(icons)))
+        _draw_histogram(context, layout, owner)
         curves = layout.column()
         curves.enabled = linked.is_own(tree)
         curves.template_curve_mapping(tree.nodes[transfer_nodes.OPACITY_NODE], "mapping")
         curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
-        unit = f" ({properties.transfer_unit})" if properties.transfer_unit else ""
-        row = layout.row(align=True)
-        column = row.column(align=True)
-        column.prop(properties, "window_center", text=f"Level{unit}")
-        column.prop(properties, "window_width", text=f"Window{unit}")
-        row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
+        _draw_window(layout, owner.rle_splat)
+        _draw_opacity(layout, owner.rle_splat)
+        layout.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
+        if transfer.is_shared(owner):
+            layout.operator("rle_splat.own_transfer", text=f"Make Own Copy ({tree.users} Users)", icon="DUPLICATE")
+
+
+def _draw_histogram(context, layout, owner) -> None:
+    """The histogram as squares side by side."""
+    icons = previews.histogram_icons(owner)
+    if all(icons):
+        tiles = layout.row(align=True)
+        tiles.alignment = "CENTER"
+        for icon in icons:
+            tiles.template_icon(icon_value=icon, scale=_tile_scale(context, len(icons)))
+
+
+def _draw_window(layout, properties) -> None:
+    """Level and window, and the menu of common ones."""
+    unit = f" ({properties.transfer_unit})" if properties.transfer_unit else ""
+    row = layout.row(align=True)
+    column = row.column(align=True)
+    column.prop(properties, "window_center", text=f"Level{unit}")
+    column.prop(properties, "window_width", text=f"Window{unit}")
+    row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
+
+
+def _draw_opacity(layout, properties) -> None:
+    """The length to which opacities refer, and the opacity of flat regions."""
+    column = layout.column(align=True)
+    column.label(text=f"Opacity Distance ({properties.length_unit})")
+    row = column.row(align=True)
+    row.prop(properties, "use_smallest_spacing", toggle=True)
+    if not properties.use_smallest_spacing:
+        row.prop(properties, "opacity_unit_distance", text="")
+    layout.prop(properties, "use_gradient_opacity")
+    if properties.use_gradient_opacity:
         column = layout.column(align=True)
-        column.prop(properties, "opacity_scale", slider=True)
-        column.prop(properties, "opacity_unit_distance", text=f"Per Distance ({properties.length_unit})")
+        for name in ("gradient_low", "gradient_high"):
+            column.prop(properties, name)
+
+
+class RLE_SPLAT_PT_transfer(ColorPanel, OfVolume, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_transfer"
+    bl_order = 2
+
+
+class RLE_SPLAT_PT_data_transfer(ColorPanel, DataTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_data_transfer"
+    bl_order = 2
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 def _tile_scale(context, count: int) -> float:
@@ -88,4 +100,4 @@ def _tile_scale(context, count: int) -> float:
     return max(1.0, (width - BORDERS) / (BUTTON * count))
 
 
-CLASSES = (RLE_SPLAT_MT_presets, RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer)
+CLASSES = (RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer, RLE_SPLAT_PT_data_transfer)

@@ -1,47 +1,53 @@
-"""The Volume panel: file, grid, values, memory, and remarks on unusual data."""
+"""The top of the tab, always visible: which volume, its views, and whether what is shown is up to date."""
 
 import bpy
 
-from ..bridge import read_ahead, volumes
+from ..bridge import kernel_preparation, read_ahead, volumes
 from ..bridge.jobs import StepwiseOperator
 from ..operators.refusal import WHICH_VOLUME
+from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from ..rle_splat.volume.volume import PATIENT
+from . import first_run
 from .live_view import draw_state, draw_switch
 from .places import Sidebar, paragraph
+from .volume_menu import icon_of
 
 
 class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
     bl_label = "Volume"
     bl_idname = "RLE_SPLAT_PT_volume"
     bl_order = 0
+    bl_options = {"HIDE_HEADER"}
 
     def draw(self, context):
         layout = self.layout
+        _warn_without_numba(context, layout)
         _draw_progress(layout)
-        owner = volumes.volume_object(context)
-        if owner is None:
-            if volumes.volume_objects(context.scene):
-                paragraph(context, layout, WHICH_VOLUME, icon="INFO")
-            layout.operator("rle_splat.import_volume", icon="IMPORT")
+        preparing = kernel_preparation.text()
+        if preparing:
+            paragraph(context, layout, preparing, icon="TIME")
+        if not volumes.volume_objects(context.scene):
+            first_run.draw(context, layout)
             return
-        properties = owner.rle_splat
-        row = layout.row()
-        row.label(text=owner.name, icon=_icon(owner))
-        draw_switch(row, context.space_data)
-        draw_state(context, layout)
-        _draw_views(layout, properties)
-        column = layout.column(align=True)
-        for line in properties.facts.split("\n"):
-            name, _, value = line.partition(": ")
-            row = column.split(factor=0.32, align=True)
-            row.label(text=name)
-            row.label(text=value)
-        for sentence in filter(None, properties.remarks.split("\n")):
-            paragraph(context, layout, sentence, icon="INFO")
+        owner = volumes.volume_object(context)
         row = layout.row(align=True)
-        row.prop(properties, "filepath", text="")
-        row.operator("rle_splat.relocate", text="Relocate")
-        layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+        if owner is None:
+            row.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
+            paragraph(context, layout, WHICH_VOLUME, icon="INFO")
+            return
+        row.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
+        draw_switch(row, context.space_data)
+        _draw_in_renders(row, context.scene.rle_splat, owner)
+        _draw_views(layout, owner.rle_splat)
+        draw_state(context, layout)
+
+
+def _draw_in_renders(layout, settings, owner) -> None:
+    """The camera beside the eye: whether renders include the volume."""
+    is_on = settings.use_composite and settings.composite_object == owner
+    layout.operator(
+        "rle_splat.remove_composite" if is_on else "rle_splat.composite", text="", depress=is_on,
+        icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")
 
 
 def _draw_views(layout, properties) -> None:
@@ -62,11 +68,14 @@ def _draw_progress(layout) -> None:
         layout.progress(factor=progress.fraction, type="BAR", text=progress.message)
 
 
-def _icon(owner) -> str:
-    """The outliner's icon for a local, linked or overridden volume; linked ones have disabled buttons."""
-    if owner.library is not None:
-        return "LIBRARY_DATA_DIRECT"
-    return "OUTLINER_OB_VOLUME" if owner.override_library is None else "LIBRARY_DATA_OVERRIDE"
+def _warn_without_numba(context, layout) -> None:
+    """Say that numba is missing or broken, what follows from it, and what to do."""
+    if NUMBA_PROBLEM:
+        box = layout.box()
+        box.alert = True
+        box.label(text="No compiled kernels: rendering is very slow", icon="ERROR")
+        paragraph(context, box, f"numba cannot be loaded ({NUMBA_PROBLEM}). Disable other extensions that bring a "
+                                "numba of their own, or reinstall this one, then restart Blender")
 
 
 CLASSES = (RLE_SPLAT_PT_volume,)

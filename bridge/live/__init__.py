@@ -10,7 +10,7 @@ from collections import Counter
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import jobs, kernel_preparation, render_scene
+from .. import jobs, kernel_preparation, preferences, render_scene
 from ..messages import tell
 from . import drawing, shown, surface
 from .viewport import Viewport
@@ -52,8 +52,8 @@ HANDLERS = (*shown.HANDLERS, ("depsgraph_update_post", _on_update))
 
 
 def is_allowed() -> bool:
-    """Whether viewports may draw volumes now: not in background mode and not during a render."""
-    return not (bpy.app.background or bpy.app.is_job_running("RENDER"))
+    """Whether viewports may draw volumes now: wanted by the user, not in background mode and not during a render."""
+    return preferences.shows_live() and not (bpy.app.background or bpy.app.is_job_running("RENDER"))
 
 
 def _volumes_of(context) -> tuple:

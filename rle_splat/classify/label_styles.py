@@ -1,4 +1,4 @@
-"""Appearance of labels: hidden, in one color, by a preset or by a transfer function."""
+"""Appearance of labels: hidden, in one color or opacity, by a preset or by a transfer function."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from ..scene import Labels, RleSplatError, as_float, from_mapping, read_json
 from .presets import fit_preset, preset
 from .transfer_function import TransferFunction
 
+SOLID_VOXELS = 10.0  # thickness to which the opacity of a solid label refers, in voxels of the smallest spacing
 
 @dataclass(frozen=True)
 class LabelStyle:
@@ -26,6 +27,11 @@ class LabelStyle:
         Preset that is fitted to the volume and replaces its transfer function.
     transfer_function : TransferFunction, dict or None
         Transfer function that replaces the volume's.
+    opacity : float
+        Factor on the opacities, 0 to 1.
+    solid : bool
+        Whether all voxels of the label have the same opacity, whatever their values: ``opacity`` per SOLID_VOXELS times
+        the smallest spacing, and 1 is opaque.
 
     Raises
     ------
@@ -39,13 +45,19 @@ class LabelStyle:
     color: tuple | None = None
     preset: str | None = None
     transfer_function: TransferFunction | None = None
+    opacity: float = 1.0
+    solid: bool = False
 
     def __post_init__(self):
         what = f"Label {self.label!r}"
         if isinstance(self.label, bool) or not isinstance(self.label, int):
             raise RleSplatError(f"A label must be a whole number, not {self.label!r}.")
-        if not (isinstance(self.name, str) and isinstance(self.hidden, bool)):
-            raise RleSplatError(f"{what}: name must be text, and hidden must be true or false.")
+        if not (isinstance(self.name, str) and isinstance(self.hidden, bool) and isinstance(self.solid, bool)):
+            raise RleSplatError(f"{what}: name must be text, and hidden and solid must be true or false.")
+        opacity = as_float(self.opacity)
+        if not 0.0 <= opacity <= 1.0:
+            raise RleSplatError(f"{what}: opacity must be from 0 to 1, not {self.opacity!r}.")
+        object.__setattr__(self, "opacity", opacity)
         if self.color is not None:
             color = tuple(map(as_float, self.color)) if isinstance(self.color, (list, tuple)) else ()
             if len(color) != 3 or not all(0.0 <= c < float("inf") for c in color):
@@ -65,6 +77,12 @@ class LabelStyle:
         found = self.transfer_function or own
         if self.preset is not None:
             found = fit_preset(self.preset, volume)[0]
+        if self.solid:
+            thickness = SOLID_VOXELS * float(volume.spacing.min())
+            flat = ((0.0, self.opacity),)
+            found = replace(found, opacity=flat, opacity_unit_distance=thickness, gradient_opacity=None)
+        elif self.opacity != 1.0:
+            found = replace(found, opacity=tuple((value, self.opacity * alpha) for value, alpha in found.opacity))
         return found if self.color is None else replace(found, color=((0.0, *self.color),))
 
 

@@ -53,7 +53,7 @@ EFFECT_STATES = {"on": True, "off": False, "auto": None}
 # The keyword arguments of read_volume, by their names in the parsed arguments.
 READ_OPTIONS = (
     "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "series", "frame", "unit",
-    "value_unit", "modality",
+    "value_unit", "modality", "orientation", "flip",
 )
 
 
@@ -73,6 +73,9 @@ def add_volume_options(parser) -> None:
     group.add_argument("--header-bytes", type=int, metavar="N", help="bytes to skip before the voxels")
     group.add_argument(
         "--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="distance between voxel centers")
+    group.add_argument(
+        "--orientation", metavar="LETTERS", help="where voxel x, y and z grow in the patient, such as LPS")
+    group.add_argument("--flip", metavar="AXES", help="voxel axes to mirror, such as x or xz")
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] is the second grid of that name")

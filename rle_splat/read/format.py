@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # meaning of values, for every format
+PLACE_OPTIONS = ("spacing", "orientation", "flip")  # corrections of the grid, for every format
 HEAD_BYTES = 4096  # bytes of a file that are looked at, packed and unpacked
 PIECE = 16  # bytes unpacked at a time
 GZIP_MAGIC = b"\x1f\x8b"
@@ -72,7 +73,8 @@ class Format:
         With the leading dot, lower case.
     description : str
     options : tuple of str
-        Options that ``read_steps`` takes itself. The MEANING_OPTIONS that it does not take are applied to its result.
+        Options that ``read_steps`` takes itself. Those of MEANING_OPTIONS and PLACE_OPTIONS that it does not
+        take are applied to its result.
     read_steps : callable
         ``read_steps(path, **options)``: a generator of Progress that returns a Volume. It yields at least every
         0.1 s, so that it can be canceled, and calls ``refuse_beyond`` before it takes memory.
@@ -106,4 +108,4 @@ class Format:
     @property
     def all_options(self) -> tuple:
         """All options of ``read_volume`` that apply to the format."""
-        return tuple(dict.fromkeys((*self.options, *MEANING_OPTIONS)))
+        return tuple(dict.fromkeys((*self.options, *MEANING_OPTIONS, *PLACE_OPTIONS)))

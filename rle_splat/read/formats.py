@@ -16,10 +16,11 @@ from pathlib import Path
 from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
+from ..volume.placement import placed
 from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
-from .format import MEANING_OPTIONS, Format, head_of
+from .format import MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
@@ -146,12 +147,15 @@ def read_steps(path, **options):
         numbered = _numbered(path)
         path = numbered.file(given.pop("frame"))
     meaning = {name: given.pop(name) for name in MEANING_OPTIONS if name in given and name not in chosen.options}
+    place = {name: given.pop(name) for name in PLACE_OPTIONS if name in given and name not in chosen.options}
     scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
     checked = dict(zip(scale, checked_scale(*scale.values())))
     volume = yield from chosen.read_steps(path, **given)
     changed = {name: checked.get(name, value) for name, value in meaning.items()}
     if numbered is not None:
         changed["frames"] = numbered.count
+    if place:
+        volume = placed(volume, **place)
     return _with_guessed_unit(replace(volume, **changed) if changed else volume)
 
 
@@ -194,7 +198,8 @@ def read_volume(path, **options) -> Volume:
         Several volumes in time, in one file or in numbered files such as smoke_0001.vdb: ``frame``, the number of one,
         from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,
-        ``value_unit`` ("HU"), ``modality``.
+        ``value_unit`` ("HU"), ``modality``; and ``spacing``, ``orientation`` ("LPS") and ``flip`` ("xz"), which
+        ``volume.placement.placed`` describes.
 
     Returns
     -------

@@ -20,6 +20,17 @@ GROUPS = Path("/sys/fs/cgroup")
 ADDRESS_SPACE_USED = Path("/proc/self/statm")
 
 
+class _Limit:
+    """Set by ``limit_to``."""
+
+    most = UNLIMITED
+
+
+def limit_to(most: int | None) -> None:
+    """Let ``available_bytes`` be at most so many bytes; None lifts the limit."""
+    _Limit.most = UNLIMITED if most is None else most
+
+
 def total_bytes() -> int:
     """Memory of the machine; ``UNLIMITED`` where the system does not say."""
     if sys.platform == "win32":
@@ -31,11 +42,11 @@ def total_bytes() -> int:
 
 
 def available_bytes() -> int:
-    """Memory that can still be taken without swapping: the least that machine, container and process limits leave.
+    """Memory that can still be taken without swapping: the least that machine, container and limits leave.
 
     Memory the system holds copies of files in counts as free, for it gives that back.
     """
-    return max(min(_machine_free(), _group_free(), _address_space_free()), 0)
+    return max(min(_machine_free(), _group_free(), _address_space_free(), _Limit.most), 0)
 
 
 def refuse_beyond(needed: int, what: str, remedy: str) -> None:

@@ -202,7 +202,7 @@ def in_scene(scene):
 
 
 def picture_of(scene=None, **options):
-    """Render Image of the active volume; returns (the image, its pixels)."""
+    """Save Picture of the active volume; returns (the image, its pixels)."""
     assert bpy.ops.rle_splat.render_image(**options) == {"FINISHED"}
     image = (scene or bpy.context.scene).rle_splat.image
     return image, image_pixels(image)
@@ -221,7 +221,7 @@ def backdrop_of(camera):
 
 
 def set_anew(camera):
-    """The pixels of the backdrop as Camera Backdrop makes it now."""
+    """The pixels of the backdrop as Pin to Camera makes it now."""
     assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
     return backdrop_of(camera)
 

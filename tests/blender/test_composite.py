@@ -1,4 +1,4 @@
-"""Composite into Render, through Cycles: predicted pixels with meshes before, inside and behind a volume whose
+"""Include in Renders, through Cycles: predicted pixels with meshes before, inside and behind a volume whose
 light is known in closed form, and a compositor that keeps what its owner put there.
 
 The volume is a uniform cube of N voxels at unit spacing.  Zero-padded, as its truth says, each voxel's tent adds

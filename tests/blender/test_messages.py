@@ -263,8 +263,8 @@ def remove_nodes(tree, over, picture):
 
 
 ABSENT = "so the volume is not in the render"
-AGAIN = "press Composite into Render again."
-REMOVE = "or press Remove from Render."
+AGAIN = "press Include in Renders again."
+REMOVE = "or press Remove from Renders."
 UNLINKED = ("The volume's picture is not linked to the compositor's output, so it is not in the render; link it, or "
             f"{AGAIN}")
 EMPTY = (
@@ -380,8 +380,8 @@ def test_B22_a_volume_deleted_by_the_user(volume, tmp_path):
     delete_as_a_user(volume)
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
     assert settings.message == (
-        "The volume 'cube' was deleted; select another one and press Composite into Render, or press Remove from "
-        "Render.")
+        "The volume 'cube' was deleted; select another one and press Include in Renders, or press Remove from "
+        "Renders.")
 
 
 def test_B23_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):

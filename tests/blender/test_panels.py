@@ -51,10 +51,10 @@ def of_addon(*bases):
     return [cls for cls in found if cls.__module__.startswith(MODULE)]
 
 
-def test_panels_are_in_the_sidebar_and_in_the_render_tab(addon):
+def test_panels_are_in_the_sidebar_and_in_the_properties(addon):
     places = {(cls.bl_space_type, getattr(cls, "bl_category", ""), getattr(cls, "bl_context", ""))
               for cls in of_addon(bpy.types.Panel)}
-    assert places == {("VIEW_3D", "RLE Splat", ""), ("PROPERTIES", "", "render")}
+    assert places == {("VIEW_3D", "RLE Splat", ""), ("PROPERTIES", "", "render"), ("PROPERTIES", "", "data")}
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -181,7 +181,8 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
     assert "7 × 6 × 5, uint8" in texts(log)
     for wanted in (
         ("template_curve_mapping", "mapping"), ("template_color_ramp", "color_ramp"), ("prop", "window_center"),
-        ("prop", "window_width"), ("prop", "quality"), ("operator", "rle_splat.render_image"),
+        ("prop", "window_width"), ("prop_enum", "quality"), ("prop", "display"), ("prop", "shift"),
+        ("operator", "rle_splat.render_image"),
         ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"),
         ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
     ):
@@ -241,7 +242,7 @@ def test_messages_and_reports_are_shown(volume_object, monkeypatch):
 
 
 def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):
-    monkeypatch.setattr(sys.modules[f"{addon.__name__}.panels.picture"], "NUMBA_PROBLEM", "ImportError: no numba here")
+    monkeypatch.setattr(sys.modules[f"{addon.__name__}.panels.volume"], "NUMBA_PROBLEM", "ImportError: no numba here")
     shown = " ".join(texts(draw_all(monkeypatch)).split())  # its lines are broken to fit
     assert "No compiled kernels" in shown and "ImportError: no numba here" in shown
 

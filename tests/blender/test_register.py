@@ -9,17 +9,18 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "error_map",
-    "frame_volume", "import_folder", "import_volume", "keyframe_transfer", "list_effects", "live_again",
-    "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel",
-    "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
+    "add_channels", "add_clip", "apply_preset", "choose_object", "choose_plan", "choose_series", "clear_kernels",
+    "composite", "delete_clip", "error_map", "frame_volume", "import_folder", "import_volume", "keyframe_transfer",
+    "list_effects", "live_again", "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "reload",
+    "relocate", "remove_backdrop", "remove_channel", "remove_composite", "render_image", "save_transfer",
+    "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
-    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "quality", "render",
-    "render_accuracy", "render_advanced", "render_effects", "render_quality", "render_report", "report", "shading",
-    "transfer", "volume",
+    "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",
+    "display", "effects", "labels", "picture", "playback", "render", "render_accuracy", "render_advanced",
+    "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading", "transfer", "volume",
 }  # fmt: skip
-MENUS = {"presets", "windows"}
+MENUS = {"presets", "volumes", "windows"}
 # Property groups, whose names no user and no script sees.
 GROUPS = {
     "AccuracyRowProperties", "ChannelProperties", "EffectOverrideProperties", "EffectRowProperties", "LabelProperties",
@@ -27,7 +28,7 @@ GROUPS = {
 }  # fmt: skip
 CLASSES = {
     *(f"RLE_SPLAT_OT_{name}" for name in OPERATORS), *(f"RLE_SPLAT_PT_{name}" for name in PANELS),
-    *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_UL_series",
+    *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_UL_labels", "RLE_SPLAT_UL_series",
     "RLE_SPLAT_AP_preferences", *GROUPS,
 }  # fmt: skip
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.

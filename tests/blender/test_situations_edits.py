@@ -70,6 +70,11 @@ def shared_function(tmp_path):
     scenes.activate(owner)
 
 
+def clip_box(tmp_path):
+    bpy.ops.rle_splat.add_clip(kind="BOX")
+    scenes.activate(bpy.data.objects["cube"])
+
+
 def labels(tmp_path):
     path = tmp_path / "labels.raw"
     path.write_bytes(np.repeat(np.arange(7, dtype=np.uint8) % 3, 49).tobytes())
@@ -106,10 +111,12 @@ EDITS = {
     "read_labels": ({}, labels),
     "add_channels": ({}, two_volumes),
     "remove_channel": (dict(index=0), one_channel),
+    "delete_clip": (dict(name="Clip Box"), clip_box),
+    "reload": (dict(flip=(True, False, False)), None),
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
-READERS = ("list_effects", "save_transfer", "measure_accuracy")  # of which nothing is undone
-VIEWS = ("frame_volume", "live_again")  # of views, which have no undo
+READERS = ("list_effects", "save_transfer", "measure_accuracy", "clear_kernels")  # of which nothing is undone
+VIEWS = ("frame_volume", "live_again", "choose_object")  # of views and the selection: no data changes
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 
@@ -190,7 +197,7 @@ def test_B76_an_edit_before_a_picture(owner, name):
 
 
 def goes_on(tmp_path):
-    """The backdrop follows, renders show the volume, and Render Image goes into the image of before."""
+    """The backdrop follows, renders show the volume, and Save Picture goes into the image of before."""
     scene = bpy.context.scene
     settings, camera = scene.rle_splat, scene.camera
     owner = scene.objects["cube"]

@@ -1,4 +1,4 @@
-"""One meaning for one switch: Meshes Occlude in every picture, what a Maximum Error takes away, and where a clip
+"""One meaning for one switch: Meshes Hide Volume in every picture, what a Maximum Error takes away, and where a clip
 object is added."""
 
 import math

@@ -323,7 +323,7 @@ def check_reload():
 
 def scenario():
     watch_slices()
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
+    open_panels("RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_playback")
     reading = check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback, check_reload
     for check in (*reading, check_framing):
         yield from check()

@@ -22,6 +22,7 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     redraw,
+    until,
     window,
 )
 
@@ -60,13 +61,46 @@ def check_state(name: str):
     drawn.clear()
     yield from photograph(name)
     with in_the_view():
-        assert drawn == {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
+        shown = {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
+        assert drawn == {cls for cls in shown if getattr(cls, "bl_context", "") != "data"}
+
+
+def check_object_data():
+    """The panels in Properties > Object Data of a volume."""
+    yield from new_file()
+    with in_the_view():
+        add_volume(folder())
+    yield
+    area_of("PROPERTIES").spaces.active.context = "DATA"
+    yield
+    drawn.clear()
+    yield from photograph("object_data")
+    assert {cls for cls in of_addon(bpy.types.Panel) if getattr(cls, "bl_context", "") == "data"} <= drawn
 
 
 def close_popup():
     for value in ("PRESS", "RELEASE"):
         window().event_simulate(type="ESC", value=value)
     yield
+
+
+def check_saved_picture():
+    """Save Picture opens an image editor with what it made, and Edit in the panel Scan a dialog."""
+    yield from new_file()
+    with in_the_view():
+        add_volume(folder())
+        bpy.ops.rle_splat.render_image("INVOKE_DEFAULT")
+
+    def shown():
+        areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+        return [area.spaces.active.image for area in areas if area.type == "IMAGE_EDITOR"]
+
+    yield from until(lambda: shown() and shown() == [bpy.context.scene.rle_splat.image])
+    yield from photograph("saved_picture")
+    with in_the_view():
+        bpy.ops.rle_splat.reload("INVOKE_DEFAULT", use_dialog=True)
+    yield from photograph("edit_scan")
+    yield from close_popup()
 
 
 def check_popups():
@@ -121,7 +155,7 @@ def scenario():
     for name in STATES:
         yield from check_state(name)
         passed(name)
-    for check in (check_popups, check_preferences, check_flaws):
+    for check in (check_object_data, check_saved_picture, check_popups, check_preferences, check_flaws):
         yield from check()
         passed(check.__name__)
 

@@ -150,7 +150,7 @@ def edited_by_a_script():
 
 
 def meshes_occlude():
-    """7: Render Image obeys Meshes Occlude, as the backdrop and renders do."""
+    """7: Save Picture obeys Meshes Hide Volume, as the backdrop and renders do."""
     yield from scene_with_camera()
     add_ball("ball")
     plane = scenes.add_mesh([(-50, -50, 90), (20, -50, 90), (20, 90, 90), (-50, 90, 90)], [(0, 1, 2, 3)])
@@ -234,7 +234,7 @@ def show_image(image):
 
 
 def scenario():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_quality", "RLE_SPLAT_PT_picture")
+    open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_picture")
     for step in (
         picture_is_mine, deleted_volume, hidden_layer, failed_frame, linked_volume, edited_by_a_script, meshes_occlude,
         guessed_name, undone_settings, preferences, broken_transfer, without_shadows,

@@ -161,9 +161,9 @@ def test_the_reference_lists_every_panel_with_its_settings():
     assert len(panels) > 10
     for texts in panels.values():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
-    for setting in ("Maximum Error", "Ambient Occlusion", "Follow Scene", "Level", "Own Color"):
+    for setting in ("Maximum Error", "Ambient Occlusion", "Keep Up to Date", "Level", "Own Color"):
         assert f"| {setting} | " in text
-    assert "*Render Image*, *Camera Backdrop*" in text
+    assert "*Include in Renders*, *Remove from Renders*, *Pin to Camera*" in text
 
 
 def test_the_reference_explains_every_setting():

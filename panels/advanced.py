@@ -1,14 +1,18 @@
-"""The Quality panel and its Advanced sub-panel: how accurate a picture is, and the time it takes."""
+"""The Advanced panel: the largest error, classification, the knobs of quality, previews, memory and threads."""
 
 import bpy
 
-from ..bridge.settings import OF_PRE
+from ..bridge import facts, transfer, volumes
+from ..bridge.automatic import draw_number
+from ..bridge.camera import image_size
+from ..bridge.settings import OF_PRE, quality_of
+from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
 )
-MACHINE = ("record", "threads", "backend")  # count with every quality
+MACHINE = ("record", "backend")  # count with every quality
 # The knobs that the planner chooses when a maximum error is set.
 PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade")
 
@@ -25,27 +29,6 @@ def taken_away(scene) -> list[str]:
     return [name for name, is_asked in asked.items() if is_asked]
 
 
-class QualityPanel:
-    """Draws the panel in the sidebar and in the render properties."""
-
-    bl_label = "Quality"
-
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = context.scene.rle_splat
-        layout.prop(settings, "mode")
-        layout.prop(settings, "max_error")
-        if settings.max_error and (lost := taken_away(context.scene)):
-            paragraph(context, layout, f"Pictures with a Maximum Error have no {' and no '.join(lost)}.", "INFO")
-        row = layout.row()
-        row.active = not settings.max_error or settings.quality in ("paper", "custom")  # some of their knobs count
-        row.prop(settings, "quality")
-        layout.prop(settings, "scene_scale")
-        layout.prop(settings, "meshes_occlude")
-
-
 class AdvancedPanel:
     """Draws the knobs for experts in both places, closed by default."""
 
@@ -57,6 +40,11 @@ class AdvancedPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.scene.rle_splat
+        _draw_error(context, layout)
+        row = layout.row(align=True)
+        row.use_property_split = False
+        for name in ("paper", "custom"):
+            row.prop_enum(settings, "quality", name)
         if settings.quality != "paper":
             layout.prop(settings, "classification")
             if settings.classification == "refined":
@@ -68,27 +56,46 @@ class AdvancedPanel:
             counts = counts and (name != "rays" or settings.classification == "post")
             row.active = counts and not (settings.max_error and name in PLANNED)
             row.prop(settings, name)
+        draw_number(layout, settings, "threads", "use_all_cores")
+        layout.prop(settings, "use_previews")
+        needed = _memory(context)
+        if needed:
+            paragraph(context, layout, needed, icon="MEMORY")
 
 
-class RLE_SPLAT_PT_quality(QualityPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_quality"
-    bl_order = 2
+def _draw_error(context, layout) -> None:
+    """The maximum error, and what pictures lose by it, also before it is set."""
+    settings = context.scene.rle_splat
+    layout.prop(settings, "use_max_error")
+    if settings.use_max_error:
+        layout.prop(settings, "max_error", text="Levels of 1/255")
+    if lost := taken_away(context.scene):
+        which = "Pictures with a Maximum Error" if settings.max_error else "With it, pictures"
+        paragraph(context, layout, f"{which} have no {' and no '.join(lost)}.", "INFO")
+
+
+def _memory(context) -> str:
+    """The memory that the next picture needs, as a sentence; "" without a volume that can be rendered."""
+    owner = volumes.volume_object(context)
+    if owner is None:
+        return ""
+    try:
+        function, quality = transfer.shown_transfer(owner, context.scene), quality_of(context.scene)
+    except RleSplatError:
+        return ""
+    meshes = context.scene.rle_splat.meshes_occlude and any(
+        one.type == "MESH" and not one.hide_render for one in context.scene.objects)
+    return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render), meshes)
 
 
 class RLE_SPLAT_PT_advanced(AdvancedPanel, Sidebar, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_advanced"
-    bl_parent_id = "RLE_SPLAT_PT_quality"
-
-
-class RLE_SPLAT_PT_render_quality(QualityPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_quality"
-    bl_parent_id = "RLE_SPLAT_PT_render"
+    bl_order = 8
 
 
 class RLE_SPLAT_PT_render_advanced(AdvancedPanel, RenderTab, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_render_advanced"
-    bl_parent_id = "RLE_SPLAT_PT_render_quality"
+    bl_parent_id = "RLE_SPLAT_PT_render"
 
 
-CLASSES = (RLE_SPLAT_PT_quality, RLE_SPLAT_PT_advanced)
-RENDER_CLASSES = (RLE_SPLAT_PT_render_quality, RLE_SPLAT_PT_render_advanced)  # registered after their parent
+CLASSES = (RLE_SPLAT_PT_advanced, RLE_SPLAT_PT_render_advanced)

@@ -1,0 +1,36 @@
+"""Choose Object: make a volume or a clip object the active one."""
+
+import bpy
+from bpy.props import StringProperty
+
+from .refusal import refuse
+
+
+class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
+    """Select this object alone and make it the active one"""
+
+    bl_idname = "rle_splat.choose_object"
+    bl_label = "Choose Object"
+    bl_options = {"REGISTER", "UNDO"}
+
+    name: StringProperty(name="Name", description="Name of an object of the scene")
+
+    @classmethod
+    def poll(cls, context):
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+            return False
+        return True
+
+    def execute(self, context):
+        chosen = context.view_layer.objects.get(self.name)
+        if chosen is None:
+            return refuse(self, f"{self.name!r} is not in this view layer; include its collection in the Outliner.")
+        for other in context.selected_objects:
+            other.select_set(False)
+        chosen.select_set(True)  # a hidden object stays unselected
+        context.view_layer.objects.active = chosen
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_choose_object,)

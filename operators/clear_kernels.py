@@ -1,0 +1,24 @@
+"""Clear Cache: delete the compiled kernels."""
+
+import bpy
+
+from ..bridge import kernel_cache
+from ..bridge.facts import memory_text
+
+
+class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
+    """Delete the compiled kernels on disk. They are compiled again when they are needed next"""
+
+    bl_idname = "rle_splat.clear_kernels"
+    bl_label = "Clear Cache"
+    bl_options = set()
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+    def execute(self, _context):
+        self.report({"INFO"}, f"Deleted {memory_text(kernel_cache.clear())} of compiled kernels.")
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_clear_kernels,)

@@ -1,0 +1,74 @@
+"""Reload Volume and Edit Scan: read the file of a volume again, with the options of the import or with others."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from ..bridge import new_volume, source_options, volumes
+from ..bridge.held import Held
+from ..bridge.reading import found_steps
+from ..bridge.source_paths import resolved_path
+from .reading import ReadsFiles
+from .refusal import has_editable_volume
+
+
+class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Operator):
+    """Read the volume's file again. Options that are given replace those of the import"""
+
+    bl_idname = "rle_splat.reload"
+    bl_label = "Reload Volume"
+
+    operator_again = "reload"
+
+    use_dialog: BoolProperty(
+        name="Dialog", description="Ask for spacing, unit, orientation and flips before reading", default=False,
+        options={"SKIP_SAVE", "HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        return has_editable_volume(cls, context)
+
+    def invoke(self, context, _event):
+        if not self.use_dialog:
+            return self.begin(context)
+        source_options.copy(volumes.volume_object(context).rle_splat, self)
+        self.found_spacing = volumes.volume_object(context).rle_splat.found_spacing
+        self.is_confirmed = True
+        return context.window_manager.invoke_props_dialog(
+            self, title="Edit Scan", confirm_text="Read Again", width=340)
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        source_options.draw_place(layout, self)
+        owner = volumes.volume_object(context)
+        if owner is not None and owner.rle_splat.frame_count > 1:
+            layout.label(text="The frame that is shown is set in Time", icon="INFO")
+        layout.separator()
+        for name in ("modality", "value_unit"):
+            layout.prop(self, name)
+        source_options.draw_calibration(layout, self)
+
+    def options_again(self) -> dict:
+        return {"use_dialog": False}
+
+    def prepare(self, context):
+        owner = volumes.volume_object(context)
+        self._owner, self._options = Held(owner), source_options.PlainOptions()
+        source_options.copy(owner.rle_splat, self._options)
+        given = source_options.PlainOptions()
+        source_options.copy(self, given)
+        for name in source_options.NAMES:
+            if self.properties.is_property_set(name):
+                setattr(self._options, name, getattr(given, name))
+        read = self._options if owner.rle_splat.frame_count < 2 else source_options.at_frame(
+            self._options, owner.rle_splat.data_frame)
+        return self.with_thumbnails(found_steps(resolved_path(owner), read))
+
+    def commit(self, context, found):
+        owner = self._owner.get()
+        source_options.copy(self._options, owner.rle_splat)
+        new_volume.fill_volume(context.scene, owner, found)
+
+
+CLASSES = (RLE_SPLAT_OT_reload,)

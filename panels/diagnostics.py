@@ -1,0 +1,28 @@
+"""The Diagnostics panel, which holds effects, the last report and measured errors."""
+
+import bpy
+
+from .places import RenderTab, Sidebar
+
+
+class DiagnosticsPanel:
+    """Draws the panel in the sidebar and in the render properties."""
+
+    bl_label = "Diagnostics"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, _context):
+        self.layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
+
+
+class RLE_SPLAT_PT_diagnostics(DiagnosticsPanel, Sidebar, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_diagnostics"
+    bl_parent_id = "RLE_SPLAT_PT_advanced"
+
+
+class RLE_SPLAT_PT_render_diagnostics(DiagnosticsPanel, RenderTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_render_diagnostics"
+    bl_parent_id = "RLE_SPLAT_PT_render_advanced"
+
+
+CLASSES = (RLE_SPLAT_PT_diagnostics, RLE_SPLAT_PT_render_diagnostics)

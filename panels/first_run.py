@@ -1,0 +1,35 @@
+"""What the tab shows before the first volume: three steps with their buttons, and whether kernels are ready."""
+
+from ..bridge import kernel_preparation
+from .places import paragraph
+
+
+def draw(context, layout) -> None:
+    """Draw the hint.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Gives the width for texts.
+    layout : bpy.types.UILayout
+        Where it is added.
+    """
+    step = _step(context, layout, "1. Import a volume, or drop its file into the view")
+    step.operator("rle_splat.import_volume", text="Import File…", icon="IMPORT")
+    step.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")
+    step = _step(context, layout, "2. Choose a preset, then turn the view")
+    step.menu("RLE_SPLAT_MT_presets", icon="PRESET")
+    step.operator("rle_splat.frame_volume", text="Frame", icon="ZOOM_SELECTED")
+    step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
+    step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
+    if not kernel_preparation.text():
+        waits = kernel_preparation.are_missing()
+        sentence = "Kernels are not compiled yet: the first picture takes longer" if waits else "Kernels are ready"
+        paragraph(context, layout, sentence, icon="TIME" if waits else "CHECKMARK")
+
+
+def _step(context, layout, text: str):
+    """A box with the step's sentence; returns the column for its buttons."""
+    box = layout.box()
+    paragraph(context, box, text)
+    return box.column(align=True)

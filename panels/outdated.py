@@ -1,0 +1,28 @@
+"""Pictures that no longer show the scene, with the buttons that make them again."""
+
+from ..bridge import freshness
+from .places import paragraph
+
+
+def draw_outdated(context, layout) -> bool:
+    """Name each outdated picture, with a button that makes it again.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Gives the scene.
+    layout : bpy.types.UILayout
+        Where they are added.
+
+    Returns
+    -------
+    bool
+        Whether there is any.
+    """
+    pinned = {row.image for row in context.scene.rle_splat.pictures if row.kind == "backdrop"}
+    outdated = freshness.out_of_date(context.scene)
+    for image in outdated:
+        paragraph(context, layout, f"Out of date: {image.name}. The scene has changed since", icon="ERROR")
+        again = "rle_splat.set_backdrop" if image in pinned else "rle_splat.render_image"
+        layout.operator(again, text="Update", icon="FILE_REFRESH")
+    return bool(outdated)

@@ -1,0 +1,50 @@
+"""The Scan panel: the volume's file, grid and values, remarks on them, and corrections of what the file says."""
+
+import bpy
+
+from ..bridge import volumes
+from .places import DataTab, OfVolume, paragraph
+
+BUTTON = 3.5  # width of the button beside the path, in buttons
+
+
+class ScanPanel:
+    """Draws the panel in the sidebar and in the object data properties."""
+
+    bl_label = "Scan"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        properties = volumes.volume_object(context).rle_splat
+        row = layout.row(align=True)
+        row.prop(properties, "filepath", text="")
+        button = row.row(align=True)
+        button.ui_units_x = BUTTON
+        button.operator("rle_splat.relocate", text="Relocate")
+        row = layout.row(align=True)
+        row.operator("rle_splat.reload", text="Reload", icon="FILE_REFRESH").use_dialog = False
+        row.operator("rle_splat.reload", text="Edit…", icon="GREASEPENCIL").use_dialog = True
+        column = layout.column(align=True)
+        for line in properties.facts.split("\n"):
+            name, _, value = line.partition(": ")
+            row = column.split(factor=0.32, align=True)
+            row.label(text=name)
+            row.label(text=value)
+        for sentence in filter(None, properties.remarks.split("\n")):
+            paragraph(context, layout, sentence, icon="INFO")
+        layout.prop(context.scene.rle_splat, "scene_scale")
+        layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
+
+
+class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_scan"
+    bl_order = 7
+
+
+class RLE_SPLAT_PT_data_scan(ScanPanel, DataTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_data_scan"
+    bl_order = 3
+
+
+CLASSES = (RLE_SPLAT_PT_scan, RLE_SPLAT_PT_data_scan)

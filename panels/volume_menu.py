@@ -1,0 +1,28 @@
+"""The menu of the scene's volumes, of which one is chosen, and the ways to import another."""
+
+import bpy
+
+from ..bridge import volumes
+
+
+class RLE_SPLAT_MT_volumes(bpy.types.Menu):
+    bl_label = "Volumes"
+    bl_idname = "RLE_SPLAT_MT_volumes"
+
+    def draw(self, context):
+        layout = self.layout
+        for owner in volumes.volume_objects(context.scene):
+            layout.operator("rle_splat.choose_object", text=owner.name, icon=icon_of(owner)).name = owner.name
+        layout.separator()
+        layout.operator("rle_splat.import_volume", text="Import File…", icon="IMPORT")
+        layout.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")
+
+
+def icon_of(owner) -> str:
+    """The outliner's icon for a local, linked or overridden volume; linked ones have disabled buttons."""
+    if owner.library is not None:
+        return "LIBRARY_DATA_DIRECT"
+    return "OUTLINER_OB_VOLUME" if owner.override_library is None else "LIBRARY_DATA_OVERRIDE"
+
+
+CLASSES = (RLE_SPLAT_MT_volumes,)

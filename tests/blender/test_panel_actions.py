@@ -1,0 +1,264 @@
+"""What the panels' own buttons and settings do: volumes chosen, modes with their look, segments, cuts, scans edited."""
+
+from importlib import import_module
+from itertools import count
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import layout_recorder, scenes
+from tests.blender.real_blender import MODULE
+
+N = 9
+
+
+@pytest.fixture
+def owner(addon, tmp_path):
+    """A volume whose values grow from 0 to 200 along x, seen from above; pictures are made by numpy."""
+    voxels = np.broadcast_to(np.linspace(0.0, 200.0, N).astype(np.uint8), (N, N, N)).copy()
+    found = scenes.import_raw(tmp_path, voxels)
+    scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=N - 1.0)
+    bpy.context.scene.rle_splat.backend = "numpy"
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 32
+    return found
+
+
+def picture():
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
+
+
+def test_a_chosen_volume_is_the_one_that_buttons_work_on(owner, bridge, tmp_path):
+    other = scenes.import_raw(tmp_path, np.zeros((2, 2, 2), np.uint8), name="other")
+    assert bridge("volumes").volume_object(bpy.context) == other
+    assert bpy.ops.rle_splat.choose_object(name=owner.name) == {"FINISHED"}
+    assert bridge("volumes").volume_object(bpy.context) == owner
+    assert owner.select_get() and not other.select_get()
+
+
+def test_an_object_that_is_not_there_cannot_be_chosen(owner, refused):
+    refused(bpy.ops.rle_splat.choose_object, "not in this view layer", name="nothing")
+
+
+def state_line(is_on, monkeypatch, viewports=()):
+    """What the top of the tab says of a viewport that shows volumes or not."""
+    live_view = import_module(f"{MODULE}.panels.live_view")
+    monkeypatch.setattr(live_view.live, "viewports_of", lambda area: viewports)
+    log = []
+    context = SimpleNamespace(
+        area=SimpleNamespace(type="VIEW_3D", regions=()), region=None, preferences=bpy.context.preferences,
+        scene=bpy.context.scene, space_data=SimpleNamespace(show_object_viewport_volume=is_on))
+    live_view.draw_state(context, layout_recorder.Recorder(log))
+    return log
+
+
+def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
+    for is_busy, text in ((True, "Refining"), (False, "Up to date")):
+        viewport = SimpleNamespace(is_busy=is_busy, problem="", halvings=0)
+        assert ("label", text) in state_line(True, monkeypatch, [viewport])
+    assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
+    picture()
+    assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
+    owner.rle_splat.window_width *= 2.0
+    log = state_line(False, monkeypatch)
+    assert ("operator", "rle_splat.render_image") in log and ("text", "Update") in log
+    assert any("Out of date" in str(value) for kind, value in log if kind == "label")
+
+
+def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge):
+    settings, properties = bpy.context.scene.rle_splat, owner.rle_splat
+    properties.window_center, properties.window_width = 100.0, 200.0
+    settings.display = "mip"
+    assert (settings.mode, settings.use_grays) == ("mip", True)
+    row = picture()[16]
+    np.testing.assert_allclose(row[:, 0], row[:, 3], atol=1e-5)  # white, as opaque as the value is high
+    np.testing.assert_allclose(row[4:28, 0], (np.arange(4, 28) + 0.5) / 32, atol=0.03)
+    assert not bridge("freshness").out_of_date(bpy.context.scene)
+    properties.window_center = 50.0
+    assert bridge("freshness").out_of_date(bpy.context.scene)
+    settings.display = "composite"
+    assert (settings.mode, settings.use_grays) == ("composite", False)
+    settings.mode = "mip"  # as scripts do: the look stays
+    assert settings.display == "mip" and not settings.use_grays
+
+
+def test_xray_in_gray_is_brighter_where_values_are_higher(owner):
+    bpy.context.scene.rle_splat.display = "xray"
+    owner.rle_splat.window_center, owner.rle_splat.window_width = 100.0, 200.0
+    alpha = picture()[16, :, 3]
+    assert 0.1 < alpha[28] < 0.9 and (np.diff(alpha[3:29]) > 0.0).all()
+
+
+def test_a_shift_moves_the_whole_transfer_function_from_where_the_preset_put_it(owner, bridge):
+    properties, read = owner.rle_splat, bridge("transfer").read_transfer
+    before = read(owner)
+    assert properties.shift == pytest.approx(0.0, abs=1e-4)
+    properties.shift = 10.0  # percent of 0 to 200
+    after = read(owner)
+    moved = [value - earlier for (value, _), (earlier, _) in zip(after.opacity, before.opacity)]
+    np.testing.assert_allclose(moved, 20.0, atol=1e-3)
+    assert properties.shift == pytest.approx(10.0, abs=1e-3)
+    properties.property_unset("preset_center")  # a file of an earlier version
+    assert properties.shift == 0.0
+    properties.shift = -10.0
+    np.testing.assert_allclose([v for v, _ in read(owner).opacity], [v for v, _ in before.opacity], atol=1e-3)
+
+
+def test_automatic_is_a_checkbox_over_the_number(owner):
+    settings, properties = bpy.context.scene.rle_splat, owner.rle_splat
+    properties.opacity_unit_distance = 2.5
+    assert not properties.use_smallest_spacing
+    properties.use_smallest_spacing = True
+    assert properties.opacity_unit_distance == 0.0
+    assert not settings.use_max_error
+    settings.use_max_error = True
+    assert settings.max_error > 0.0
+    settings.max_error = 0.5
+    settings.use_max_error = True  # again: the number stays
+    assert settings.max_error == 0.5
+    settings.use_max_error = False
+    assert settings.max_error == 0.0
+    settings.use_all_cores = False
+    assert settings.threads > 0
+
+
+@pytest.fixture
+def segments(owner, bridge, core, tmp_path):
+    """The rows of a label file whose left third is 3; the volume's own transfer function shows nothing."""
+    scenes.give_transfer(
+        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        ((0.0, 0.0), (255.0, 0.0)), (1.0, 1.0, 1.0))
+    labels = np.zeros((N, N, N), np.uint8)
+    labels[:, :, :3] = 3
+    labels.tofile(tmp_path / "labels.raw")
+    owner.rle_splat.label_file = str(tmp_path / "labels.raw")
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    return owner.rle_splat.labels
+
+
+def test_a_color_shows_a_segment_that_the_transfer_function_does_not(segments):
+    assert picture()[..., 3].max() == 0.0
+    segments[1].show = False
+    segments[1].shown_color = (0.0, 0.0, 1.0)
+    assert segments[1].show and segments[1].use_color and segments[1].look == "SOLID"
+    shown = picture()[16]
+    assert shown[4, 3] > 0.99 and shown[4, 2] > 0.05 and shown[4, 0] < 0.01 and shown[24, 3] == 0.0
+    segments[1].opacity = 0.2  # for each ten voxels, of which there are eight
+    assert picture()[16, 4, 3] == pytest.approx(1.0 - 0.8**0.8, abs=0.02)
+    segments[1].look = "OWN"
+    assert picture()[..., 3].max() == 0.0
+
+
+def test_clip_objects_are_flipped_and_deleted_by_name(owner, refused):
+    assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
+    clip = bpy.context.object
+    assert not clip.rle_splat.clip_flipped
+    clip.rle_splat.clip_flipped = True
+    assert clip.rle_splat.clip_keep == "OUTSIDE"
+    refused(bpy.ops.rle_splat.delete_clip, "no clip object", name=owner.name)
+    assert bpy.ops.rle_splat.delete_clip(name=clip.name) == {"FINISHED"}
+    assert [one.name for one in bpy.data.objects if one.rle_splat.is_volume] == [owner.name]
+    assert not bpy.context.scene.rle_splat.clip_objects.objects
+
+
+def test_a_scan_is_edited_after_the_import(owner, bridge, core):
+    properties, key = owner.rle_splat, owner.rle_splat.data_key
+    properties.window_center = 77.0
+    done = bpy.ops.rle_splat.reload(
+        spacing=(1.0, 2.0, 0.5), orientation="RAS", flip=(False, False, True), length_unit_given="cm")
+    assert done == {"FINISHED"}
+    volume = bridge("volumes").load_volume(owner)
+    np.testing.assert_allclose(volume.spacing, (1.0, 2.0, 0.5))
+    assert core("volume.orientation").axis_letters(volume.affine) == ("R", "A", "I") and volume.unit == "cm"
+    assert "Spacing: 1 × 2 × 0.5 cm" in properties.facts and properties.space == "patient"
+    assert properties.data_key == key and properties.window_center == 77.0
+    assert properties.length_unit == "cm" and tuple(properties.found_spacing) == (1.0, 2.0, 0.5)
+    assert bpy.ops.rle_splat.reload() == {"FINISHED"}  # with the options that it has
+    np.testing.assert_allclose(bridge("volumes").load_volume(owner).spacing, (1.0, 2.0, 0.5))
+    properties.use_file_spacing = True
+    assert tuple(properties.spacing) == (0.0, 0.0, 0.0)
+    properties.use_file_spacing = False
+    assert tuple(properties.spacing) == (1.0, 2.0, 0.5)
+
+
+def test_a_wrong_orientation_is_refused(owner, refused):
+    refused(bpy.ops.rle_splat.reload, "three letters", orientation="LLS")
+
+
+@pytest.fixture
+def preferences(bridge):
+    found = bridge("preferences").current()
+    yield found
+    for name in ("threads", "memory_limit", "failed_frame", "show_live"):
+        found.property_unset(name)
+    found.memory_limit = 0.0
+
+
+def test_preferences_count_where_a_scene_sets_nothing(owner, bridge, core, preferences):
+    quality_of, settings = bridge("settings").quality_of, bpy.context.scene.rle_splat
+    preferences.threads = 3
+    assert quality_of(bpy.context.scene).threads == 3
+    settings.threads = 2
+    assert quality_of(bpy.context.scene).threads == 2
+    preferences.failed_frame = "STOP"
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"} and settings.on_failed_frame == "STOP"
+    settings.on_failed_frame = "PLACEHOLDER"
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"} and settings.on_failed_frame == "PLACEHOLDER"
+    available = core("runtime.memory").available_bytes
+    preferences.memory_limit = 0.25
+    assert available() <= 1 << 28
+    preferences.use_free_memory = True
+    assert available() > 1 << 28
+    preferences.show_live = False
+    assert not bridge("live").is_allowed()
+
+
+def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_path):
+    cache = bridge("kernel_cache")
+    used, other = tmp_path / "kernels-1", tmp_path / "kernels-2"
+    for folder in (used, other):
+        folder.mkdir()
+        (folder / "a.nbc").write_bytes(b"x" * 100)
+    (tmp_path / "preparing.log").write_bytes(b"y")
+    monkeypatch.setattr(cache, "KERNELS", used)
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(cache._Now, "at", -cache.FRESH)
+    assert cache.size() == 201
+    assert bpy.ops.rle_splat.clear_kernels() == {"FINISHED"}
+    assert cache.size() == 1 and used.is_dir() and not other.exists()
+
+
+def test_every_choice_has_a_tooltip(addon):
+    groups = [bpy.types.Object, bpy.types.Scene]
+    groups = [base.bl_rna.properties["rle_splat"].fixed_type for base in groups]
+    groups += [entry.fixed_type for group in groups for entry in group.properties if entry.type == "COLLECTION"]
+    groups += [getattr(bpy.ops.rle_splat, name).get_rna_type() for name in dir(bpy.ops.rle_splat)]
+    groups.append(bpy.context.preferences.addons[MODULE].preferences.bl_rna)
+    choices = [
+        (group.identifier, entry.identifier, item.identifier, item.description) for group in groups
+        for entry in group.properties if entry.type == "ENUM" for item in entry.enum_items
+    ]
+    assert len(choices) > 100
+    assert [choice for choice in choices if not choice[-1]] == []
+
+
+def test_progress_never_runs_backwards(bridge, core, monkeypatch):
+    jobs, progress = bridge("jobs"), core("runtime.steps").Progress
+    monkeypatch.setattr(jobs, "redraw_sidebars", lambda context: None)
+    monkeypatch.setattr(jobs.StepwiseOperator, "_progress", None)
+    said = []
+    context = SimpleNamespace(
+        window_manager=SimpleNamespace(progress_update=said.append),
+        workspace=SimpleNamespace(status_text_set=lambda text: None))
+
+    job = jobs.StepwiseOperator()
+    for fraction in (0.2, 0.7, 0.4, 0.8):
+        job._generator = iter([progress(fraction, "working")] * 1000)
+        ticks = count()
+        monkeypatch.setattr(jobs.time, "perf_counter", lambda ticks=ticks: next(ticks) * 0.6 * job.time_budget)
+        job._work_a_while(context)
+    assert said == [0.2, 0.7, 0.7, 0.8]
+

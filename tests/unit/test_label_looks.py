@@ -1,0 +1,41 @@
+"""Opacity of labels: a factor on their transfer function, or the same for all their voxels."""
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.label_styles import SOLID_VOXELS, LabelStyle, read_label_styles
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.scene import RleSplatError
+from rle_splat.volume.volume import Volume
+
+OWN = TransferFunction(
+    name="own", unit=None, opacity=((0.0, 0.0), (100.0, 0.8)), color=((0.0, 1.0, 0.5, 0.25),),
+    opacity_unit_distance=2.0)
+VOLUME = Volume(np.zeros((2, 3, 4), np.uint8), np.diag((1.0, 0.5, 3.0, 1.0)))
+
+
+def test_an_opacity_scales_the_curve():
+    found = LabelStyle(1, opacity=0.5).function(VOLUME, OWN)
+    assert found.opacity == ((0.0, 0.0), (100.0, 0.4)) and found.opacity_unit_distance == 2.0
+    assert LabelStyle(1).function(VOLUME, OWN) == OWN
+
+
+def test_a_solid_label_has_one_opacity_for_a_thickness_in_voxels():
+    found = LabelStyle(1, color=(0.0, 0.0, 1.0), opacity=0.3, solid=True).function(VOLUME, OWN)
+    assert [found.alpha_at(value) for value in (-50.0, 0.0, 500.0)] == [0.3] * 3
+    assert found.opacity_unit_distance == SOLID_VOXELS * 0.5
+    assert LabelStyle(1, hidden=True, solid=True).function(VOLUME, OWN) is None
+
+
+def test_they_are_read_from_a_file(tmp_path):
+    path = tmp_path / "looks.json"
+    path.write_text('[{"label": 2, "solid": true, "opacity": 0.25}]', encoding="utf-8")
+    style, = read_label_styles(path)
+    assert (style.solid, style.opacity) == (True, 0.25)
+
+
+@pytest.mark.parametrize(("given", "words"), (({"opacity": 1.5}, "from 0 to 1"), ({"opacity": "x"}, "from 0 to 1"),
+                                              ({"solid": 1}, "hidden and solid must be true or false")))
+def test_nonsense_is_refused(given, words):
+    with pytest.raises(RleSplatError, match=words):
+        LabelStyle(1, **given)
