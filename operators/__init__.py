@@ -8,6 +8,7 @@ from . import (
     apply_preset,
     channels,
     choose_series,
+    clip_to_view,
     composite,
     frame_volume,
     import_volume,
@@ -27,7 +28,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view,
+    frame_volume, live_view, clip_to_view,
 )
 
 

@@ -5,17 +5,17 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ..bridge import clip_objects, volumes
+from ..bridge.attached import volume_frame
 from ..bridge.settings import scene_scale_of
 from ..rle_splat.scene import RleSplatError
+from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_volume, refuse
 
-PLANE_SIZE = 0.5  # length of the arrow, as a fraction of the volume's half sides
-
 
 class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
-    """Add an Empty that cuts the volume: a box fitted to it, or an arrow at its center that points to the side that
-    is removed"""
+    """Add an Empty that cuts the volume: a box fitted to it, or a rectangle at its center with an arrow that points to
+    the side that is removed"""
 
     bl_idname = "rle_splat.add_clip"
     bl_label = "Add Clip Object"
@@ -41,21 +41,12 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
             volume = volumes.load_volume(owner)
         except RleSplatError as problem:
             return refuse(self, problem)
-        half = 0.5 * (np.array(volume.shape_xyz, dtype=np.float64) - 1.0)
-        fitted = np.diag((*half, 1.0))
-        fitted[:3, 3] = half
-        scale = scene_scale_of(context.scene, volume.unit)
-        matrix = np.array(owner.matrix_world) @ np.diag((scale, scale, scale, 1.0)) @ volume.affine @ fitted
-        if self.kind == "PLANE":
-            matrix[:3, :3] *= PLANE_SIZE
-        empty = clip_objects.add_clip(context.scene, self.kind, self.keep, matrix)
-        for selected in context.selected_objects:
-            selected.select_set(False)
-        empty.select_set(True)
-        context.view_layer.objects.active = empty
-        if not empty.visible_get():
-            self.report({"WARNING"}, f"{empty.name} cuts the volume but is not visible, because its collection is "
-                                     "hidden in the viewport; show the collection in the Outliner to move it.")
+        middle = 0.5 * (np.array(volume.shape_xyz, dtype=np.float64) - 1.0)
+        fitted = np.diag((*np.where(middle > 0.0, middle, 0.5), 1.0))  # a clip object must not be flat
+        fitted[:3, 3] = middle
+        matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted
+        empty = clip_objects.add_clip(context.scene, owner, self.kind, self.keep, matrix)
+        make_active(self, context, empty, "cuts the volume")
         return {"FINISHED"}
 
 

@@ -5,6 +5,7 @@ import bpy
 from . import (
     accuracy,
     channels,
+    clip_gizmos,
     clip_objects,
     effects,
     labels,
@@ -20,6 +21,7 @@ from . import (
 
 MODULES = (
     volume, playback, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy,
+    clip_gizmos,
 )  # fmt: skip
 
 

@@ -23,10 +23,12 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
             row = layout.row(align=True)
             row.label(text=one.name, icon="CUBE")
             row.prop(one.rle_splat, "clip_keep", text="")
+            row.prop(one.rle_splat, "clip_only_parent", text="", icon="LINKED")
             row.prop(one, "hide_render", text="")
         row = layout.row(align=True)
         for kind, text, icon in (("BOX", "Add Box", "CUBE"), ("PLANE", "Add Plane", "EMPTY_SINGLE_ARROW")):
             row.operator("rle_splat.add_clip", text=text, icon=icon).kind = kind
+        layout.operator_menu_enum("rle_splat.clip_to_view", "through", text="Clip to View", icon="VIEW_PERSPECTIVE")
 
 
 CLASSES = (RLE_SPLAT_PT_clip_objects,)

@@ -1,0 +1,101 @@
+"""Handles in the 3D viewport: six on the faces of a clip box, and one on a clip plane or a slice.
+
+A drag is one step of undo.  Blender ends it with Esc or the right mouse button, which restores what was before.
+"""
+
+from functools import partial
+
+import bpy
+
+from ..bridge import clip_handles
+
+AXIS_COLORS = ((1.0, 0.2, 0.32), (0.55, 0.86, 0.0), (0.16, 0.56, 1.0))  # of Blender's x, y and z
+PLANE_COLOR = (1.0, 0.75, 0.2)
+
+
+def _arrow(group, color, get, put):
+    """A new arrow whose distance from its base is read and set by functions."""
+    arrow = group.gizmos.new("GIZMO_GT_arrow_3d")
+    arrow.draw_style = "BOX"
+    arrow.length = 0.0
+    arrow.color, arrow.alpha = color, 0.8
+    arrow.color_highlight, arrow.alpha_highlight = color, 1.0
+    arrow.use_draw_modal = True
+    arrow.target_set_handler("offset", get=get, set=put)
+    return arrow
+
+
+def _extent(axis: int, side: int) -> float:
+    box = clip_handles.active_box(bpy.context)
+    return 0.0 if box is None else clip_handles.face(box, axis, side)[2]
+
+
+def _set_extent(axis: int, side: int, extent: float) -> None:
+    box = clip_handles.active_box(bpy.context)
+    if box is not None:
+        clip_handles.move_face(box, axis, side, extent)
+
+
+def _distance() -> float:
+    plane = clip_handles.active_plane(bpy.context)
+    return 0.0 if plane is None else clip_handles.plane_origin(plane)[2]
+
+
+def _set_distance(distance: float) -> None:
+    plane = clip_handles.active_plane(bpy.context)
+    if plane is not None:
+        clip_handles.move_plane(plane, distance)
+
+
+class Handles:
+    """What both groups of handles share; ``found`` returns the object that they move, ``bases`` their places."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"3D", "PERSISTENT", "SHOW_MODAL_ALL"}
+
+    def draw_prepare(self, context):
+        for arrow, place in zip(self.gizmos, self.places(context)):
+            if not arrow.is_modal:
+                arrow.matrix_basis = place
+
+
+class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
+    """A handle on each face of a clip box. The opposite face stays"""
+
+    bl_idname = "RLE_SPLAT_GGT_clip_box"
+    bl_label = "Handles of a Clip Box"
+
+    @classmethod
+    def poll(cls, context):
+        return clip_handles.active_box(context) is not None
+
+    def setup(self, _context):
+        for face in clip_handles.FACES:
+            _arrow(self, AXIS_COLORS[face[0]], partial(_extent, *face), partial(_set_extent, *face))
+
+    def places(self, context):
+        box = clip_handles.active_box(context)
+        faces = () if box is None else (clip_handles.face(box, *face) for face in clip_handles.FACES)
+        return [clip_handles.pointing(base, direction) for base, direction, _ in faces]
+
+
+class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
+    """A handle that moves a clip plane or a slice along its normal"""
+
+    bl_idname = "RLE_SPLAT_GGT_clip_plane"
+    bl_label = "Handle of a Plane"
+
+    @classmethod
+    def poll(cls, context):
+        return clip_handles.active_plane(context) is not None
+
+    def setup(self, _context):
+        _arrow(self, PLANE_COLOR, _distance, _set_distance)
+
+    def places(self, context):
+        plane = clip_handles.active_plane(context)
+        return [] if plane is None else [clip_handles.pointing(*clip_handles.plane_origin(plane)[:2])]
+
+
+CLASSES = (RLE_SPLAT_GGT_clip_box, RLE_SPLAT_GGT_clip_plane)

@@ -1,0 +1,219 @@
+"""Handles of clip boxes and planes in a real window, dragged by a mouse, and slices in each shading mode.
+dev.py test runs it; its photographs are to be looked at."""
+
+import tempfile
+from importlib import import_module
+from math import radians
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Euler, Vector
+
+from tests.blender import scenes
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import (
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+    window,
+)
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_cut_"))
+N = 24  # voxels a side
+
+
+def handles():
+    return import_module(f"{MODULE}.bridge.clip_handles")
+
+
+def view():
+    return area_of("VIEW_3D").spaces.active.region_3d
+
+
+def look(rotation, distance=70.0):
+    held = view()
+    held.view_perspective = "PERSP"
+    held.view_location, held.view_distance = ((N - 1) / 2,) * 3, distance
+    held.view_rotation = Euler(tuple(map(radians, rotation))).to_quaternion()
+    held.update()
+
+
+def settled():
+    """Wait until the live picture has been refined."""
+    live = import_module(f"{MODULE}.bridge.live")
+    area_of("VIEW_3D").tag_redraw()
+    yield
+    yield
+    yield from until(lambda: not any(one.is_busy for one in live.viewports_of(area_of("VIEW_3D"))), 120.0)
+    assert not live.problem_of(area_of("VIEW_3D"))
+    yield
+
+
+def screen_place(point) -> tuple[int, int]:
+    """Where the view shows a point of the world, in pixels of the window."""
+    region = region_of(area_of("VIEW_3D"), "WINDOW")
+    place = location_3d_to_region_2d(region, view(), Vector(point))
+    return int(region.x + place.x), int(region.y + place.y)
+
+
+def move_mouse(place) -> None:
+    window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=place[0], y=place[1])
+
+
+def press(value: str, place, button: str = "LEFTMOUSE") -> None:
+    window().event_simulate(type=button, value=value, x=place[0], y=place[1])
+
+
+def drag(start, end, name: str, ends_with: str = "LEFTMOUSE"):
+    """Drag from one point of the world to another with the mouse, and photograph the middle of it."""
+    first, last = np.array(screen_place(start)), np.array(screen_place(end))
+    move_mouse(first - 1)
+    yield
+    move_mouse(first)
+    yield
+    press("PRESS", first)
+    yield
+    for share in (0.2, 0.4, 0.6, 0.8, 1.0):
+        move_mouse((first + share * (last - first)).astype(int))
+        yield
+        if share == 0.6:
+            yield from photograph(name)
+    if ends_with == "LEFTMOUSE":
+        press("RELEASE", last)
+    else:
+        press("PRESS", last, ends_with)
+        yield
+        press("RELEASE", last, ends_with)
+        press("RELEASE", last)
+    yield
+    yield
+
+
+def set_up():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects", "RLE_SPLAT_PT_slices")
+    yield from new_file()
+    z, y, x = np.mgrid[:N, :N, :N]
+    shell = np.sqrt((x - 11.5) ** 2 + (y - 11.5) ** 2 + (z - 11.5) ** 2)
+    voxels = np.clip(90 + 6 * x + np.where(np.abs(shell - 8) < 1.5, 60, 0) - 8 * np.maximum(shell - 11, 0), 0, 255)
+    with in_the_view():
+        owner = scenes.import_raw(FOLDER, voxels.astype(np.uint8), name="head")
+        scenes.load_color(FOLDER, (0.8, 0.45, 0.3), alpha=0.5)
+    bpy.ops.ed.undo_push(message="start")
+    look((60.0, 0.0, 30.0))
+    yield from settled()
+    return owner.name
+
+
+def faces(box) -> np.ndarray:
+    """(3, 2): where the faces of a box are along each axis of the world, which its own are parallel to."""
+    matrix = np.array(box.matrix_world)
+    half = np.abs(np.diag(matrix[:3, :3])) * box.empty_display_size
+    return np.stack((matrix[:3, 3] - half, matrix[:3, 3] + half), axis=1)
+
+
+def check_box(name):
+    """A drag of a face's handle moves that face and no other, as one step of undo; Esc restores."""
+    with in_the_view():
+        bpy.ops.rle_splat.add_clip("EXEC_DEFAULT", True, kind="BOX")
+    yield from settled()
+    yield from photograph("box")
+    box = bpy.context.view_layer.objects.active
+    before = faces(box)
+    np.testing.assert_allclose(before, [[0.0, N - 1.0]] * 3, atol=1e-4)
+    middle = before.mean(axis=1)
+    start, end = middle.copy(), middle.copy()
+    start[2], end[2] = before[2, 1], before[2, 1] - 8.0
+    yield from drag(start, end, "box_drag")
+    yield from settled()
+    yield from photograph("box_dragged")
+    box = bpy.data.objects["Clip Box"]
+    after = faces(box)
+    print(f"faces before {before.tolist()}, after {after.tolist()}", flush=True)
+    expected = before.copy()
+    expected[2, 1] -= 8.0
+    np.testing.assert_allclose(after, expected, atol=1.0)
+    expected[2, 1] = after[2, 1]
+    np.testing.assert_allclose(after, expected, atol=1e-3, err_msg="another face was moved")
+    assert after[2, 1] < before[2, 1] - 4.0
+    with in_the_view():
+        bpy.ops.ed.undo()
+    yield
+    np.testing.assert_allclose(faces(bpy.data.objects["Clip Box"]), before, atol=1e-4)
+    assert "Clip Box" in bpy.data.objects, "the drag was undone together with the box"
+    with in_the_view():
+        bpy.ops.ed.redo()
+    yield
+    np.testing.assert_allclose(faces(bpy.data.objects["Clip Box"]), after, atol=1e-4)
+    start[2] = after[2, 1]
+    yield from drag(start, end - (0, 0, 6.0), "box_cancelled", ends_with="RIGHTMOUSE")
+    np.testing.assert_allclose(faces(bpy.data.objects["Clip Box"]), after, atol=1e-3)
+
+
+def check_volume_shows_handles(name):
+    """The handles of its box show while the volume is active, and none when another object is."""
+    scenes.activate(bpy.data.objects[name])
+    yield from settled()
+    yield from photograph("box_of_active_volume")
+    assert handles().active_box(bpy.context).name == "Clip Box"
+    bpy.data.objects["Clip Box"].hide_set(True)
+    assert handles().active_box(bpy.context) is None
+    bpy.data.objects.remove(bpy.data.objects["Clip Box"])
+    yield
+
+
+def check_plane(name):
+    """Clip to View from the view as it is; its handle moves it along its normal."""
+    scenes.activate(bpy.data.objects[name])
+    look((55.0, 0.0, 25.0))
+    yield
+    with in_the_view():
+        assert bpy.ops.rle_splat.clip_to_view("EXEC_DEFAULT", True, through="VIEW") == {"FINISHED"}
+    yield from settled()
+    yield from photograph("plane_facing")
+    plane = bpy.context.view_layer.objects.active
+    back = view().view_rotation @ Vector((0.0, 0.0, 1.0))
+    np.testing.assert_allclose(plane.matrix_world.to_3x3().col[2].normalized(), back, atol=1e-5)
+    np.testing.assert_allclose((plane.matrix_world.translation - view().view_location).dot(back), 0.0, atol=1e-4)
+    look((75.0, 0.0, 80.0))
+    yield from settled()
+    yield from photograph("plane_from_the_side")
+    start = plane.matrix_world.translation.copy()
+    yield from drag(start, start - 5.0 * back, "plane_drag")
+    yield from settled()
+    yield from photograph("plane_dragged")
+    step = bpy.data.objects["Clip Plane"].matrix_world.translation - start
+    print(f"the plane moved by {tuple(step)}, along its normal by {step.dot(back)}", flush=True)
+    np.testing.assert_allclose(step.dot(back), -5.0, atol=1.0)
+    assert (step - step.dot(back) * back).length < 1e-3
+    with in_the_view():
+        bpy.ops.ed.undo()
+    yield
+    np.testing.assert_allclose(bpy.data.objects["Clip Plane"].matrix_world.translation, start, atol=1e-4)
+    scene = bpy.context.scene
+    scene.cursor.location = Vector(((N - 1) / 2,) * 3) + 4.0 * back
+    look((55.0, 0.0, 25.0))
+    yield
+    scenes.activate(bpy.data.objects["Clip Plane"])
+    with in_the_view():
+        assert bpy.ops.rle_splat.clip_to_view("EXEC_DEFAULT", True, through="CURSOR") == {"FINISHED"}
+    yield from settled()
+    yield from photograph("plane_at_cursor")
+    assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Clip Plane"], "a second plane was added"
+
+
+def scenario():
+    name = yield from set_up()
+    for check in (check_box, check_volume_shows_handles, check_plane):
+        yield from check(name)
+        passed(check.__name__)
+
+
+drive(scenario)
