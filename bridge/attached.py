@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from mathutils import Matrix
 
+from . import presence
+
 
 def attach(one, owner, matrix: np.ndarray, basis=None) -> None:
     """Make an object a child of a volume, at a given place.
@@ -27,14 +29,37 @@ def attach(one, owner, matrix: np.ndarray, basis=None) -> None:
     place is exact for a sheared volume too.
     """
     wanted = Matrix(matrix.tolist())
+    one.matrix_world = wanted  # where Blender does not evaluate the object, as in a disabled collection, this stays
     one.parent = owner
-    one.matrix_basis = wanted if basis is None else basis
+    if basis is not None:
+        one.matrix_basis = basis
     one.matrix_parent_inverse = owner.matrix_world.inverted_safe() @ wanted @ one.matrix_basis.inverted_safe()
 
 
 def is_attached(one, owner) -> bool:
     """Whether an object is a child of a volume object, of this one."""
     return one.parent is not None and one.parent == owner and owner.rle_splat.is_volume
+
+
+def world_matrix(one, depsgraph) -> np.ndarray:
+    """The placement of an object in the world at a depsgraph's time; of a child of a volume also where it is disabled.
+
+    Parameters
+    ----------
+    one : bpy.types.Object
+        The object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    ndarray, shape (4, 4), float64
+        The object's own space to the world.
+    """
+    matrix = one.evaluated_get(depsgraph).matrix_world
+    if is_attached(one, one.parent) and not presence.is_kept_up(one, depsgraph):
+        matrix = one.parent.evaluated_get(depsgraph).matrix_world @ one.matrix_parent_inverse @ one.matrix_basis
+    return np.array(matrix, dtype=np.float64)
 
 
 def rescale_attached(owner, ratio: float) -> None:

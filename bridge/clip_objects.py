@@ -14,7 +14,7 @@ import numpy as np
 
 from ..rle_splat.scene import Clip, RleSplatError
 from . import box, linked, presence
-from .attached import attach, is_attached
+from .attached import attach, is_attached, world_matrix
 
 COLLECTION = "Clip Objects"
 PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # display types of an Empty that show its +Z
@@ -75,7 +75,7 @@ def read_clips(depsgraph, owner) -> tuple[Clip, ...]:
             continue
         evaluated = one.evaluated_get(depsgraph)
         kind, own = _shape(one, evaluated)
-        matrix = np.array(evaluated.matrix_world, dtype=np.float64) @ own
+        matrix = world_matrix(one, depsgraph) @ own
         try:
             found.append(Clip(kind, matrix, one.rle_splat.clip_keep.lower()))
         except RleSplatError as problem:
