@@ -145,6 +145,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     is_slice: BoolProperty(
         name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
         options={"HIDDEN"})
+    slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
         description="Colors and opacity curve, stored in a node group. Copies of the object share it")

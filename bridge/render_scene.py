@@ -23,6 +23,7 @@ from .meshes import read_triangles
 from .mist import read_mist
 from .motion import read_motion
 from .presence import is_kept_up
+from .slices import outlines
 from .world import read_world
 
 KEPT = StageCache()  # keyed by content, so it stays valid across files and undo
@@ -100,7 +101,7 @@ def check_kept_up(volume_object, depsgraph) -> None:
 
 def read_occluders(depsgraph) -> np.ndarray | None:
     """Triangles of the meshes that hide the volume, (n, 3, 3) float64 in world space; None without any."""
-    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene))
+    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene), outlines(depsgraph))
     return triangles if len(triangles) else None
 
 

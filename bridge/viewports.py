@@ -204,6 +204,12 @@ def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
     return np.array(context.scene.camera.matrix_world, dtype=np.float64), None
 
 
+def show_textures(window) -> None:
+    """Have the 3D viewports of a window, or of None, show image textures in Solid shading."""
+    for area in _viewports(window):
+        area.spaces.active.shading.color_type = "TEXTURE"
+
+
 def has_viewport(window) -> bool:
     """Whether a window, or None, shows a 3D viewport."""
     return len(_viewports(window)) > 0

@@ -5,6 +5,7 @@ import bpy
 from . import (
     accuracy,
     add_clip,
+    add_slice,
     apply_preset,
     channels,
     choose_series,
@@ -28,7 +29,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view, clip_to_view,
+    frame_volume, live_view, clip_to_view, add_slice,
 )
 
 

@@ -15,13 +15,14 @@ from . import (
     quality,
     report,
     shading,
+    slices,
     transfer,
     volume,
 )
 
 MODULES = (
     volume, playback, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy,
-    clip_gizmos,
+    clip_gizmos, slices,
 )  # fmt: skip
 
 

@@ -48,16 +48,37 @@ def _set_distance(distance: float) -> None:
 
 
 class Handles:
-    """What both groups of handles share; ``found`` returns the object that they move, ``bases`` their places."""
+    """What both groups of handles share.
+
+    A subclass has ``moved(context)``, the object that its handles move or None, and ``places(context)``, a matrix for
+    each handle.
+    """
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "WINDOW"
     bl_options = {"3D", "PERSISTENT", "SHOW_MODAL_ALL"}
 
+    before = None  # the object, and where it was when no handle was dragged
+    is_dragged = False
+
     def draw_prepare(self, context):
         for arrow, place in zip(self.gizmos, self.places(context)):
             if not arrow.is_modal:
                 arrow.matrix_basis = place
+        if any(arrow.is_modal for arrow in self.gizmos):
+            self.is_dragged = True
+            return
+        one = self.moved(context)
+        now = None if one is None else (one.session_uid, tuple(one.location), tuple(one.scale))
+        if self.is_dragged and now != self.before:
+            bpy.app.timers.register(_push_undo, first_interval=0.0)
+        self.before, self.is_dragged = now, False
+
+
+def _push_undo() -> None:
+    """Timer function: make a step of undo, as Blender does not for the handles of extensions."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.ed.undo_push(message="Move Handle")
 
 
 class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
@@ -65,6 +86,8 @@ class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
 
     bl_idname = "RLE_SPLAT_GGT_clip_box"
     bl_label = "Handles of a Clip Box"
+
+    moved = staticmethod(clip_handles.active_box)
 
     @classmethod
     def poll(cls, context):
@@ -85,6 +108,8 @@ class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
 
     bl_idname = "RLE_SPLAT_GGT_clip_plane"
     bl_label = "Handle of a Plane"
+
+    moved = staticmethod(clip_handles.active_plane)
 
     @classmethod
     def poll(cls, context):

@@ -124,6 +124,7 @@ def check_box(name):
     with in_the_view():
         bpy.ops.rle_splat.add_clip("EXEC_DEFAULT", True, kind="BOX")
     yield from settled()
+    bpy.context.window_manager.print_undo_steps()
     yield from photograph("box")
     box = bpy.context.view_layer.objects.active
     before = faces(box)
@@ -143,6 +144,7 @@ def check_box(name):
     expected[2, 1] = after[2, 1]
     np.testing.assert_allclose(after, expected, atol=1e-3, err_msg="another face was moved")
     assert after[2, 1] < before[2, 1] - 4.0
+    bpy.context.window_manager.print_undo_steps()
     with in_the_view():
         bpy.ops.ed.undo()
     yield
@@ -209,9 +211,51 @@ def check_plane(name):
     assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Clip Plane"], "a second plane was added"
 
 
+def check_slices(name):
+    """Slices in each shading mode; the handle of one moves it, and its picture follows; undo brings both back."""
+    for one in tuple(bpy.context.scene.rle_splat.clip_objects.objects):
+        bpy.data.objects.remove(one)
+    owner = bpy.data.objects[name]
+    scenes.activate(owner)
+    scene = bpy.context.scene
+    scene.view_settings.view_transform = "Standard"
+    with in_the_view():
+        bpy.ops.rle_splat.window_level(center=128.0, width=256.0)
+        assert bpy.ops.rle_splat.add_slice("EXEC_DEFAULT", True, kind="ALL") == {"FINISHED"}
+    look((65.0, 0.0, 35.0))
+    space = area_of("VIEW_3D").spaces.active
+    for shading, engine in (("SOLID", "BLENDER_WORKBENCH"), ("MATERIAL", "BLENDER_EEVEE"), ("RENDERED", "CYCLES")):
+        scene.render.engine, space.shading.type = engine, shading
+        yield from settled()
+        yield from photograph(f"slices_{shading.lower()}")
+        space.show_object_viewport_volume = False
+        yield
+        yield from photograph(f"slices_{shading.lower()}_alone")
+        space.show_object_viewport_volume = True
+    scene.render.engine, space.shading.type = "BLENDER_WORKBENCH", "MATERIAL"
+    one = next(one for one in bpy.data.objects if one.name.endswith("Axial"))
+    scenes.activate(one)
+    yield from settled()
+    before = scenes.image_pixels(one.rle_splat.slice_image)
+    start = one.matrix_world.translation.copy()
+    yield from drag(start, start + Vector((0.0, 0.0, 6.0)), "slice_drag")
+    yield from settled()
+    yield from photograph("slice_dragged")
+    moved = one.matrix_world.translation - start
+    print(f"the slice moved by {tuple(moved)}", flush=True)
+    np.testing.assert_allclose(tuple(moved), (0.0, 0.0, 6.0), atol=1.0)
+    assert not np.allclose(scenes.image_pixels(one.rle_splat.slice_image), before)
+    with in_the_view():
+        bpy.ops.ed.undo()
+    yield
+    yield
+    one = next(one for one in bpy.data.objects if one.name.endswith("Axial"))
+    np.testing.assert_allclose(scenes.image_pixels(one.rle_splat.slice_image), before, atol=1e-6)
+
+
 def scenario():
     name = yield from set_up()
-    for check in (check_box, check_volume_shows_handles, check_plane):
+    for check in (check_box, check_volume_shows_handles, check_plane, check_slices):
         yield from check(name)
         passed(check.__name__)
 
