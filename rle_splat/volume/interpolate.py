@@ -28,12 +28,17 @@ def interpolate(voxels: np.ndarray, places) -> tuple[np.ndarray, np.ndarray]:
     inside = np.logical_and.reduce([(p >= -0.5) & (p <= n - 0.5) for p, n in zip(places, counts)])
     places = [np.clip(p[inside], 0.0, n - 1.0) for p, n in zip(places, counts)]
     first = [np.minimum(p.astype(np.int64), max(n - 2, 0)) for p, n in zip(places, counts)]
-    value = np.zeros(len(places[0]))
+    shares = [(1.0 - (p - i), p - i) for p, i in zip(places, first)]  # of the voxels before and after a place
+    steps = [step if n > 1 else 0 for n, step in zip(counts, (1, counts[0], counts[0] * counts[1]))]
+    stored = voxels.reshape(-1)
+    base = first[0] + counts[0] * (first[1] + counts[1] * first[2])
+    value = np.zeros(len(base))
     for corner in CORNERS.astype(np.int64):
-        share = np.prod([p - i if far else 1.0 - (p - i) for p, i, far in zip(places, first, corner)], axis=0)
+        share = shares[0][corner[0]] * shares[1][corner[1]] * shares[2][corner[2]]
         if not share.any():
             continue  # as for half of the corners of an axis-parallel plane through voxels
-        ix, iy, iz = (np.minimum(i + far, n - 1) for i, far, n in zip(first, corner, counts))
-        # A share of zero takes nothing, not even of a NaN.
-        value += np.multiply(share, voxels[iz, iy, ix], out=np.zeros(len(share)), where=share > 0.0)
+        found = stored[base + corner @ steps]
+        if found.dtype.kind == "f":
+            found = np.where(share > 0.0, found, 0.0)  # a share of zero takes nothing, not even of a NaN
+        value += share * found
     return value, inside

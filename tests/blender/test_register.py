@@ -29,18 +29,18 @@ GROUPS = {
 CLASSES = {
     *(f"RLE_SPLAT_OT_{name}" for name in OPERATORS), *(f"RLE_SPLAT_PT_{name}" for name in PANELS),
     *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_UL_series",
-    "RLE_SPLAT_AP_preferences", *GROUPS,
+    "RLE_SPLAT_AP_preferences", "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane", *GROUPS,
 }  # fmt: skip
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
-    "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch", "shown", "live"],
-    "frame_change_post": ["over_render", "watch", "shown"],
-    "load_post": ["source_paths", "migration", "watch", "shown"],
-    "load_pre": ["handlers"], "redo_post": ["watch", "shown"], "render_cancel": ["over_render"],
+    "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch", "follow_slices", "shown", "live"],
+    "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
+    "load_post": ["source_paths", "migration", "watch", "follow_slices", "shown"],
+    "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown"], "render_cancel": ["over_render"],
     "render_complete": ["over_render"], "render_init": ["over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"], "save_post": ["source_paths"],
     "save_post_fail": ["source_paths"], "save_pre": ["source_paths", "over_render", "picture_files"],
-    "undo_post": ["watch", "shown"],
+    "undo_post": ["watch", "follow_slices", "shown"],
 }  # fmt: skip
 
 
