@@ -58,7 +58,7 @@ def around(one) -> Matrix:
 
     The evaluated matrices are of one time, while location and scale may have been set since.
     """
-    evaluated = one.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    evaluated = one.evaluated_get(bpy.context.view_layer.depsgraph)
     return evaluated.matrix_world @ evaluated.matrix_basis.inverted_safe()
 
 

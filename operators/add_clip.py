@@ -4,9 +4,10 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..bridge import clip_objects, volumes
+from ..bridge import clip_objects, transfer, volumes
 from ..bridge.attached import volume_frame
 from ..bridge.settings import scene_scale_of
+from ..rle_splat.classify.visible_box import visible_box
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .reading import LoadsFirst
@@ -29,6 +30,10 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         name="Keep", description="Part of the volume that stays visible",
         items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
                ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])
+    fit: EnumProperty(
+        name="Fit", description="What a new box holds, or what a new plane halves",
+        items=[("VOLUME", "Whole Volume", "All voxels"),
+               ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])
 
     @classmethod
     def poll(cls, context):
@@ -39,15 +44,27 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         try:
             clip_objects.check_can_add(context.scene, context.view_layer)
             volume = volumes.load_volume(owner)
+            fitted = self._fitted(owner, volume)
         except RleSplatError as problem:
             return refuse(self, problem)
-        middle = 0.5 * (np.array(volume.shape_xyz, dtype=np.float64) - 1.0)
-        fitted = np.diag((*np.where(middle > 0.0, middle, 0.5), 1.0))  # a clip object must not be flat
-        fitted[:3, 3] = middle
         matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted
         empty = clip_objects.add_clip(context.scene, owner, self.kind, self.keep, matrix)
         make_active(self, context, empty, "cuts the volume")
         return {"FINISHED"}
+
+    def _fitted(self, owner, volume) -> np.ndarray:
+        """(4, 4) float64: the clip's unit space to voxel indices."""
+        first, last = np.zeros(3), np.array(volume.shape_xyz, dtype=np.float64) - 1.0
+        if self.fit == "VISIBLE":
+            found = visible_box(volume, transfer.read_transfer(owner))
+            if found is None:
+                raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")
+            # The picture of a voxel reaches to the centers of its neighbors.
+            first, last = np.maximum(found[0] - 1.0, first), np.minimum(found[1] + 1.0, last)
+        half = 0.5 * (last - first)
+        matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a clip object must not be flat
+        matrix[:3, 3] = 0.5 * (first + last)
+        return matrix
 
 
 CLASSES = (RLE_SPLAT_OT_add_clip,)

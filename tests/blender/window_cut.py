@@ -215,6 +215,7 @@ def check_slices(name):
     """Slices in each shading mode; the handle of one moves it, and its picture follows; undo brings both back."""
     for one in tuple(bpy.context.scene.rle_splat.clip_objects.objects):
         bpy.data.objects.remove(one)
+    yield
     owner = bpy.data.objects[name]
     scenes.activate(owner)
     scene = bpy.context.scene
