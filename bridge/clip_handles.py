@@ -1,16 +1,17 @@
-"""What the handles of clip objects do: move one face of a box, and move a plane along its normal.
+"""What the handles of clip objects do: move one face of a box, move a plane along its normal, and tilt it.
 
-A box is changed by its own location and scale, so that both can be keyframed.
+Objects are changed by their own location, rotation and scale, so that these can be keyframed.
 """
 
 from __future__ import annotations
 
 import bpy
-from mathutils import Matrix, Vector
+from mathutils import Matrix, Quaternion, Vector
 
 from . import clip_objects, linked, volumes
 
 FACES = [(axis, side) for axis in range(3) for side in (-1, 1)]
+TURNS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}  # else rotation_euler
 THINNEST = 1e-3  # of a box's longest side: it must not become flat
 
 
@@ -143,12 +144,63 @@ def move_plane(plane, distance: float) -> None:
     _shift(plane, (distance - before) * normal)
 
 
+def tilt_axis(plane, axis: int) -> tuple[Vector, Vector]:
+    """Where the handle is that tilts a plane.
+
+    Parameters
+    ----------
+    plane : bpy.types.Object
+        A clip plane or a slice.
+    axis : int
+        0 or 1 of its own axes.
+
+    Returns
+    -------
+    middle : mathutils.Vector
+        The plane's middle in the world.
+    direction : mathutils.Vector
+        Unit vector in the world, along the axis.
+    """
+    matrix = now(plane)
+    return matrix.translation, matrix.col[axis].to_3d().normalized()
+
+
+def tilt(plane, axis: int, angle: float) -> None:
+    """Turn a plane about one of its own axes, counterclockwise as seen in the world against that axis.
+
+    Parameters
+    ----------
+    plane, axis
+        As for ``tilt_axis``.
+    angle : float
+        Radians.
+    """
+    if now(plane).determinant() < 0.0:
+        angle = -angle  # its own space is a mirror image of the world
+    turn = Quaternion(Matrix.Identity(3).col[axis], angle)
+    if plane.rotation_mode == "QUATERNION":
+        plane.rotation_quaternion = plane.rotation_quaternion @ turn
+    elif plane.rotation_mode == "AXIS_ANGLE":
+        before, *direction = plane.rotation_axis_angle
+        direction, after = (Quaternion(direction, before) @ turn).to_axis_angle()
+        plane.rotation_axis_angle = (after, *direction)
+    else:
+        euler = plane.rotation_euler
+        plane.rotation_euler = (euler.to_matrix() @ turn.to_matrix()).to_euler(euler.order, euler)
+    _keyframe(plane, TURNS.get(plane.rotation_mode, "rotation_euler"))
+
+
 def _shift(one, step: Vector) -> None:
-    """Move an object by a step in the world; with Auto Keying on, keyframe its location and scale."""
+    """Move an object by a step in the world."""
     one.location += around(one).to_3x3().inverted_safe() @ step
+    _keyframe(one, "location", "scale")
+
+
+def _keyframe(one, *names: str) -> None:
+    """With Auto Keying on, keyframe properties of an object."""
     if bpy.context.scene.tool_settings.use_keyframe_insert_auto:
-        one.keyframe_insert("location")
-        one.keyframe_insert("scale")
+        for name in names:
+            one.keyframe_insert(name)
 
 
 def pointing(base: Vector, direction: Vector) -> Matrix:

@@ -1,4 +1,4 @@
-"""Handles in the 3D viewport: six on the faces of a clip box, and one on a clip plane or a slice.
+"""Handles in the 3D viewport: six on the faces of a clip box; on a clip plane or a slice one that moves, two that tilt.
 
 A drag is one step of undo.  Blender ends it with Esc or the right mouse button, which restores what was before.
 """
@@ -18,11 +18,15 @@ def _arrow(group, color, get, put):
     arrow = group.gizmos.new("GIZMO_GT_arrow_3d")
     arrow.draw_style = "BOX"
     arrow.length = 0.0
-    arrow.color, arrow.alpha = color, 0.8
-    arrow.color_highlight, arrow.alpha_highlight = color, 1.0
-    arrow.use_draw_modal = True
+    _paint(arrow, color)
     arrow.target_set_handler("offset", get=get, set=put)
     return arrow
+
+
+def _paint(handle, color) -> None:
+    handle.color, handle.alpha = color, 0.8
+    handle.color_highlight, handle.alpha_highlight = color, 1.0
+    handle.use_draw_modal = True
 
 
 def _extent(axis: int, side: int) -> float:
@@ -47,6 +51,24 @@ def _set_distance(distance: float) -> None:
         clip_handles.move_plane(plane, distance)
 
 
+def _ring(group, axis: int):
+    """A new ring that tilts the active plane; it counts the angle since it was made."""
+    turned = [0.0]
+
+    def turn(angle: float) -> None:
+        plane = clip_handles.active_plane(bpy.context)
+        if plane is not None:
+            clip_handles.tilt(plane, axis, angle - turned[0])
+            turned[0] = angle
+
+    ring = group.gizmos.new("GIZMO_GT_dial_3d")
+    ring.draw_options = {"CLIP"}
+    ring.line_width, ring.scale_basis = 2.0, 0.6
+    _paint(ring, AXIS_COLORS[axis])
+    ring.target_set_handler("offset", get=lambda: turned[0], set=turn)
+    return ring
+
+
 class Handles:
     """What both groups of handles share.
 
@@ -62,14 +84,14 @@ class Handles:
     is_dragged = False
 
     def draw_prepare(self, context):
-        for arrow, place in zip(self.gizmos, self.places(context)):
-            if not arrow.is_modal:
-                arrow.matrix_basis = place
-        if any(arrow.is_modal for arrow in self.gizmos):
+        for handle, place in zip(self.gizmos, self.places(context)):
+            if not handle.is_modal:
+                handle.matrix_basis = place
+        if any(handle.is_modal for handle in self.gizmos):
             self.is_dragged = True
             return
         one = self.moved(context)
-        now = None if one is None else (one.session_uid, tuple(one.location), tuple(one.scale))
+        now = None if one is None else (one.session_uid, tuple(map(tuple, one.matrix_basis)))
         if self.is_dragged and now != self.before:
             bpy.app.timers.register(_push_undo, first_interval=0.0)
         self.before, self.is_dragged = now, False
@@ -104,10 +126,10 @@ class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
 
 
 class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
-    """A handle that moves a clip plane or a slice along its normal"""
+    """A handle that moves a clip plane or a slice along its normal, and two rings that tilt it"""
 
     bl_idname = "RLE_SPLAT_GGT_clip_plane"
-    bl_label = "Handle of a Plane"
+    bl_label = "Handles of a Plane"
 
     moved = staticmethod(clip_handles.active_plane)
 
@@ -117,10 +139,15 @@ class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
 
     def setup(self, _context):
         _arrow(self, PLANE_COLOR, _distance, _set_distance)
+        for axis in (0, 1):
+            _ring(self, axis)
 
     def places(self, context):
         plane = clip_handles.active_plane(context)
-        return [] if plane is None else [clip_handles.pointing(*clip_handles.plane_origin(plane)[:2])]
+        if plane is None:
+            return []
+        places = clip_handles.plane_origin(plane)[:2], *(clip_handles.tilt_axis(plane, axis) for axis in (0, 1))
+        return [clip_handles.pointing(base, direction) for base, direction in places]
 
 
 CLASSES = (RLE_SPLAT_GGT_clip_box, RLE_SPLAT_GGT_clip_plane)

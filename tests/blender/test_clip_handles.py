@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix, Vector
+from mathutils import Matrix, Quaternion, Vector
 
 from tests.blender import scenes
 
@@ -151,6 +151,25 @@ def test_a_handle_moves_a_plane_along_its_normal(owner, bridge):
     scenes.update()
     np.testing.assert_allclose(plane.matrix_world.translation, place.translation - 3.0 * normal, atol=1e-5)
     np.testing.assert_allclose(handles.plane_origin(plane)[0], base, atol=1e-5)
+
+
+@pytest.mark.parametrize("mode", ["XYZ", "ZXY", "QUATERNION", "AXIS_ANGLE"])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_ring_tilts_a_plane_about_its_own_axis(owner, bridge, mode, mirrored):
+    handles, plane = bridge("clip_handles"), add(owner, "PLANE")
+    owner.rotation_euler, owner.scale = (0.3, -0.6, 1.1), (-1.0 if mirrored else 1.0, 1.0, 1.0)
+    plane.rotation_mode = mode
+    scenes.update()
+    for axis in (0, 1):
+        middle, direction = handles.tilt_axis(plane, axis)
+        before = plane.matrix_world.col[2].to_3d().normalized()
+        handles.tilt(plane, axis, 0.25)
+        handles.tilt(plane, axis, 0.15)
+        scenes.update()
+        after = plane.matrix_world.col[2].to_3d().normalized()
+        np.testing.assert_allclose(after, Quaternion(direction, 0.4) @ before, atol=1e-5)
+        np.testing.assert_allclose(plane.matrix_world.translation, middle, atol=1e-5)
+        np.testing.assert_allclose(handles.tilt_axis(plane, axis)[1], direction, atol=1e-5)
 
 
 def test_clip_to_view_faces_the_camera_in_background_mode(owner, refused):

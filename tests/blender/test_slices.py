@@ -247,3 +247,45 @@ def test_a_copied_slice_has_a_picture_of_its_own(owner, voxels, linked):
     for each in (one, copy):
         nodes = each.material_slots[0].material.node_tree.nodes
         assert [node.image for node in nodes if node.type == "TEX_IMAGE"] == [each.rle_splat.slice_image]
+
+
+def test_a_linked_slice_shows_its_volume_as_it_is_here(owner, voxels, tmp_path):
+    one = add(owner)
+    path = tmp_path / "work" / "library.blend"
+    path.parent.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    name = one.name
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.rle_splat.scene_scale = 1.0
+    with bpy.data.libraries.load(str(path), link=True) as (_, target):
+        target.objects = [name]
+    one = target.objects[0]
+    for linked in (one, one.parent):
+        bpy.context.scene.collection.objects.link(linked)
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    one.parent.rle_splat.window_center = 200.0
+    scenes.update()
+    expected = shown(layer(voxels, 2, NZ // 2), 200.0 - 0.5 * (HIGH - LOW), 200.0 + 0.5 * (HIGH - LOW))
+    np.testing.assert_allclose(gray_of(one), expected, atol=1e-5)
+
+
+def test_a_copied_scene_has_slices_of_its_own(owner, voxels):
+    add(owner)
+    bpy.ops.scene.new(type="FULL_COPY")
+    scene = bpy.context.scene
+    copy = next(one for one in scene.objects if one.rle_splat.is_slice)
+    copy.location.z = 1.0
+    scenes.update()
+    first = next(one for one in bpy.data.objects if one.rle_splat.is_slice and one != copy)
+    assert first.rle_splat.slice_image != copy.rle_splat.slice_image
+    np.testing.assert_allclose(gray_of(first), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    np.testing.assert_allclose(gray_of(copy), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)
+
+
+def test_a_removed_image_is_made_again(owner, voxels):
+    one = add(owner)
+    bpy.data.images.remove(one.rle_splat.slice_image)
+    one.location.z = 1.0
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)

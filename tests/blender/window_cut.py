@@ -199,6 +199,7 @@ def check_plane(name):
         bpy.ops.ed.undo()
     yield
     np.testing.assert_allclose(bpy.data.objects["Clip Plane"].matrix_world.translation, start, atol=1e-4)
+    yield from check_ring("Clip Plane")
     scene = bpy.context.scene
     scene.cursor.location = Vector(((N - 1) / 2,) * 3) + 4.0 * back
     look((55.0, 0.0, 25.0))
@@ -209,6 +210,26 @@ def check_plane(name):
     yield from settled()
     yield from photograph("plane_at_cursor")
     assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Clip Plane"], "a second plane was added"
+
+
+def check_ring(name):
+    """A drag along a ring tilts the plane about one of its own axes, after the mouse, as one step of undo."""
+    before = bpy.data.objects[name].matrix_world.copy()
+    middle, axis = handles().tilt_axis(bpy.data.objects[name], 0)
+    right, up = (view().view_rotation @ Vector(one) for one in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    pixels = screen_place(middle + right)[0] - screen_place(middle)[0]  # in a unit of the world, at the plane's middle
+    arm = 75.0 * 0.6 / pixels * before.col[1].to_3d().normalized()  # Blender's size of handles, and ours
+    path = axis.cross(arm)
+    yield from drag(middle + arm, middle + arm + 0.5 * path, "plane_tilting")
+    after = bpy.data.objects[name].matrix_world.copy()
+    turned = axis.dot(before.col[2].to_3d().normalized().cross(after.col[2].to_3d().normalized()))
+    print(f"tilted by sine {turned}; the drag is {path.dot(up)} up", flush=True)
+    assert turned > 0.1, "the ring was missed, or turns against the mouse"
+    assert (after.translation - before.translation).length < 1e-3
+    with in_the_view():
+        bpy.ops.ed.undo()
+    yield
+    np.testing.assert_allclose(np.array(bpy.data.objects[name].matrix_world), np.array(before), atol=1e-4)
 
 
 def check_slices(name):
