@@ -179,7 +179,7 @@ def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
     Parameters
     ----------
     context : bpy.types.Context
-        The context.  Without a window the view is that of the scene's active camera.
+        The context.  In background mode, where nobody sees a viewport, the view is that of the scene's active camera.
 
     Returns
     -------
@@ -193,7 +193,8 @@ def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
     RleSplatError
         Without a viewport and a camera.
     """
-    region, areas = context.region_data, _viewports(context.window)
+    is_seen = not bpy.app.background
+    region, areas = (context.region_data, _viewports(context.window)) if is_seen else (None, [])
     if region is None and areas:
         region = max(areas, key=lambda area: area.width * area.height).spaces.active.region_3d
     if region is not None:

@@ -275,9 +275,41 @@ def check_slices(name):
     np.testing.assert_allclose(scenes.image_pixels(one.rle_splat.slice_image), before, atol=1e-6)
 
 
+def check_render(name):
+    """An animation rendered off the main thread, while the viewport shows the slice, has the slice of each frame."""
+    scene = bpy.context.scene
+    one = next(one for one in bpy.data.objects if one.name.endswith("Axial"))
+    for other in bpy.data.objects:
+        other.hide_render = other.rle_splat.is_slice and other != one
+    for frame, place in ((1, -8.0), (3, 8.0)):
+        one.location.z = place
+        one.keyframe_insert("location", frame=frame)
+    camera = scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 100.0), type="ORTHO", ortho_scale=N - 2)
+    scenes.use_cycles((16, 16), samples=4)
+    scene.frame_start, scene.frame_end = 1, 3
+    scenes.write_exr(FOLDER / "f")
+    scene.frame_set(1)
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
+    with in_the_view():
+        assert bpy.ops.render.render("INVOKE_DEFAULT", animation=True) == {"RUNNING_MODAL"}
+    yield from until(lambda: ended, 120.0)
+    yield
+    shown = []
+    for frame in (1, 2, 3):
+        scene.frame_set(frame)
+        yield
+        expected = scenes.image_pixels(one.rle_splat.slice_image)[1:-1, 1:-1, 0].mean()
+        shown.append((scenes.load_pixels(FOLDER / f"f{frame:04d}.exr")[..., 0].mean(), expected))
+    print(f"rendered and expected: {shown}", flush=True)
+    np.testing.assert_allclose(*np.array(shown).T, rtol=0.03)
+    assert np.ptp(np.array(shown)[:, 1]) > 0.02, "the frames do not differ"
+    bpy.data.objects.remove(camera)
+
+
 def scenario():
     name = yield from set_up()
-    for check in (check_box, check_volume_shows_handles, check_plane, check_slices):
+    for check in (check_box, check_volume_shows_handles, check_plane, check_slices, check_render):
         yield from check(name)
         passed(check.__name__)
 
