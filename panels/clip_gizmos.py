@@ -11,6 +11,7 @@ from ..bridge import clip_handles
 
 AXIS_COLORS = ((1.0, 0.2, 0.32), (0.55, 0.86, 0.0), (0.16, 0.56, 1.0))  # of Blender's x, y and z
 PLANE_COLOR = (1.0, 0.75, 0.2)
+RING = 0.8  # radius in units of Blender's size of gizmos
 
 
 def _arrow(group, color, get, put):
@@ -63,7 +64,8 @@ def _ring(group, axis: int):
 
     ring = group.gizmos.new("GIZMO_GT_dial_3d")
     ring.draw_options = {"CLIP"}
-    ring.line_width, ring.scale_basis = 2.0, 0.6
+    ring.line_width, ring.scale_basis = 2.0, RING
+    ring.select_bias = -2.0  # where an edge of it passes the arrow, the mouse takes the arrow
     _paint(ring, AXIS_COLORS[axis])
     ring.target_set_handler("offset", get=lambda: turned[0], set=turn)
     return ring

@@ -218,7 +218,7 @@ def check_ring(name):
     middle, axis = handles().tilt_axis(bpy.data.objects[name], 0)
     right, up = (view().view_rotation @ Vector(one) for one in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     pixels = screen_place(middle + right)[0] - screen_place(middle)[0]  # in a unit of the world, at the plane's middle
-    arm = 75.0 * 0.6 / pixels * before.col[1].to_3d().normalized()  # Blender's size of handles, and ours
+    arm = 75.0 * 0.8 / pixels * before.col[1].to_3d().normalized()  # Blender's size of handles, and ours
     path = axis.cross(arm)
     yield from drag(middle + arm, middle + arm + 0.5 * path, "plane_tilting")
     after = bpy.data.objects[name].matrix_world.copy()
