@@ -38,7 +38,8 @@ def _on_other_data(*_arguments):
     """Handler: after undo or loading, when images may have lost their pixels."""
     forget()
     if not bpy.app.background:
-        bpy.app.timers.register(_tick, first_interval=0.0)
+        if not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=0.0)
     elif bpy.context.scene is not None:
         update(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), may_wait=False)
 
@@ -65,6 +66,13 @@ def forget() -> None:
     """Drop all records."""
     _shown.clear()
     _problems.clear()
+
+
+def stop() -> None:
+    """Drop all records and the timer."""
+    forget()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
 
 
 def problem_of(one) -> str:

@@ -24,7 +24,7 @@ from . import (
 @persistent
 def _on_load_pre(*_arguments):
     live.stop()
-    follow_slices.forget()
+    follow_slices.stop()
     following.stop()
     series.forget()
     watch.stop()
@@ -53,6 +53,7 @@ def register():
 def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
+    follow_slices.stop()
     following.stop()
     series.forget()
     watch.stop()

@@ -29,7 +29,7 @@ GROUPS = {
 CLASSES = {
     *(f"RLE_SPLAT_OT_{name}" for name in OPERATORS), *(f"RLE_SPLAT_PT_{name}" for name in PANELS),
     *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_UL_series",
-    "RLE_SPLAT_AP_preferences", "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane", *GROUPS,
+    "RLE_SPLAT_AP_preferences", *GROUPS,
 }  # fmt: skip
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
@@ -72,6 +72,7 @@ def traces() -> dict:
     return {
         "listeners": listeners(),
         "classes": class_names(),
+        "handles": [name for name in dir(bpy.types) if name.startswith("RLE_SPLAT_GGT_")],
         "menu": menu_entries(),
         "properties": [name for name in dir(bpy.types) if hasattr(getattr(bpy.types, name), "rle_splat")],
         "operators": dir(bpy.ops.rle_splat),
@@ -82,6 +83,7 @@ def test_everything_is_there_once(addon):
     assert traces() == {
         "listeners": LISTENERS,
         "classes": sorted(CLASSES),
+        "handles": ["RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"],
         "menu": ["draw_menu_entry", "_draw_overlay"],
         "properties": ["Object", "Scene"],
         "operators": sorted(OPERATORS),
