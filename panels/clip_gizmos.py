@@ -59,7 +59,7 @@ def _ring(group, axis: int):
     def turn(angle: float) -> None:
         plane = clip_handles.active_plane(bpy.context)
         if plane is not None:
-            clip_handles.tilt(plane, axis, angle - turned[0])
+            clip_handles.tilt(plane, axis, turned[0] - angle)  # Blender counts clockwise about the ring's axis
             turned[0] = angle
 
     ring = group.gizmos.new("GIZMO_GT_dial_3d")
