@@ -16,6 +16,7 @@ from .placeholder import placeholder
 SIZE = 64  # pixels along a side of a placeholder
 
 _shown: dict = {}  # session id of an image -> what it shows
+_sampled: dict = {}  # session id of an image -> (voxels and place, values): window and level change more often
 _problems: dict = {}  # session id of a slice -> sentence
 _updating: list = []  # not empty while images are written, whose own updates must not start another round
 
@@ -65,6 +66,7 @@ def _tick() -> None:
 def forget() -> None:
     """Drop all records."""
     _shown.clear()
+    _sampled.clear()
     _problems.clear()
 
 
@@ -122,7 +124,11 @@ def _update(scene, one, depsgraph) -> None:
         shows = volume.key, matrix.tobytes(), window
         if _shown.get(uid) == shows:
             return
-        slices.show(one, slices.picture_of(volume, matrix, window))
+        where, values = _sampled.get(uid, (None, None))
+        if where != shows[:2]:
+            values = slices.sampled(volume, matrix)
+            _sampled[uid] = shows[:2], values
+        slices.show(one, slices.picture_of(*values, window))
         if scene.rle_splat.message == _problems.pop(one.session_uid, None):
             scene.rle_splat.message = ""
     except Exception as problem:  # handlers run often: one sentence instead of many tracebacks

@@ -45,7 +45,7 @@ def add_slice(context, owner, volume, name: str):
     Returns
     -------
     bpy.types.Object
-        The slice, whose picture is made by ``picture_of`` and ``show``.
+        The slice, whose picture is not made yet.
     """
     title = f"{owner.name[:LONGEST_NAME]} {name.title()}"
     mesh = bpy.data.meshes.new(title)
@@ -176,17 +176,20 @@ def volume_of(one):
     return owner if is_attached(one, owner) and not presence.is_deleted(owner) else None
 
 
-def picture_of(volume, matrix: np.ndarray, window) -> np.ndarray:
-    """The pixels of a slice, from what ``content`` returns.
+def sampled(volume, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The values at a slice's pixels, and which pixels lie in the volume, from what ``content`` returns."""
+    return plain.resampled(volume, matrix, *plain.slice_size(volume, matrix))
+
+
+def picture_of(values: np.ndarray, inside: np.ndarray, window) -> np.ndarray:
+    """The pixels of a slice, from what ``sampled`` returns.
 
     Returns
     -------
     ndarray, shape (height, width, 4), float32
         Scene-linear gray and alpha, 1 inside the volume and 0 outside; row 0 on top.
     """
-    width, height = plain.slice_size(volume, matrix)
-    values, inside = plain.resampled(volume, matrix, width, height)
-    rgba = np.zeros((height, width, 4), np.float32)
+    rgba = np.zeros((*values.shape, 4), np.float32)
     rgba[..., :3] = (decode_srgb(plain.gray_levels(values, *window)) * inside)[..., np.newaxis]
     rgba[..., 3] = inside
     return rgba
