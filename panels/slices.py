@@ -19,8 +19,9 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         for one in slices.slice_objects(context.scene):
-            row = layout.row(align=True)
-            row.label(text=one.name, icon="MESH_PLANE")
+            halves = layout.split(factor=0.5, align=True)
+            halves.label(text=one.name, icon="MESH_PLANE")
+            row = halves.row(align=True)
             row.prop(one, "location", index=2, text="")
             row.prop(one, "hide_viewport", text="")
             row.prop(one, "hide_render", text="")

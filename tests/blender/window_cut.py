@@ -254,7 +254,7 @@ def check_slices(name):
         yield
         yield from photograph(f"slices_{shading.lower()}_alone")
         space.show_object_viewport_volume = True
-    scene.render.engine, space.shading.type = "BLENDER_WORKBENCH", "MATERIAL"
+    scene.render.engine, space.shading.type = "BLENDER_EEVEE", "MATERIAL"
     one = next(one for one in bpy.data.objects if one.name.endswith("Axial"))
     scenes.activate(one)
     yield from settled()
