@@ -1,11 +1,12 @@
 """Handles in the 3D viewport: six on the faces of a clip box; on a clip plane or a slice one that moves, two that tilt.
 
-A drag is one step of undo.  Blender ends it with Esc or the right mouse button, which restores what was before.
+A drag is one step of undo.  Esc or the right mouse button cancels it.
 """
 
 from functools import partial
 
 import bpy
+from mathutils import Matrix
 
 from ..bridge import clip_handles
 
@@ -93,10 +94,16 @@ class Handles:
             self.is_dragged = True
             return
         one = self.moved(context)
-        now = None if one is None else (one.session_uid, tuple(map(tuple, one.matrix_basis)))
-        if self.is_dragged and now != self.before:
+        now = None if one is None else (one.session_uid, one.matrix_basis.copy())
+        if self.is_dragged and now is not None and self.before is not None and _are_apart(now[1], self.before[1]):
             bpy.app.timers.register(_push_undo, first_interval=0.0)
         self.before, self.is_dragged = now, False
+
+
+def _are_apart(one: Matrix, other: Matrix) -> bool:
+    """Whether two placements differ by more than the rounding of a drag that was cancelled."""
+    size = max(max(map(abs, row)) for row in other)
+    return any(abs(a - b) > 1e-5 * size for rows in zip(one, other) for a, b in zip(*rows))
 
 
 def _push_undo() -> None:
