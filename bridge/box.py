@@ -9,6 +9,8 @@ and without faces it is never rendered.  The object's matrix remains the volume'
 import bpy
 import numpy as np
 
+from .attached import rescale_attached
+
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
 EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1]
 HANDLE_FRACTION = 0.02  # half side of the Empty's own cube, as a fraction of the box's diagonal
@@ -46,23 +48,39 @@ def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
         World units per length unit of the volume.
     """
     old = volume_object.instance_collection
-    name = f"{volume_object.name} Box"
-    mesh = bpy.data.meshes.new(name)
     corners = corners_of(shape_xyz, affine)
-    mesh.from_pydata(corners.tolist(), EDGES, [])
+    give_wire(volume_object, f"{volume_object.name} Box", corners.tolist(), EDGES, scene_scale)
+    volume_object.empty_display_type = "CUBE"
+    diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
+    volume_object.empty_display_size = max(diagonal * scene_scale * HANDLE_FRACTION, 1e-6)
+    if old is not None and old.users == 0:
+        remove_box(old)
+
+
+def give_wire(empty, name: str, vertices, edges, scale: float = 1.0) -> None:
+    """Have an Empty instance a mesh of edges, which is never rendered.
+
+    Parameters
+    ----------
+    empty : bpy.types.Object
+        The Empty.
+    name : str
+        Name of the new mesh, its object and its collection.
+    vertices, edges : list
+        Of the mesh, in the Empty's own space divided by ``scale``.
+    scale : float
+        Factor on the vertices.
+    """
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, edges, [])
     holder = bpy.data.objects.new(name, mesh)
-    holder.scale = (scene_scale,) * 3
+    holder.scale = (scale,) * 3
     holder.display_type = "WIRE"
     holder.hide_render = True
     collection = bpy.data.collections.new(name)
     collection.objects.link(holder)
-    volume_object.empty_display_type = "CUBE"
-    diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
-    volume_object.empty_display_size = max(diagonal * scene_scale * HANDLE_FRACTION, 1e-6)
-    volume_object.instance_type = "COLLECTION"
-    volume_object.instance_collection = collection
-    if old is not None and old.users == 0:
-        remove_box(old)
+    empty.instance_type = "COLLECTION"
+    empty.instance_collection = collection
 
 
 def world_corners(volume_object) -> np.ndarray:
@@ -100,7 +118,9 @@ def rescale_box(volume_object, scene_scale: float) -> None:
         return
     for holder in volume_object.instance_collection.objects:
         if holder.scale[0] > 0.0:
-            volume_object.empty_display_size *= scene_scale / holder.scale[0]
+            ratio = scene_scale / holder.scale[0]
+            volume_object.empty_display_size *= ratio
+            rescale_attached(volume_object, ratio)
         holder.scale = (scene_scale,) * 3
 
 

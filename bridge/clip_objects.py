@@ -2,6 +2,7 @@
 
 An Empty displayed as a cube is a box.  An Empty displayed as an arrow, as axes or as an image is a plane: the side that
 its +Z points to is removed.  A flat mesh is a plane too, along its thin axis.  Any other mesh is its bounding box.
+A clip object cuts every volume, or only the one whose child it is (``clip_only_parent``).
 Objects in child collections count.  An Empty that is hidden from renders does not count.  A mesh counts hidden or not,
 because hiding it from renders is how a user keeps Blender from rendering it; a clip mesh never occludes the volume.
 """
@@ -12,10 +13,13 @@ import bpy
 import numpy as np
 
 from ..rle_splat.scene import Clip, RleSplatError
-from . import linked, presence
+from . import box, linked, presence
+from .attached import attach, is_attached, world_matrix
 
 COLLECTION = "Clip Objects"
 PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # display types of an Empty that show its +Z
+ARROW = 0.5  # length of a plane's arrow, in units of its own space, where its rectangle reaches from -1 to 1
+RECTANGLE = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1), (1, 2), (2, 3), (3, 0)]  # vertices, edges
 FLAT = 1e-6  # a mesh whose thickness is below this fraction of its size is a plane
 
 
@@ -37,13 +41,23 @@ def clip_objects(scene) -> list:
     return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
 
 
-def read_clips(depsgraph) -> tuple[Clip, ...]:
-    """The scene's clip objects as plain data at the depsgraph's time.
+def cuts(one, owner) -> bool:
+    """Whether a clip object cuts a volume, because it cuts every volume or is a child of this one.
+
+    One that cuts only its parent cuts every volume when it has no volume as its parent any more.
+    """
+    return not one.rle_splat.clip_only_parent or not is_attached(one, one.parent) or is_attached(one, owner)
+
+
+def read_clips(depsgraph, owner) -> tuple[Clip, ...]:
+    """The clip objects that cut a volume, as plain data at the depsgraph's time.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
         The evaluated scene.
+    owner : bpy.types.Object
+        The volume object.
 
     Returns
     -------
@@ -57,11 +71,11 @@ def read_clips(depsgraph) -> tuple[Clip, ...]:
     """
     found = []
     for one in clip_objects(depsgraph.scene):
-        if one.type == "EMPTY" and one.hide_render:
+        if (one.type == "EMPTY" and one.hide_render) or not cuts(one, owner):
             continue
         evaluated = one.evaluated_get(depsgraph)
         kind, own = _shape(one, evaluated)
-        matrix = np.array(evaluated.matrix_world, dtype=np.float64) @ own
+        matrix = world_matrix(one, depsgraph) @ own
         try:
             found.append(Clip(kind, matrix, one.rle_splat.clip_keep.lower()))
         except RleSplatError as problem:
@@ -94,6 +108,46 @@ def _bounds(corners: np.ndarray) -> tuple[str, np.ndarray]:
         return "box", matrix
     matrix[:3, :3] = np.roll(np.eye(3), thin + 1, axis=0)  # maps +Z to the thin axis
     return "plane", matrix
+
+
+def active_plane(context, owner):
+    """The active object if it is an Empty that cuts a volume as a plane, else None."""
+    one = context.view_layer.objects.active
+    is_plane = one is not None and one.type == "EMPTY" and one.empty_display_type in PLANES and linked.is_own(one)
+    return one if is_plane and one in clip_objects(context.scene) and cuts(one, owner) else None
+
+
+def is_at_depth(view: np.ndarray, corners: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a plane through a point that faces a view passes between the corners of a box; as for ``facing``."""
+    depths = (corners - point) @ view[:3, 2]
+    return bool(depths.min() < 0.0 < depths.max())
+
+
+def facing(view: np.ndarray, corners: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """The plane through a point that faces a view.
+
+    Parameters
+    ----------
+    view : ndarray, shape (4, 4)
+        View space to the world; the view looks along its own -Z.
+    corners : ndarray, shape (8, 3)
+        A box in the world; seen by the view, the plane's rectangle covers it.
+    point : ndarray, shape (3,)
+        In the world.
+
+    Returns
+    -------
+    ndarray, shape (4, 4), float64
+        The plane's unit space to the world.  Its +Z points to the view.
+    """
+    axes = view[:3, :3] / np.linalg.norm(view[:3, :3], axis=0)
+    seen = (corners - point) @ axes[:, :2]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    half = 0.5 * (high - low)
+    matrix = np.eye(4)
+    matrix[:3, :3] = axes * (*half, half.mean())
+    matrix[:3, 3] = point + axes[:, :2] @ (0.5 * (low + high))
+    return matrix
 
 
 def check_can_add(scene, view_layer) -> None:
@@ -139,13 +193,15 @@ def ensure_collection(scene):
     return settings.clip_objects
 
 
-def add_clip(scene, kind: str, keep: str, matrix) -> object:
-    """Add an Empty to the scene's collection of clip objects.
+def add_clip(scene, owner, kind: str, keep: str, matrix) -> object:
+    """Add an Empty to the scene's collection of clip objects, as a child of the volume that it cuts.
 
     Parameters
     ----------
     scene : bpy.types.Scene
         The scene.
+    owner : bpy.types.Object
+        The volume object.
     kind : {"BOX", "PLANE"}
         Shape of the cut.
     keep : {"INSIDE", "OUTSIDE"}
@@ -156,12 +212,14 @@ def add_clip(scene, kind: str, keep: str, matrix) -> object:
     Returns
     -------
     bpy.types.Object
-        The Empty.
+        The Empty.  A plane is an arrow, and a rectangle from -1 to 1 in x and y that is never rendered.
     """
     empty = bpy.data.objects.new(f"Clip {kind.title()}", None)
     empty.empty_display_type = "CUBE" if kind == "BOX" else "SINGLE_ARROW"
-    empty.empty_display_size = 1.0
+    empty.empty_display_size = 1.0 if kind == "BOX" else ARROW
     ensure_collection(scene).objects.link(empty)
-    empty.matrix_world = matrix.T.tolist()  # a sequence of columns
-    empty.rle_splat.clip_keep = keep
+    if kind == "PLANE":
+        box.give_wire(empty, f"{empty.name} Rectangle", *RECTANGLE)
+    attach(empty, owner, matrix)
+    empty.rle_splat.clip_keep, empty.rle_splat.clip_only_parent = keep, True
     return empty

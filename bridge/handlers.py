@@ -6,6 +6,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import (
+    follow_slices,
     following,
     freshness,
     live,
@@ -23,6 +24,7 @@ from . import (
 @persistent
 def _on_load_pre(*_arguments):
     live.stop()
+    follow_slices.stop()
     following.stop()
     series.forget()
     watch.stop()
@@ -36,6 +38,7 @@ HANDLERS = (
     *over_render.HANDLERS,
     *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load
     *watch.HANDLERS,
+    *follow_slices.HANDLERS,
     *picture_files.HANDLERS,
     *live.HANDLERS,
     ("load_pre", _on_load_pre),
@@ -50,6 +53,7 @@ def register():
 def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
+    follow_slices.stop()
     following.stop()
     series.forget()
     watch.stop()

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def read_triangles(depsgraph, without=()) -> np.ndarray:
+def read_triangles(depsgraph, without=(), instead=None) -> np.ndarray:
     """The triangles of all surfaces that the camera sees.
 
     Objects hidden from renders or from camera rays, and collections set to Indirect Only, are left out.
@@ -24,6 +24,8 @@ def read_triangles(depsgraph, without=()) -> np.ndarray:
         The evaluated scene.
     without : collection of bpy.types.Object
         Objects to leave out.
+    instead : dict of bpy.types.Object to ndarray, optional
+        Triangles of some objects in their own space, in place of those of their meshes.
 
     Returns
     -------
@@ -38,11 +40,13 @@ def read_triangles(depsgraph, without=()) -> np.ndarray:
         # Curves, text, metaballs and geometry nodes that evaluate to a mesh are listed as separate MESH instances.
         if evaluated.type != "MESH" or not _is_seen(instance, view_layer) or evaluated.original in without:
             continue
-        data_pointer = evaluated.data.as_pointer()
-        triangles = local_triangles.get(data_pointer)
+        triangles = (instead or {}).get(evaluated.original)
         if triangles is None:
-            triangles = _object_triangles(evaluated, depsgraph)
-            local_triangles[data_pointer] = triangles
+            data_pointer = evaluated.data.as_pointer()
+            triangles = local_triangles.get(data_pointer)
+            if triangles is None:
+                triangles = _object_triangles(evaluated, depsgraph)
+                local_triangles[data_pointer] = triangles
         if len(triangles):
             matrix = np.array(instance.matrix_world, dtype=np.float64)
             pieces.append(triangles @ matrix[:3, :3].T + matrix[:3, 3])

@@ -163,6 +163,13 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
     clip_keep: LiveEnum(
         name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
+    clip_only_parent: LiveBool(
+        name="Only Its Volume", default=False,
+        description="Cut only the volume that this clip object is a child of, not the others in the scene")
+    is_slice: BoolProperty(
+        name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
+        options={"HIDDEN"})
+    slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
         description="Colors and opacity curve, stored in a node group. Copies of the object share it")

@@ -23,6 +23,7 @@ from .meshes import read_triangles
 from .mist import read_mist
 from .motion import read_motion
 from .presence import is_kept_up
+from .slices import outlines
 from .world import read_world
 
 KEPT = StageCache()  # keyed by content, so it stays valid across files and undo
@@ -100,7 +101,7 @@ def check_kept_up(volume_object, depsgraph) -> None:
 
 def read_occluders(depsgraph) -> np.ndarray | None:
     """Triangles of the meshes that hide the volume, (n, 3, 3) float64 in world space; None without any."""
-    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene))
+    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene), outlines(depsgraph))
     return triangles if len(triangles) else None
 
 
@@ -148,7 +149,7 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
         scene_scale=settings.scene_scale_of(scene, volume.unit),
         lights=lights,
         headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
-        clips=read_clips(depsgraph),
+        clips=read_clips(depsgraph, volume_object),
         channels=read_channels(volume_object, depsgraph, volume),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         mode=scene.rle_splat.mode,

@@ -104,6 +104,13 @@ def check_compositor_can_run(scene) -> None:
         ) from None
 
 
+def material_tree(material):
+    """The node tree of a material, which is always there from 5.0 on."""
+    if material.node_tree is None:
+        material.use_nodes = True
+    return material.node_tree
+
+
 def world_is_nodes(world) -> bool:
     """Whether a world uses its nodes (from 5.0 on always) instead of its plain color."""
     return world.node_tree is not None and (bpy.app.version >= (5, 0) or world.use_nodes)

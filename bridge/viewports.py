@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion
 
+from ..rle_splat.scene import RleSplatError
+
 PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
 HALF_SENSOR = 36.0  # mm: a viewport's lens is one before a sensor of twice this, along its longer side
 ROOM = 1.15  # times the sphere around a volume
@@ -169,6 +171,44 @@ def hiding_sentence(view_layer, corners: np.ndarray) -> str:
     """What to do where a mesh hides a box; "" where none does.  The parameters are those of ``hiding_meshes``."""
     names = hiding_meshes(view_layer, corners)
     return f"It lies inside {names[0]}, which hides it: hide that object, or move one of them." if names else ""
+
+
+def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
+    """The view of the 3D viewport that an operator is called in, or of the window's largest one.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        The context.  In background mode, where nobody sees a viewport, the view is that of the scene's active camera.
+
+    Returns
+    -------
+    matrix : ndarray, shape (4, 4), float64
+        View space to the world.  The view looks along its own -Z, and its Y points up.
+    pivot : ndarray, shape (3,), float64, or None
+        The point about which the view turns, in the world; None for a view through a camera.
+
+    Raises
+    ------
+    RleSplatError
+        Without a viewport and a camera.
+    """
+    is_seen = not bpy.app.background
+    region, areas = (context.region_data, _viewports(context.window)) if is_seen else (None, [])
+    if region is None and areas:
+        region = max(areas, key=lambda area: area.width * area.height).spaces.active.region_3d
+    if region is not None:
+        pivot = None if region.view_perspective == "CAMERA" else np.array(region.view_location, dtype=np.float64)
+        return np.array(region.view_matrix.inverted(), dtype=np.float64), pivot
+    if context.scene.camera is None:
+        raise RleSplatError("There is no 3D viewport and no active camera, so no view; add a camera.")
+    return np.array(context.scene.camera.matrix_world, dtype=np.float64), None
+
+
+def show_textures(window) -> None:
+    """Have the 3D viewports of a window, or of None, show image textures in Solid shading."""
+    for area in _viewports(window):
+        area.spaces.active.shading.color_type = "TEXTURE"
 
 
 def has_viewport(window) -> bool:

@@ -53,11 +53,13 @@ def volume_object(context):
     Returns
     -------
     bpy.types.Object or None
-        The active object if it is a volume, else the only selected volume, else the only volume of the scene.
+        The active object or its parent if that is a volume, else the only selected volume, else the only volume of the
+        scene.
     """
     active = context.view_layer.objects.active
-    if active is not None and active.rle_splat.is_volume:
-        return active
+    for candidate in (active, active.parent if active is not None else None):
+        if candidate is not None and candidate.rle_splat.is_volume:
+            return candidate
     every = volume_objects(context.scene)
     selected = [o for o in every if o.select_get(view_layer=context.view_layer)]
     for candidates in (selected, every):

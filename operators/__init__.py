@@ -5,11 +5,13 @@ import bpy
 from . import (
     accuracy,
     add_clip,
+    add_slice,
     apply_preset,
     channels,
     choose_object,
     choose_series,
     clear_kernels,
+    clip_to_view,
     composite,
     delete_clip,
     frame_volume,
@@ -31,7 +33,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload,
+    frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
 )
 
 

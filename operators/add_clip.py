@@ -4,18 +4,19 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..bridge import clip_objects, volumes
+from ..bridge import clip_objects, transfer, volumes
+from ..bridge.attached import volume_frame
 from ..bridge.settings import scene_scale_of
+from ..rle_splat.classify.visible_box import visible_box
 from ..rle_splat.scene import RleSplatError
+from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_volume, refuse
 
-PLANE_SIZE = 0.5  # length of the arrow, as a fraction of the volume's half sides
-
 
 class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
-    """Add an Empty that cuts the volume: a box fitted to it, or an arrow at its center that points to the side that
-    is removed"""
+    """Add an Empty that cuts the volume: a box fitted to it, or a rectangle at its center with an arrow that points to
+    the side that is removed"""
 
     bl_idname = "rle_splat.add_clip"
     bl_label = "Add Clip Object"
@@ -29,6 +30,10 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         name="Keep", description="Part of the volume that stays visible",
         items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
                ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])
+    fit: EnumProperty(
+        name="Fit", description="What a new box holds, or what a new plane halves",
+        items=[("VOLUME", "Whole Volume", "All voxels"),
+               ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])
 
     @classmethod
     def poll(cls, context):
@@ -39,24 +44,27 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         try:
             clip_objects.check_can_add(context.scene, context.view_layer)
             volume = volumes.load_volume(owner)
+            fitted = self._fitted(owner, volume)
         except RleSplatError as problem:
             return refuse(self, problem)
-        half = 0.5 * (np.array(volume.shape_xyz, dtype=np.float64) - 1.0)
-        fitted = np.diag((*half, 1.0))
-        fitted[:3, 3] = half
-        scale = scene_scale_of(context.scene, volume.unit)
-        matrix = np.array(owner.matrix_world) @ np.diag((scale, scale, scale, 1.0)) @ volume.affine @ fitted
-        if self.kind == "PLANE":
-            matrix[:3, :3] *= PLANE_SIZE
-        empty = clip_objects.add_clip(context.scene, self.kind, self.keep, matrix)
-        for selected in context.selected_objects:
-            selected.select_set(False)
-        empty.select_set(True)
-        context.view_layer.objects.active = empty
-        if not empty.visible_get():
-            self.report({"WARNING"}, f"{empty.name} cuts the volume but is not visible, because its collection is "
-                                     "hidden in the viewport; show the collection in the Outliner to move it.")
+        matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted
+        empty = clip_objects.add_clip(context.scene, owner, self.kind, self.keep, matrix)
+        make_active(self, context, empty, "cuts the volume")
         return {"FINISHED"}
+
+    def _fitted(self, owner, volume) -> np.ndarray:
+        """(4, 4) float64: the clip's unit space to voxel indices."""
+        first, last = np.zeros(3), np.array(volume.shape_xyz, dtype=np.float64) - 1.0
+        if self.fit == "VISIBLE":
+            found = visible_box(volume, transfer.read_transfer(owner))
+            if found is None:
+                raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")
+            # The picture of a voxel reaches to the centers of its neighbors.
+            first, last = np.maximum(found[0] - 1.0, first), np.minimum(found[1] + 1.0, last)
+        half = 0.5 * (last - first)
+        matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a clip object must not be flat
+        matrix[:3, 3] = 0.5 * (first + last)
+        return matrix
 
 
 CLASSES = (RLE_SPLAT_OT_add_clip,)

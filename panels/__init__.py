@@ -6,6 +6,7 @@ from . import (
     accuracy,
     advanced,
     channels,
+    clip_gizmos,
     clip_objects,
     diagnostics,
     display,
@@ -18,14 +19,15 @@ from . import (
     report,
     scan,
     shading,
+    slices,
     transfer,
     volume,
     volume_menu,
 )
 
 MODULES = (
-    volume, volume_menu, preset_menu, display, transfer, shading, clip_objects, labels, picture, scan, playback,
-    advanced, channels, diagnostics, effects, report, accuracy,
+    volume, volume_menu, preset_menu, display, transfer, shading, clip_objects, slices, labels, picture, scan, playback,
+    advanced, channels, diagnostics, effects, report, accuracy, clip_gizmos,
 )  # fmt: skip
 
 

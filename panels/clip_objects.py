@@ -21,6 +21,7 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
         row = layout.row(align=True)
         for kind, text, icon in (("BOX", "Add Box", "MESH_CUBE"), ("PLANE", "Add Plane", "MESH_PLANE")):
             row.operator("rle_splat.add_clip", text=text, icon=icon).kind = kind
+        layout.operator_menu_enum("rle_splat.clip_to_view", "through", text="Clip to View", icon="VIEW_PERSPECTIVE")
         found = clip_objects.clip_objects(context.scene)
         if found:
             column = layout.box().column(align=True)
@@ -38,6 +39,7 @@ def _draw_one(context, layout, one) -> None:
     is_active = context.view_layer.objects.active == one
     icon = "MESH_CUBE" if _is_box(one) else "MESH_PLANE"
     row.operator("rle_splat.choose_object", text=one.name, icon=icon, emboss=is_active).name = one.name
+    row.prop(one.rle_splat, "clip_only_parent", text="", icon="LINKED")
     row.prop(one.rle_splat, "clip_flipped", text="", icon="ARROW_LEFTRIGHT")
     row.operator("rle_splat.delete_clip", text="", icon="X", emboss=False).name = one.name
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+
+def decode_srgb(encoded) -> np.ndarray:
+    """Convert sRGB values from 0 to 1, of any shape, to scene-linear ones (IEC 61966-2-1)."""
+    encoded = np.asarray(encoded, dtype=np.float64)
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
 
 def linear(color) -> tuple | None:
-    """Convert an sRGB color, three numbers from 0 to 1, to scene-linear RGB (IEC 61966-2-1); None stays None."""
-    if color is None:
-        return None
-    return tuple(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color)
+    """Convert an sRGB color, three numbers from 0 to 1, to scene-linear RGB; None stays None."""
+    return None if color is None else tuple(decode_srgb(color).tolist())

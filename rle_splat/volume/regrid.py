@@ -13,7 +13,8 @@ import numpy as np
 from ..runtime.memory import refuse_beyond
 from ..runtime.steps import Progress, mapped
 from ..scene import RleSplatError
-from ..scene.further_volumes import CORNERS, TOLERANCE, is_same_grid, moved_corners
+from ..scene.further_volumes import TOLERANCE, is_same_grid, moved_corners
+from .interpolate import interpolate
 from .volume import PATIENT, Volume, range_steps
 
 DOING = "matching {} to the volume"
@@ -154,21 +155,12 @@ def _interpolated_steps(voxels: np.ndarray, matrix, shape_xyz, filling):
     Integers are rounded. Places up to half a voxel beyond the outermost centers count as these.
     """
     nx, ny, nz = shape_xyz
-    counts = np.array(voxels.shape[::-1])
     result = np.full((nz, ny, nx), filling, dtype=voxels.dtype)
     x, y = np.arange(nx), np.arange(ny)[:, None]
     covered = 0
     for z in range(nz):
         places = [row[0] * x + row[1] * y + (row[2] * z + row[3]) for row in matrix[:3]]
-        inside = np.logical_and.reduce([(p >= -0.5) & (p <= n - 0.5) for p, n in zip(places, counts)])
-        places = [np.clip(p[inside], 0.0, n - 1.0) for p, n in zip(places, counts)]
-        first = [np.minimum(p.astype(np.int64), max(n - 2, 0)) for p, n in zip(places, counts)]
-        value = np.zeros(len(places[0]))
-        for corner in CORNERS.astype(np.int64):
-            share = np.prod([p - i if far else 1.0 - (p - i) for p, i, far in zip(places, first, corner)], axis=0)
-            ix, iy, iz = (np.minimum(i + far, n - 1) for i, far, n in zip(first, corner, counts))
-            # A share of zero takes nothing, not even of a NaN.
-            value += np.multiply(share, voxels[iz, iy, ix], out=np.zeros(len(share)), where=share > 0.0)
+        value, inside = interpolate(voxels, places)
         result[z][inside] = np.rint(value) if result.dtype.kind in "iu" else value
         covered += int(inside.sum())
         yield z / nz

@@ -137,6 +137,19 @@ def clip_objects(folder):
         make_active(owner)
 
 
+def slices(folder):
+    owner = add_volume(folder)
+    bpy.ops.rle_splat.add_slice(kind="ALL")
+    make_active(owner)
+
+
+def slices_of_a_deleted_volume(folder):
+    slices(folder)
+    bpy.ops.object.delete()
+    bpy.context.view_layer.update()
+    assert "not the child of a volume" in bpy.context.scene.rle_splat.message
+
+
 def measured(folder):
     add_volume(folder)
     bpy.ops.rle_splat.measure_accuracy(probes=50, repeats=1)
@@ -195,6 +208,7 @@ def preparing(folder):
 STATES = {
     state.__name__: state for state in (
         empty, one, many_with_none_selected, linked, overridden, deleted, other_objects_deleted, without_transfer,
-        shared_transfer, labels, channels, clip_objects, measured, effects_listed, message, paper, custom, composited,
+        shared_transfer, labels, channels, clip_objects, slices,
+        slices_of_a_deleted_volume, measured, effects_listed, message, paper, custom, composited,
         in_time, in_time_looped, preparing)
 }

@@ -9,16 +9,17 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "apply_preset", "choose_object", "choose_plan", "choose_series", "clear_kernels",
-    "composite", "delete_clip", "error_map", "frame_volume", "import_folder", "import_volume", "keyframe_transfer",
-    "list_effects", "live_again", "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "reload",
-    "relocate", "remove_backdrop", "remove_channel", "remove_composite", "render_image", "save_transfer",
-    "set_backdrop", "shadow_pass", "window_level",
+    "add_channels", "add_clip", "add_slice", "apply_preset", "choose_object", "choose_plan", "choose_series",
+    "clear_kernels", "clip_to_view", "composite", "delete_clip", "error_map", "frame_volume", "import_folder",
+    "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer", "measure_accuracy",
+    "own_transfer", "read_labels", "reload", "relocate", "remove_backdrop", "remove_channel", "remove_composite",
+    "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",
     "display", "effects", "labels", "picture", "playback", "render", "render_accuracy", "render_advanced",
-    "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading", "transfer", "volume",
+    "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading", "slices", "transfer",
+    "volume",
 }  # fmt: skip
 MENUS = {"presets", "volumes", "windows"}
 # Property groups, whose names no user and no script sees.
@@ -33,14 +34,14 @@ CLASSES = {
 }  # fmt: skip
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
-    "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch", "shown", "live"],
-    "frame_change_post": ["over_render", "watch", "shown"],
-    "load_post": ["source_paths", "migration", "watch", "shown"],
-    "load_pre": ["handlers"], "redo_post": ["watch", "shown"], "render_cancel": ["over_render"],
+    "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch", "follow_slices", "shown", "live"],
+    "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
+    "load_post": ["source_paths", "migration", "watch", "follow_slices", "shown"],
+    "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown"], "render_cancel": ["over_render"],
     "render_complete": ["over_render"], "render_init": ["over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"], "save_post": ["source_paths"],
     "save_post_fail": ["source_paths"], "save_pre": ["source_paths", "over_render", "picture_files"],
-    "undo_post": ["watch", "shown"],
+    "undo_post": ["watch", "follow_slices", "shown"],
 }  # fmt: skip
 
 
@@ -72,6 +73,7 @@ def traces() -> dict:
     return {
         "listeners": listeners(),
         "classes": class_names(),
+        "handles": [name for name in dir(bpy.types) if name.startswith("RLE_SPLAT_GGT_")],
         "menu": menu_entries(),
         "properties": [name for name in dir(bpy.types) if hasattr(getattr(bpy.types, name), "rle_splat")],
         "operators": dir(bpy.ops.rle_splat),
@@ -82,6 +84,7 @@ def test_everything_is_there_once(addon):
     assert traces() == {
         "listeners": LISTENERS,
         "classes": sorted(CLASSES),
+        "handles": ["RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"],
         "menu": ["draw_menu_entry", "_draw_overlay"],
         "properties": ["Object", "Scene"],
         "operators": sorted(OPERATORS),

@@ -108,6 +108,8 @@ EDITS = {
     "remove_backdrop": ({}, backdrop),
     "choose_plan": (dict(index=0), measured),
     "add_clip": (dict(kind="BOX", keep="INSIDE"), None),
+    "clip_to_view": (dict(through="VIEW"), None),
+    "add_slice": (dict(kind="ALL"), None),
     "read_labels": ({}, labels),
     "add_channels": ({}, two_volumes),
     "remove_channel": (dict(index=0), one_channel),

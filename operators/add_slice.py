@@ -1,0 +1,55 @@
+"""Add Slice: add planes to the scene that show the volume's values as gray levels."""
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..bridge import follow_slices, slices, viewports, volumes
+from ..rle_splat.scene import RleSplatError
+from .placing import make_active
+from .reading import LoadsFirst
+from .refusal import has_volume, refuse
+
+ALL = "ALL"
+KINDS = (
+    ("axial", "Axial", "Perpendicular to the patient's length; without patient axes, to the volume's z axis"),
+    ("coronal", "Coronal", "Perpendicular to the direction from front to back; without patient axes, to the y axis"),
+    ("sagittal", "Sagittal", "Perpendicular to the direction from right to left; without patient axes, to the x axis"),
+    (ALL, "All Three", "One of each"),
+)
+
+
+class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
+    """Add a plane through the middle of the volume that shows its values as gray levels of Level and Window. Move,
+    rotate, scale and animate it like any object. Renders lock the interface, since they update its image"""
+
+    bl_idname = "rle_splat.add_slice"
+    bl_label = "Add Slice"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: EnumProperty(name="Kind", description="How the slice lies", items=KINDS)
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            volume = volumes.load_volume(owner)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        for name in [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)]:
+            one = slices.add_slice(context, owner, volume, name)
+        context.view_layer.update()
+        if one.name not in context.view_layer.objects:
+            self.report({"WARNING"}, f"{one.name} is in a collection that is excluded from the view layer; include it "
+                                     "in the Outliner to see the slice.")
+            return {"FINISHED"}
+        make_active(self, context, one, "was added")
+        context.scene.render.use_lock_interface = True  # renders write pixels that viewports draw
+        viewports.show_textures(context.window)
+        follow_slices.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_add_slice,)

@@ -1,0 +1,67 @@
+"""Clip to View: a clip plane that faces the view, so that what lies before it is removed."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty
+
+from ..bridge import box, clip_objects, viewports, volumes
+from ..rle_splat.scene import RleSplatError
+from .placing import make_active
+from .refusal import has_volume, refuse
+
+
+class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
+    """Remove what lies between the view and a plane that faces it. If a clip plane is active, it is moved there; else
+    one is added. In background mode the view is that of the active camera"""
+
+    bl_idname = "rle_splat.clip_to_view"
+    bl_label = "Clip to View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    through: EnumProperty(
+        name="Through", description="Point that the plane goes through",
+        items=[("VIEW", "View Center", "The point about which the view turns, or the middle of the volume if that "
+                                       "point is not at the depth of the volume or the view is through a camera"),
+               ("CURSOR", "3D Cursor", "The 3D cursor, which Shift and the right mouse button set")])
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            matrix = self._facing_plane(context, owner)
+            plane = clip_objects.active_plane(context, owner)
+            if plane is None:
+                clip_objects.check_can_add(context.scene, context.view_layer)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        if plane is None:
+            plane = clip_objects.add_clip(context.scene, owner, "PLANE", "INSIDE", matrix)
+            make_active(self, context, plane, "cuts the volume")
+        else:
+            plane.matrix_world = matrix.T.tolist()  # a sequence of columns
+            plane.rle_splat.clip_keep = "INSIDE"
+        return {"FINISHED"}
+
+    def _facing_plane(self, context, owner) -> np.ndarray:
+        """(4, 4) float64: the plane's unit space to the world; RleSplatError if it would not cut the volume."""
+        corners = box.world_corners(owner)
+        if len(corners) == 0:
+            raise RleSplatError(f"The box of {owner.name} was changed or removed; import the volume again.")
+        view, pivot = viewports.view_of(context)
+        middle = corners.mean(axis=0)
+        if self.through == "CURSOR":
+            point = np.array(context.scene.cursor.location, dtype=np.float64)
+            if not clip_objects.is_at_depth(view, corners, point):
+                raise RleSplatError(
+                    f"The 3D cursor lies before or behind all of {owner.name}, so a plane there would hide all of it "
+                    "or nothing; put the cursor on the volume, or choose View Center."
+                )
+        else:
+            point = middle if pivot is None or not clip_objects.is_at_depth(view, corners, pivot) else pivot
+        return clip_objects.facing(view, corners, point)
+
+
+CLASSES = (RLE_SPLAT_OT_clip_to_view,)

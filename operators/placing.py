@@ -1,0 +1,24 @@
+"""What operators share that add an object to the scene: it becomes the only selected and the active one."""
+
+
+def make_active(operator, context, one, does: str) -> None:
+    """Select a new object and no other; warn if the viewport does not show it.
+
+    Parameters
+    ----------
+    operator : bpy.types.Operator
+        The operator that reports.
+    context : bpy.types.Context
+        The context.
+    one : bpy.types.Object
+        The object, in the view layer.
+    does : str
+        What it does although it is not visible, such as "cuts the volume".
+    """
+    for selected in context.selected_objects:
+        selected.select_set(False)
+    one.select_set(True)
+    context.view_layer.objects.active = one
+    if not one.visible_get():
+        operator.report({"WARNING"}, f"{one.name} {does} but is not visible, because its collection is hidden in the "
+                                     "viewport; show the collection in the Outliner to move it.")

@@ -1,0 +1,291 @@
+"""Slices: what their images and renders show, when they are updated, and copies, undo, files and deleted volumes."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from tests.blender import scenes
+from tests.blender.test_messages import delete_as_a_user
+
+NX, NY, NZ = 9, 8, 7
+LOW, HIGH = 20.0, 220.0
+KINDS = {"axial": 2, "coronal": 1, "sagittal": 0}
+
+
+def decoded(gray):
+    """Scene-linear values of sRGB ones."""
+    gray = np.asarray(gray, dtype=np.float64)
+    return np.where(gray <= 0.04045, gray / 12.92, ((gray + 0.055) / 1.055) ** 2.4)
+
+
+def shown(values, low=LOW, high=HIGH):
+    """The scene-linear gray that a slice shows for values."""
+    return decoded(np.clip((np.asarray(values, np.float64) - low) / (high - low), 0.0, 1.0))
+
+
+@pytest.fixture
+def voxels():
+    return np.random.default_rng(5).integers(0, 256, (NZ, NY, NX)).astype(np.uint8)
+
+
+@pytest.fixture
+def owner(addon, tmp_path, voxels):
+    """A volume of random voxels, a world unit a voxel, with a window of its own."""
+    owner = scenes.import_raw(tmp_path, voxels)
+    assert bpy.ops.rle_splat.window_level(center=0.5 * (LOW + HIGH), width=HIGH - LOW) == {"FINISHED"}
+    return owner
+
+
+def add(owner, kind="axial"):
+    scenes.activate(owner)
+    assert bpy.ops.rle_splat.add_slice(kind=kind) == {"FINISHED"}
+    return bpy.context.view_layer.objects.active
+
+
+def gray_of(one):
+    """(H, W) of the image that a slice shows; all of it opaque."""
+    pixels = scenes.image_pixels(one.rle_splat.slice_image)
+    np.testing.assert_array_equal(pixels[..., 3], 1.0)
+    np.testing.assert_array_equal(pixels[..., 0], pixels[..., 2])
+    return pixels[..., 0]
+
+
+def layer(voxels, axis, index):
+    """A layer of voxels as a slice shows it: row 0 is the last one."""
+    return np.take(voxels, index, axis=2 - axis)[::-1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_slice_shows_the_voxels_of_the_middle_layer(owner, voxels, kind):
+    one = add(owner, kind)
+    axis = KINDS[kind]
+    middle = (NX, NY, NZ)[axis] // 2
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, axis, middle)), atol=1e-6)
+    assert one.parent == owner and one.type == "MESH" and tuple(one.location) == (0.0, 0.0, 0.0)
+    corners = np.array([one.matrix_world @ vertex.co for vertex in one.data.vertices])
+    np.testing.assert_allclose(corners[:, axis], middle, atol=1e-5)
+    across = [other for other in range(3) if other != axis]
+    np.testing.assert_allclose(corners.min(axis=0)[across], -0.5, atol=1e-5)
+    np.testing.assert_allclose(corners.max(axis=0)[across], np.array((NX, NY, NZ))[across] - 0.5, atol=1e-5)
+    assert bpy.context.scene.render.use_lock_interface
+
+
+def test_a_moved_slice_shows_another_layer_and_between_layers_their_mean(owner, voxels):
+    one = add(owner)
+    one.location.z = 2.0
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 2)), atol=1e-5)
+    one.location.z = -0.5
+    scenes.update()
+    mean = 0.5 * (layer(voxels, 2, NZ // 2).astype(float) + layer(voxels, 2, NZ // 2 - 1))
+    np.testing.assert_allclose(gray_of(one), shown(mean), atol=1e-5)
+
+
+def test_it_follows_the_window_and_the_volume(owner, voxels):
+    one = add(owner)
+    owner.rle_splat.window_center, owner.rle_splat.window_width = 60.0, 40.0
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2), 40.0, 80.0), atol=1e-5)
+    before = gray_of(one)
+    owner.location, owner.rotation_euler = (5.0, -3.0, 2.0), (0.4, 0.2, -0.7)
+    bpy.context.scene.rle_splat.scene_scale = 0.01
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), before, atol=1e-3)  # the slice moves along
+    middle = np.array(one.matrix_world.translation)
+    expected = owner.matrix_world @ (0.01 * Vector(((NX - 1) / 2, (NY - 1) / 2, NZ // 2)))
+    np.testing.assert_allclose(middle, expected, atol=1e-5)
+
+
+def test_an_oblique_slice_shows_its_plane(addon, tmp_path):
+    z, y, x = np.mgrid[:21, :21, :21]
+    owner = scenes.import_raw(tmp_path, (2 * x + 3 * y + 4 * z).astype(np.uint8))
+    assert bpy.ops.rle_splat.window_level(center=90.0, width=180.0) == {"FINISHED"}
+    one = add(owner)
+    one.rotation_euler, one.location = (0.5, -0.3, 0.8), (0.7, -0.2, 1.1)
+    scenes.update()
+    pixels = scenes.image_pixels(one.rle_splat.slice_image)
+    height, width = pixels.shape[:2]
+    columns, rows = np.meshgrid((np.arange(width) + 0.5) / width * 2 - 1, 1 - (np.arange(height) + 0.5) / height * 2)
+    matrix = np.array(one.matrix_world)
+    places = np.einsum("ij,jhw->ihw", matrix, np.stack((columns, rows, 0 * rows, 1 + 0 * rows)))[:3]
+    within = ((places >= 0.0) & (places <= 20.0)).all(axis=0)
+    beyond = ((places < -0.51) | (places > 20.51)).any(axis=0)
+    assert within.sum() > 100 and beyond.sum() > 20
+    expected = shown(2 * places[0] + 3 * places[1] + 4 * places[2], 0.0, 180.0)
+    np.testing.assert_allclose(pixels[..., 0][within], expected[within], atol=1e-4)
+    assert (pixels[..., 3][within] == 1.0).all() and not pixels[beyond].any()
+
+
+def plateau_scene(tmp_path, size=(16, 16)):
+    """An axial slice of a volume that is 60 in its lower and 180 in its upper layers, seen from above."""
+    values = np.full((6, 8, 8), 60, np.uint8)
+    values[3:] = 180
+    owner = scenes.import_raw(tmp_path, values, name="plateau")
+    assert bpy.ops.rle_splat.window_level(center=0.5 * (LOW + HIGH), width=HIGH - LOW) == {"FINISHED"}
+    one = add(owner)
+    scene = scenes.use_cycles(size)
+    scenes.add_camera((3.5, 3.5, 30.0), type="ORTHO", ortho_scale=8.0)
+    return scene, owner, one
+
+
+def test_renders_show_the_gray_levels_frame_by_frame(addon, tmp_path):
+    scene, _owner, one = plateau_scene(tmp_path)
+    one.location.z = -2.0
+    one.keyframe_insert("location", frame=1)
+    one.location.z = 1.0
+    one.keyframe_insert("location", frame=2)
+    scene.frame_start, scene.frame_end = 1, 2
+    scenes.write_exr(tmp_path / "f")
+    bpy.ops.render.render(animation=True)
+    for frame, value in ((1, 60.0), (2, 180.0)):
+        pixels = scenes.load_pixels(tmp_path / f"f{frame:04d}.exr")
+        np.testing.assert_allclose(pixels[..., :3], shown(value), rtol=1e-5, err_msg=str(frame))
+        np.testing.assert_array_equal(pixels[..., 3], 1.0)
+
+
+def test_eevee_shows_the_same(addon, tmp_path):
+    scene, _owner, one = plateau_scene(tmp_path)
+    names = [item.identifier for item in bpy.types.RenderSettings.bl_rna.properties["engine"].enum_items]
+    scene.render.engine = next((name for name in names if "EEVEE" in name), "BLENDER_EEVEE")
+    scene.eevee.taa_render_samples = 1
+    one.scale.x *= 2.0
+    pixels = scenes.rendered(tmp_path / "eevee.exr")
+    np.testing.assert_allclose(pixels[3:-3, 3:-3, :3], shown(180.0), rtol=2e-3)
+
+
+def test_a_slice_lights_nothing(addon, tmp_path):
+    scene, _owner, _one = plateau_scene(tmp_path)
+    scenes.add_white_floor(4.0).location = (12.0, 3.5, -1.0)
+    scene.camera.data.ortho_scale = 40.0
+    scene.camera.location.x = 12.0
+    pixels = scenes.rendered(tmp_path / "floor.exr")
+    assert pixels[8, 8, 3] == 1.0 and not pixels[8, 8, :3].any()
+
+
+def test_the_volume_ends_at_a_slice_but_not_at_what_lies_outside_of_it(addon, tmp_path, bridge):
+    owner = scenes.cube_scene(tmp_path)
+    one = add(owner)
+    scenes.activate(owner)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    (triangles,) = bridge("slices").outlines(depsgraph).values()
+    np.testing.assert_allclose(np.abs(triangles[..., :2]), 1.0, atol=1e-5)
+    half = scenes.picture_of(use_meshes=True)[1][12, 12, 3]
+    full = scenes.picture_of(use_meshes=False)[1][12, 12, 3]
+    np.testing.assert_allclose(np.log1p(-half) / np.log1p(-full), 0.5, atol=0.02)
+    one.location.z = 4.0  # above the volume, where it shows nothing
+    scenes.update()
+    assert not scenes.image_pixels(one.rle_splat.slice_image)[..., 3].any()
+    np.testing.assert_allclose(scenes.picture_of(use_meshes=True)[1][12, 12, 3], full, atol=1e-6)
+
+
+def test_undo_and_redo_bring_back_pixels(owner, voxels):
+    name = owner.name
+    bpy.ops.ed.undo_push(message="start")
+    one = add(owner).name
+    bpy.ops.ed.undo_push(message="added")
+    bpy.data.objects[one].location.z = 1.0
+    scenes.update()
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.ed.undo()
+    np.testing.assert_allclose(gray_of(bpy.data.objects[one]), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    bpy.ops.ed.undo()
+    assert one not in bpy.data.objects and name in bpy.data.objects
+    bpy.ops.ed.redo()
+    np.testing.assert_allclose(gray_of(bpy.data.objects[one]), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    bpy.ops.ed.redo()
+    np.testing.assert_allclose(gray_of(bpy.data.objects[one]), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)
+
+
+@pytest.mark.parametrize("is_lost", [False, True])
+def test_a_saved_slice_is_there_after_loading(owner, voxels, tmp_path, is_lost):
+    one = add(owner)
+    one.location.z = 1.0
+    scenes.update()
+    path = tmp_path / "work" / "scene.blend"
+    path.parent.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    if is_lost:
+        for kept in path.parent.rglob("*.exr"):
+            kept.unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    one = next(one for one in bpy.data.objects if one.rle_splat.is_slice)
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)
+
+
+def test_a_deleted_volume_leaves_a_sentence_and_no_stale_slice(owner, bridge):
+    one = add(owner)
+    before = gray_of(one)
+    delete_as_a_user(owner)
+    scenes.update()
+    settings = bpy.context.scene.rle_splat
+    assert "not the child of a volume" in settings.message and one.name in settings.message
+    assert bridge("follow_slices").problem_of(one) == settings.message
+    assert scenes.image_pixels(one.rle_splat.slice_image).shape[:2] != before.shape
+
+
+def test_a_missing_file_leaves_a_sentence(owner, bridge, tmp_path):
+    one = add(owner)
+    (tmp_path / "cube.raw").unlink()
+    bridge("volumes").forget_all()
+    one.location.z = 1.0
+    scenes.update()
+    assert "press Relocate" in bpy.context.scene.rle_splat.message
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_copied_slice_has_a_picture_of_its_own(owner, voxels, linked):
+    one = add(owner)
+    scenes.activate(one)
+    assert bpy.ops.object.duplicate(linked=linked) == {"FINISHED"}
+    copy = bpy.context.view_layer.objects.active
+    copy.location.z = 2.0
+    scenes.update()
+    assert copy.rle_splat.slice_image != one.rle_splat.slice_image
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    np.testing.assert_allclose(gray_of(copy), shown(layer(voxels, 2, NZ // 2 + 2)), atol=1e-5)
+    for each in (one, copy):
+        nodes = each.material_slots[0].material.node_tree.nodes
+        assert [node.image for node in nodes if node.type == "TEX_IMAGE"] == [each.rle_splat.slice_image]
+
+
+def test_a_linked_slice_shows_its_volume_as_it_is_here(owner, voxels, tmp_path):
+    one = add(owner)
+    path = tmp_path / "work" / "library.blend"
+    path.parent.mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    name = one.name
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.rle_splat.scene_scale = 1.0
+    with bpy.data.libraries.load(str(path), link=True) as (_, target):
+        target.objects = [name]
+    one = target.objects[0]
+    for linked in (one, one.parent):
+        bpy.context.scene.collection.objects.link(linked)
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    one.parent.rle_splat.window_center = 200.0
+    scenes.update()
+    expected = shown(layer(voxels, 2, NZ // 2), 200.0 - 0.5 * (HIGH - LOW), 200.0 + 0.5 * (HIGH - LOW))
+    np.testing.assert_allclose(gray_of(one), expected, atol=1e-5)
+
+
+def test_a_copied_scene_has_slices_of_its_own(owner, voxels):
+    add(owner)
+    bpy.ops.scene.new(type="FULL_COPY")
+    scene = bpy.context.scene
+    copy = next(one for one in scene.objects if one.rle_splat.is_slice)
+    copy.location.z = 1.0
+    scenes.update()
+    first = next(one for one in bpy.data.objects if one.rle_splat.is_slice and one != copy)
+    assert first.rle_splat.slice_image != copy.rle_splat.slice_image
+    np.testing.assert_allclose(gray_of(first), shown(layer(voxels, 2, NZ // 2)), atol=1e-5)
+    np.testing.assert_allclose(gray_of(copy), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)
+
+
+def test_a_removed_image_is_made_again(owner, voxels):
+    one = add(owner)
+    bpy.data.images.remove(one.rle_splat.slice_image)
+    one.location.z = 1.0
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)
