@@ -2,12 +2,14 @@
 
 import numpy as np
 
-TILES = 3  # squares side by side, because Blender draws icons as squares and a histogram is wide
-TILE, GAP = 96, 5  # pixels: a tile with the border that Blender leaves around an icon, and that border
-WIDTH, HEIGHT = TILES * TILE, TILE - 2 * GAP
+WIDTH = 320  # pixels of a square icon, about those that a sidebar gives it
+ASPECT = 3.2  # width of the picture over its height
+HEIGHT = round(WIDTH / ASPECT)
 GROUND = np.array((0.10, 0.10, 0.11))
 BAR = np.array((0.36, 0.36, 0.38))
 CURVE = np.array((1.0, 1.0, 1.0))
+TICK = np.array((0.22, 0.22, 0.24))
+TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the range, at lines of Blender's own grid behind the curve
 RAMP_ROWS = 8  # pixels at the bottom that show only the colors
 
 
@@ -34,6 +36,8 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     picture = np.empty((HEIGHT, WIDTH, 4), dtype=np.float32)
     picture[..., :3] = GROUND
     picture[..., 3] = 1.0
+    columns = np.minimum((np.array(TICKS) * WIDTH).astype(int), WIDTH - 1)
+    picture[:, columns, :3] = TICK
     rows = (np.arange(HEIGHT) + 0.5 - RAMP_ROWS) / (HEIGHT - RAMP_ROWS)
     bars = rows[:, None] < _bar_heights(stored, low, high)[None, :]
     weight = np.sqrt(alphas)[:, None]  # a faint opacity still tints its bar
@@ -47,10 +51,8 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     return picture
 
 
-def tiles_of(picture: np.ndarray) -> list[np.ndarray]:
-    """Cut a picture into the squares that Blender shows side by side.
-
-    The columns under the icons' borders are left out, so that values line up with the curve below.
+def as_icon(picture: np.ndarray) -> np.ndarray:
+    """A picture at the top of a square, which is transparent below, because Blender's icons are squares.
 
     Parameters
     ----------
@@ -59,12 +61,11 @@ def tiles_of(picture: np.ndarray) -> list[np.ndarray]:
 
     Returns
     -------
-    list of ndarray
-        TILES arrays of HEIGHT by HEIGHT pixels.
+    ndarray, shape (WIDTH, WIDTH, 4), float32
     """
-    return [
-        np.ascontiguousarray(picture[:, i * TILE + GAP : (i + 1) * TILE - GAP]) for i in range(TILES)
-    ]
+    square = np.zeros((WIDTH, WIDTH, 4), np.float32)
+    square[-HEIGHT:] = picture
+    return square
 
 
 def _bar_heights(stored, low: float, high: float) -> np.ndarray:

@@ -9,12 +9,14 @@ from . import (
     channels,
     choose_series,
     composite,
+    drag_window,
     frame_volume,
     import_volume,
     keyframe_transfer,
     list_effects,
     live_view,
     own_transfer,
+    probe,
     read_labels,
     relocate,
     render_image,
@@ -27,7 +29,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view,
+    frame_volume, live_view, drag_window, probe,
 )
 
 

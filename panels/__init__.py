@@ -16,6 +16,7 @@ from . import (
     shading,
     transfer,
     volume,
+    window_tool,
 )
 
 MODULES = (
@@ -28,9 +29,11 @@ def register():
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     live_view.register()
+    window_tool.register()
 
 
 def unregister():
+    window_tool.unregister()
     live_view.unregister()
     for module in reversed(MODULES):
         for cls in reversed(module.CLASSES):

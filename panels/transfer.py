@@ -2,13 +2,12 @@
 
 import bpy
 
-from ..bridge import linked, previews, transfer, transfer_nodes, volumes
+from ..bridge import linked, transfer, transfer_nodes, volumes
 from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
+from .histogram import draw_histogram, draw_selected
 from .places import Sidebar
-
-BUTTON = 20.0  # pixels at interface scale 1: the height of a button, which icon scales are multiples of
-BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sidebar's tabs
+from .window_tool import IDNAME as WINDOW_TOOL
 
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
@@ -60,15 +59,11 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
             return
         if transfer.is_shared(owner):
             row.operator("rle_splat.own_transfer", text=str(tree.users), icon="DUPLICATE")
-        icons = previews.histogram_icons(owner)
-        if all(icons):
-            tiles = layout.row(align=True)
-            tiles.alignment = "CENTER"
-            for icon in icons:
-                tiles.template_icon(icon_value=icon, scale=_tile_scale(context, len(icons)))
+        draw_histogram(context, layout, owner)
         curves = layout.column()
         curves.enabled = linked.is_own(tree)
         curves.template_curve_mapping(tree.nodes[transfer_nodes.OPACITY_NODE], "mapping")
+        draw_selected(curves, owner)
         curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         unit = f" ({properties.transfer_unit})" if properties.transfer_unit else ""
         row = layout.row(align=True)
@@ -76,16 +71,10 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
         column.prop(properties, "window_center", text=f"Level{unit}")
         column.prop(properties, "window_width", text=f"Window{unit}")
         row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
+        row.operator("wm.tool_set_by_id", text="", icon="MOUSE_LMB_DRAG").name = WINDOW_TOOL
         column = layout.column(align=True)
         column.prop(properties, "opacity_scale", slider=True)
         column.prop(properties, "opacity_unit_distance", text=f"Per Distance ({properties.length_unit})")
-
-
-def _tile_scale(context, count: int) -> float:
-    """The icon scale at which ``count`` square icons side by side fill the panel's width."""
-    scale = context.preferences.system.ui_scale or 1.0
-    width = context.region.width / scale if context.region is not None else 0.0
-    return max(1.0, (width - BORDERS) / (BUTTON * count))
 
 
 CLASSES = (RLE_SPLAT_MT_presets, RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer)
