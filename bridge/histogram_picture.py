@@ -5,11 +5,12 @@ import numpy as np
 WIDTH = 320  # pixels of a square icon, about those that a sidebar gives it
 ASPECT = 3.2  # width of the picture over its height
 HEIGHT = round(WIDTH / ASPECT)
+EDGE = 3.0 / 240.0  # share of the panel's width that Blender leaves free on either side of an icon
 GROUND = np.array((0.10, 0.10, 0.11))
 BAR = np.array((0.36, 0.36, 0.38))
 CURVE = np.array((1.0, 1.0, 1.0))
 TICK = np.array((0.22, 0.22, 0.24))
-TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the range, at lines of Blender's own grid behind the curve
+TICKS = (0.25, 0.5, 0.75)  # shares of the range, at lines of Blender's own grid behind the curve
 RAMP_ROWS = 8  # pixels at the bottom that show only the colors
 
 
@@ -23,21 +24,22 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     transfer_function : TransferFunction
         Colors and opacities.
     low, high : float
-        The window: physical values at the left and the right edge.
+        The window: physical values at the left and the right edge of the curve below.
 
     Returns
     -------
     ndarray, shape (HEIGHT, WIDTH, 4), float32
         Display-encoded RGBA, row 0 at the bottom as in Blender's images.
     """
+    low, high = low + EDGE * (high - low), high - EDGE * (high - low)  # what lies between the free edges
     values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
     table = transfer_function.table(values)
     colors, alphas = _display(np.clip(table[:, :3], 0.0, 1.0)), table[:, 3]
     picture = np.empty((HEIGHT, WIDTH, 4), dtype=np.float32)
     picture[..., :3] = GROUND
     picture[..., 3] = 1.0
-    columns = np.minimum((np.array(TICKS) * WIDTH).astype(int), WIDTH - 1)
-    picture[:, columns, :3] = TICK
+    columns = (np.array(TICKS) - EDGE) / (1.0 - 2.0 * EDGE) * WIDTH
+    picture[:, columns.astype(int), :3] = TICK
     rows = (np.arange(HEIGHT) + 0.5 - RAMP_ROWS) / (HEIGHT - RAMP_ROWS)
     bars = rows[:, None] < _bar_heights(stored, low, high)[None, :]
     weight = np.sqrt(alphas)[:, None]  # a faint opacity still tints its bar

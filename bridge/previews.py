@@ -1,4 +1,4 @@
-"""The histogram's picture for the panel: an icon that belongs to the session and is redrawn when its content changes."""
+"""The picture of the histogram for the panel, as an icon of the session that is redrawn when its content changes."""
 
 import bpy.utils.previews
 

@@ -13,7 +13,7 @@ from ..rle_splat.pipeline.first_surface import Surface, first_surface
 from ..rle_splat.scene import Camera, RleSplatError, Scene
 from ..rle_splat.volume.orientation import LETTERS
 from ..rle_splat.volume.volume import PATIENT
-from . import clip_objects, loading, render_scene, volumes
+from . import clip_objects, loading, render_scene
 from .live import shown
 from .live.surface import clip_of
 
@@ -66,12 +66,12 @@ def ray_under(context, mouse) -> Ray:
 
 
 def visible_owners(context) -> list:
-    """The volume objects that a viewport shows; without one, those that are visible in the view layer."""
-    space = context.space_data
+    """The volume objects that are visible in a viewport, live or not; without one, in the view layer."""
+    space, where = context.space_data, {"view_layer": context.view_layer}
     if space is not None and space.type == "VIEW_3D":
-        found = map(shown.find, shown.visible_volumes(context.scene, context.view_layer, space))
-        return [owner for owner in found if owner is not None]
-    return [one for one in volumes.volume_objects(context.scene) if one.visible_get(view_layer=context.view_layer)]
+        where["viewport"] = space
+    found = map(shown.find, shown.volume_keys(context.scene))
+    return [owner for owner in found if owner is not None and owner.visible_get(**where)]
 
 
 def look_along(context, depsgraph, ray: Ray, owners) -> Found | None:
@@ -189,8 +189,7 @@ def line_of(found: Found, with_name: bool = False) -> str:
 def value_text(value: float, low: float, high: float, unit: str = "") -> str:
     """A value with as many decimals as the range of values from ``low`` to ``high`` needs, and its unit."""
     span = abs(high - low)
-    decimals = min(max(DIGITS - 1 - math.floor(math.log10(span)), 0), 9) if span > 0.0 else DIGITS - 1
-    text = f"{value:.{decimals}f}"
+    text = f"{value:.{min(max(DIGITS - 1 - math.floor(math.log10(span)), 0), 9)}f}" if span > 0.0 else f"{value:g}"
     text = text.removeprefix("-") if not text.strip("-0.") else text  # no minus before a zero
     return f"{text} {unit}" if unit else text
 

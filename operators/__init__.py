@@ -23,13 +23,14 @@ from . import (
     set_backdrop,
     shadow_pass,
     transfer_files,
+    use_window_tool,
     window_level,
 )
 
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view, drag_window, probe,
+    frame_volume, live_view, drag_window, use_window_tool, probe,
 )
 
 

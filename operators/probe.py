@@ -6,8 +6,9 @@ import bpy
 from bpy.props import FloatVectorProperty
 
 from ..bridge import probe
+from ..bridge.live import shown
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume, refuse
+from .refusal import NO_VOLUME, refuse
 
 
 class RLE_SPLAT_OT_probe(bpy.types.Operator):
@@ -24,7 +25,10 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context) or bool(probe.visible_owners(context))
+        if shown.volume_keys(context.scene):
+            return True
+        cls.poll_message_set(NO_VOLUME)
+        return False
 
     def invoke(self, context, event):
         if context.region is None or context.region_data is None:
@@ -36,9 +40,10 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
         if not any(self.direction):
             return refuse(self, "The ray has no direction; give one that is not zero.")
         ray = probe.Ray(tuple(self.origin), tuple(self.direction), 0.0, math.inf)
+        depsgraph = context.evaluated_depsgraph_get()
         owners = probe.visible_owners(context)
         try:
-            found = probe.look_along(context, context.evaluated_depsgraph_get(), ray, owners)
+            found = probe.look_along(context, depsgraph, ray, owners)
         except RleSplatError as problem:
             return refuse(self, problem)
         self.report({"INFO"}, probe.line_of(found, len(owners) > 1) if found else "Nothing is visible along the ray")

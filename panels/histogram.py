@@ -21,14 +21,13 @@ def draw_histogram(context, layout, owner) -> None:
     owner : bpy.types.Object
         The volume object.
     """
-    icon = previews.histogram_icon(owner)
-    if not icon:
-        return
     column = layout.column(align=True)
-    side = _side(context)
-    picture = column.column()
-    picture.ui_units_y = side / histogram_picture.ASPECT
-    picture.template_icon(icon_value=icon, scale=side)
+    icon = previews.histogram_icon(owner)
+    if icon:
+        side = _side(context)
+        picture = column.column()
+        picture.ui_units_y = side / histogram_picture.ASPECT
+        picture.template_icon(icon_value=icon, scale=side)
     low, high = window_of(owner.rle_splat)
     axis = column.grid_flow(columns=3, even_columns=True, align=True)
     for value, alignment in ((low, "LEFT"), (0.5 * (low + high), "CENTER"), (high, "RIGHT")):

@@ -7,7 +7,6 @@ from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .histogram import draw_histogram, draw_selected
 from .places import Sidebar
-from .window_tool import IDNAME as WINDOW_TOOL
 
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
@@ -71,7 +70,7 @@ class RLE_SPLAT_PT_transfer(Sidebar, bpy.types.Panel):
         column.prop(properties, "window_center", text=f"Level{unit}")
         column.prop(properties, "window_width", text=f"Window{unit}")
         row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
-        row.operator("wm.tool_set_by_id", text="", icon="MOUSE_LMB_DRAG").name = WINDOW_TOOL
+        row.operator("rle_splat.use_window_tool", text="", icon="ARROW_LEFTRIGHT")
         column = layout.column(align=True)
         column.prop(properties, "opacity_scale", slider=True)
         column.prop(properties, "opacity_unit_distance", text=f"Per Distance ({properties.length_unit})")

@@ -3,14 +3,13 @@
 import bpy
 
 from ..bridge import probe, volumes
-
-IDNAME = "rle_splat.window_tool"
+from ..operators.use_window_tool import TOOL
 
 
 class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
     bl_space_type = "VIEW_3D"
     bl_context_mode = "OBJECT"
-    bl_idname = IDNAME
+    bl_idname = TOOL
     bl_label = "Window and Level"
     bl_description = (
         "Change the range of values that the volume's colors and opacity cover, and read values under the mouse.\n"

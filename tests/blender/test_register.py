@@ -9,10 +9,11 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "error_map",
+    "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "drag_window", "error_map",
     "frame_volume", "import_folder", "import_volume", "keyframe_transfer", "list_effects", "live_again",
-    "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel",
-    "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
+    "load_transfer", "measure_accuracy", "own_transfer", "probe", "read_labels", "relocate", "remove_backdrop",
+    "remove_channel", "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass",
+    "use_window_tool", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "quality", "render",

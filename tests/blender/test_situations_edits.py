@@ -96,6 +96,7 @@ EDITS = {
     "apply_preset": (dict(preset="x-ray"), None),
     "load_transfer": (dict(filepath="one_color.json"), None),
     "window_level": (dict(center=90.0, width=40.0, keep_values=True), None),
+    "drag_window": (dict(center=90.0, width=40.0), None),
     "own_transfer": ({}, shared_function),
     "keyframe_transfer": ({}, None),
     "composite": ({}, None),
@@ -108,8 +109,8 @@ EDITS = {
     "remove_channel": (dict(index=0), one_channel),
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
-READERS = ("list_effects", "save_transfer", "measure_accuracy")  # of which nothing is undone
-VIEWS = ("frame_volume", "live_again")  # of views, which have no undo
+READERS = ("list_effects", "save_transfer", "measure_accuracy", "probe")  # of which nothing is undone
+VIEWS = ("frame_volume", "live_again", "use_window_tool")  # of views, which have no undo
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 

@@ -1,6 +1,7 @@
 """The look edited where the picture is, in a real window: window and level dragged by the mouse in the viewport, the
 value under the mouse, and the histogram above the curve.  dev.py test runs it."""
 
+import os
 import tempfile
 from importlib import import_module
 from math import radians
@@ -12,8 +13,9 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.scenes import import_raw
+from tests.blender.scenes import image_pixels, import_raw
 from tests.blender.window_driver import (
+    SHOTS,
     area_of,
     drive,
     in_the_view,
@@ -204,21 +206,102 @@ def check_value_under_the_mouse():
     yield from photograph("probe_nothing")
 
 
-def check_histogram(volume):
-    """The histogram at the default width, at a narrow and a wide sidebar, and with a point of the curve selected."""
-    curve = volume.rle_splat.transfer.nodes["Opacity"].mapping.curves[0]
-    for point in curve.points:
+def check_histogram(volume_name):
+    """The histogram at the default, a wide and a narrow sidebar, with large buttons, and with a selected point."""
+    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    default = sidebar.width
+    for name, by in (("default", 0), ("wide", -150), ("narrow", 190)):
+        yield from widen_sidebar(by)
+        if by:
+            assert (sidebar.width - default) * -by > 0, f"{name}: the sidebar is {sidebar.width} pixels wide"
+        yield from photograph(f"histogram_{name}")
+    yield from widen_sidebar(-40)
+    bpy.context.preferences.view.ui_scale = 1.3
+    yield
+    yield from photograph("histogram_large")
+    bpy.context.preferences.view.ui_scale = 1.0
+    yield
+    yield from click_point(volume_name)
+
+
+def widen_sidebar(by):
+    """Drag the left border of the 3D view's sidebar by so many pixels."""
+    if not by:
+        return
+    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    at = sidebar.x, sidebar.y + sidebar.height // 4
+    for kind, value, moved in (
+        ("MOUSEMOVE", "NOTHING", 3), ("MOUSEMOVE", "NOTHING", 0), ("LEFTMOUSE", "PRESS", 0),
+        ("MOUSEMOVE", "NOTHING", by // 2), ("MOUSEMOVE", "NOTHING", by), ("LEFTMOUSE", "RELEASE", by),
+    ):  # fmt: skip
+        simulate(kind, value, at=(at[0] + moved, at[1]))
+        yield
+
+
+def click_point(volume_name):
+    """A click on a point of the curve below the picture, which covers it with nothing, selects it."""
+    points = bpy.data.objects[volume_name].rle_splat.transfer.nodes["Opacity"].mapping.curves[0].points
+    for point in points:
         point.select = False
     yield from photograph("histogram")
-    curve.points[2].select = True
+    place = find_curve()
+    at = place[0] + points[2].location.x * (place[2] - place[0]), place[1] + points[2].location.y * (
+        place[3] - place[1])
+    for kind, value in (("MOUSEMOVE", "NOTHING"), ("LEFTMOUSE", "PRESS"), ("LEFTMOUSE", "RELEASE")):
+        simulate(kind, value, at=at)
+        yield
     yield from photograph("histogram_selected")
+    assert [point.select for point in points] == [False, False, True, False], "the click did not reach the curve"
+
+
+def find_curve():
+    """(left, bottom, right, top) of the curve's button in the window, from the photograph: a frame of bright lines."""
+    pixels = screen("histogram")
+    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    part = pixels[:, sidebar.x : sidebar.x + sidebar.width].mean(axis=2)
+    long = [row for row in range(len(part)) if longest_run(part[row] > 130) > 0.6 * sidebar.width]
+    top, bottom = long[0], next(row for row in long if row > long[0] + 100)
+    bright = np.flatnonzero(part[top] > 130)
+    return sidebar.x + bright[0], len(pixels) - bottom, sidebar.x + bright[-1], len(pixels) - top
+
+
+def longest_run(row) -> int:
+    """The largest number of neighbors in a row that are true."""
+    edges = np.flatnonzero(np.diff(np.concatenate(((False,), row, (False,))).astype(int)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def screen(name: str):
+    """A photograph of the screen: (H, W, 3) float, 0 to 255, row 0 at the top."""
+    image = bpy.data.images.load(str(Path(os.environ[SHOTS]) / f"{name}.png"))
+    pixels = image_pixels(image)[..., :3] * 255.0
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def check_linked(volume_name):
+    """Over a linked volume a press is refused with one sentence and changes nothing."""
+    volume = bpy.data.objects[volume_name]
+    path = FOLDER / "library.blend"
+    bpy.data.libraries.write(str(path), {volume})
+    with bpy.data.libraries.load(str(path), link=True) as (_source, target):
+        target.objects = [volume_name]
+    linked = target.objects[0]
+    bpy.data.objects.remove(volume)
+    bpy.context.scene.collection.objects.link(linked)
+    bpy.context.view_layer.objects.active = linked
+    yield from settled()
+    before = window_now(linked)
+    yield from (None for _ in drag(on_screen(MIDDLE), [(30, 30)]))
+    assert window_now(linked) == before
+    yield from photograph("linked")
 
 
 def scenario():
     open_panels("RLE_SPLAT_PT_transfer")
     volume = yield from set_up()
     name = volume.name
-    yield from check_histogram(volume)
+    yield from check_histogram(name)
     passed("histogram")
     yield from choose_tool()
     yield from check_value_under_the_mouse()
@@ -229,6 +312,8 @@ def scenario():
     passed("fine")
     yield from check_cancel(name)
     passed("cancel")
+    yield from check_linked(name)
+    passed("linked")
 
 
 drive(scenario)
