@@ -273,8 +273,8 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
     ticks = np.abs(middle - picture.TICK).max(axis=1) < 1e-3
     assert ticks.sum() >= 2  # that in the middle is at the end of the bar, which may hide it
     assert np.abs(at[ticks] - np.array(((0.25,), (0.5,), (0.75,)))).min(axis=0).max() < 1.0 / picture.WIDTH
-    np.testing.assert_allclose(drawn[0, 0, :3], (1.0, 0.0, 0.0), atol=0.05)
-    np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.05)
+    np.testing.assert_allclose(drawn[0, 0, :3], (1.0, 0.0, 0.0), atol=0.15)  # the range's ends lie beside it
+    np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.15)
 
 
 def test_the_histogram_is_the_top_of_a_transparent_square(bridge):

@@ -33,6 +33,7 @@ SIDE, SPACING = 33, 2.0
 MIDDLE = np.array((SIDE - 1.0,) * 3) * SPACING / 2.0
 RADIUS = 12.0  # voxels
 TOOL = "rle_splat.window_tool"
+FRAME = 114.0  # gray of the lines around a curve in Blender's own theme
 
 
 def live():
@@ -255,14 +256,13 @@ def click_point(volume_name):
 
 
 def find_curve():
-    """(left, bottom, right, top) of the curve's button in the window, from the photograph: a frame of bright lines."""
+    """(left, bottom, right, top) of the curve's button in the window, from the photograph: a frame of gray lines."""
     pixels = screen("histogram")
     sidebar = region_of(area_of("VIEW_3D"), "UI")
-    part = pixels[:, sidebar.x : sidebar.x + sidebar.width].mean(axis=2)
-    long = [row for row in range(len(part)) if longest_run(part[row] > 130) > 0.6 * sidebar.width]
-    top, bottom = long[0], next(row for row in long if row > long[0] + 100)
-    bright = np.flatnonzero(part[top] > 130)
-    return sidebar.x + bright[0], len(pixels) - bottom, sidebar.x + bright[-1], len(pixels) - top
+    gray = np.abs(pixels[:, sidebar.x : sidebar.x + sidebar.width] - FRAME).max(axis=2) < 3.0
+    top, bottom = (row for row in range(len(gray)) if longest_run(gray[row]) > 0.7 * sidebar.width)
+    line = np.flatnonzero(gray[top])
+    return sidebar.x + line[0], len(pixels) - bottom, sidebar.x + line[-1], len(pixels) - top
 
 
 def longest_run(row) -> int:

@@ -113,7 +113,7 @@ def test_the_depth_is_that_of_the_truth_in_a_translucent_volume(perspective):
         elif rgba[n, 3] < 0.003:
             assert found is None
         elif rgba[n, 3] > 0.006:
-            assert found.opacity == pytest.approx(rgba[n, 3], abs=0.02)
+            assert found.opacity == pytest.approx(rgba[n, 3], abs=0.05)  # cuts lie between two samples
 
 
 def test_a_faint_ray_gives_its_most_opaque_sample():
