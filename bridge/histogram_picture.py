@@ -2,12 +2,15 @@
 
 import numpy as np
 
-TILES = 3  # squares side by side, because Blender draws icons as squares and a histogram is wide
-TILE, GAP = 96, 5  # pixels: a tile with the border that Blender leaves around an icon, and that border
-WIDTH, HEIGHT = TILES * TILE, TILE - 2 * GAP
+WIDTH = 320  # pixels of a square icon, about those that a sidebar gives it
+ASPECT = 3.2  # width of the picture over its height
+HEIGHT = round(WIDTH / ASPECT)
+EDGE = 3.0 / 240.0  # share of the panel's width that Blender leaves free on either side of an icon
 GROUND = np.array((0.10, 0.10, 0.11))
 BAR = np.array((0.36, 0.36, 0.38))
 CURVE = np.array((1.0, 1.0, 1.0))
+TICK = np.array((0.22, 0.22, 0.24))
+TICKS = (0.25, 0.5, 0.75)  # shares of the range, at lines of Blender's own grid behind the curve
 RAMP_ROWS = 8  # pixels at the bottom that show only the colors
 
 
@@ -21,19 +24,22 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     transfer_function : TransferFunction
         Colors and opacities.
     low, high : float
-        The window: physical values at the left and the right edge.
+        The window: physical values at the left and the right edge of the curve below.
 
     Returns
     -------
     ndarray, shape (HEIGHT, WIDTH, 4), float32
         Display-encoded RGBA, row 0 at the bottom as in Blender's images.
     """
+    low, high = low + EDGE * (high - low), high - EDGE * (high - low)  # what lies between the free edges
     values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
     table = transfer_function.table(values)
     colors, alphas = _display(np.clip(table[:, :3], 0.0, 1.0)), table[:, 3]
     picture = np.empty((HEIGHT, WIDTH, 4), dtype=np.float32)
     picture[..., :3] = GROUND
     picture[..., 3] = 1.0
+    columns = (np.array(TICKS) - EDGE) / (1.0 - 2.0 * EDGE) * WIDTH
+    picture[:, columns.astype(int), :3] = TICK
     rows = (np.arange(HEIGHT) + 0.5 - RAMP_ROWS) / (HEIGHT - RAMP_ROWS)
     bars = rows[:, None] < _bar_heights(stored, low, high)[None, :]
     weight = np.sqrt(alphas)[:, None]  # a faint opacity still tints its bar
@@ -47,10 +53,8 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     return picture
 
 
-def tiles_of(picture: np.ndarray) -> list[np.ndarray]:
-    """Cut a picture into the squares that Blender shows side by side.
-
-    The columns under the icons' borders are left out, so that values line up with the curve below.
+def as_icon(picture: np.ndarray) -> np.ndarray:
+    """A picture at the top of a square, which is transparent below, because Blender's icons are squares.
 
     Parameters
     ----------
@@ -59,12 +63,11 @@ def tiles_of(picture: np.ndarray) -> list[np.ndarray]:
 
     Returns
     -------
-    list of ndarray
-        TILES arrays of HEIGHT by HEIGHT pixels.
+    ndarray, shape (WIDTH, WIDTH, 4), float32
     """
-    return [
-        np.ascontiguousarray(picture[:, i * TILE + GAP : (i + 1) * TILE - GAP]) for i in range(TILES)
-    ]
+    square = np.zeros((WIDTH, WIDTH, 4), np.float32)
+    square[-HEIGHT:] = picture
+    return square
 
 
 def _bar_heights(stored, low: float, high: float) -> np.ndarray:

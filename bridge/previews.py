@@ -1,4 +1,4 @@
-"""Histogram pictures for the panel, as icons that belong to the session and are redrawn when their content changes."""
+"""The picture of the histogram for the panel, as an icon of the session that is redrawn when its content changes."""
 
 import bpy.utils.previews
 
@@ -19,8 +19,8 @@ def unregister():
     _drawn.clear()
 
 
-def histogram_icons(volume_object) -> list[int]:
-    """The icons of a volume's histogram.
+def histogram_icon(volume_object) -> int:
+    """The icon of a volume's histogram, ``histogram_picture.as_icon``.
 
     It reads only properties of the object, so a panel may call it at every redraw.
 
@@ -31,29 +31,27 @@ def histogram_icons(volume_object) -> list[int]:
 
     Returns
     -------
-    list of int
-        Icon ids of the tiles, left to right; empty without a transfer function.
+    int
+        Its id; 0 without a transfer function, or without a window.
     """
     if not _collections:
-        return []
+        return 0
     properties = volume_object.rle_splat
     try:
         transfer_function = read_transfer(volume_object)
     except RleSplatError:
-        return []
+        return 0
     name = str(volume_object.session_uid)
     window = window_of(properties)
     shown = (transfer_function.classification_key, window, hash(properties.histogram))
     collection = _collections[-1]
-    tiles = [f"{name} {i}" for i in range(histogram_picture.TILES)]
-    for tile in tiles:
-        if tile not in collection:
-            collection.new(tile)
-            _drawn.pop(name, None)
+    if name not in collection:
+        collection.new(name)
+        _drawn.pop(name, None)
     if _drawn.get(name) != shown:
         picture = histogram_picture.draw(facts.stored_histogram(properties), transfer_function, *window)
-        for tile, part in zip(tiles, histogram_picture.tiles_of(picture)):
-            collection[tile].image_size = part.shape[1::-1]
-            collection[tile].image_pixels_float.foreach_set(part.ravel())
+        icon = histogram_picture.as_icon(picture)
+        collection[name].image_size = icon.shape[1::-1]
+        collection[name].image_pixels_float.foreach_set(icon.ravel())
         _drawn[name] = shown
-    return [collection[tile].icon_id for tile in tiles]
+    return collection[name].icon_id

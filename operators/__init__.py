@@ -14,12 +14,14 @@ from . import (
     clip_to_view,
     composite,
     delete_clip,
+    drag_window,
     frame_volume,
     import_volume,
     keyframe_transfer,
     list_effects,
     live_view,
     own_transfer,
+    probe,
     read_labels,
     reload,
     relocate,
@@ -27,6 +29,7 @@ from . import (
     set_backdrop,
     shadow_pass,
     transfer_files,
+    use_window_tool,
     window_level,
 )
 
@@ -34,6 +37,7 @@ MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
+    drag_window, use_window_tool, probe,
 )
 
 

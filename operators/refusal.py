@@ -44,6 +44,31 @@ def has_editable_transfer(cls, context) -> bool:
         cls, transfer.why_unusable(volumes.volume_object(context)))
 
 
+def why_no_editable_transfer(context) -> str:
+    """The problem that ``has_editable_transfer`` finds, for an operator without a button to gray out; "" for none.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+
+    Returns
+    -------
+    str
+        A clause without a period.
+    """
+    return "" if has_editable_transfer(_Noted, context) else _Noted.problem
+
+
+class _Noted:
+    """Stands in for an operator class whose poll message is wanted."""
+
+    problem = ""
+
+    @classmethod
+    def poll_message_set(cls, problem: str) -> None:
+        cls.problem = problem
+
+
 def _is_no_problem(cls, problem: str) -> bool:
     if problem:
         cls.poll_message_set(problem)

@@ -18,6 +18,7 @@ ITEMS = [
     ("CUSTOM", "Custom", "Use the level and window below"),
     ("DATA", "All Values", "Span the smallest to the largest value of the volume"),
 ] + [(name, label, f"Level {level:g} HU, window {width:g} HU") for name, (label, level, width) in CT_WINDOWS.items()]
+KEEPING = "Span the smallest to the largest value of the volume, and redraw the curves so that the picture stays"
 
 
 class RLE_SPLAT_OT_window_level(bpy.types.Operator):
@@ -37,6 +38,12 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return has_editable_transfer(cls, context)
+
+    @classmethod
+    def description(cls, _context, properties):
+        if properties.keep_values:
+            return KEEPING
+        return next((told for name, _label, told in ITEMS[1:] if name == properties.preset), cls.__doc__)
 
     def invoke(self, context, _event):
         properties = volumes.volume_object(context).rle_splat

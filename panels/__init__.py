@@ -23,6 +23,7 @@ from . import (
     transfer,
     volume,
     volume_menu,
+    window_tool,
 )
 
 MODULES = (
@@ -36,9 +37,11 @@ def register():
         for cls in module.CLASSES:
             bpy.utils.register_class(cls)
     live_view.register()
+    window_tool.register()
 
 
 def unregister():
+    window_tool.unregister()
     live_view.unregister()
     for module in reversed(MODULES):
         for cls in reversed(module.CLASSES):

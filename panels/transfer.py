@@ -2,12 +2,10 @@
 
 import bpy
 
-from ..bridge import linked, previews, transfer, transfer_nodes, volumes
+from ..bridge import linked, transfer, transfer_nodes, volumes
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
+from .histogram import draw_histogram, draw_selected
 from .places import DataTab, OfVolume
-
-BUTTON = 20.0  # pixels at interface scale 1: the height of a button, which icon scales are multiples of
-BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sidebar's tabs
 
 
 class RLE_SPLAT_MT_windows(bpy.types.Menu):
@@ -35,26 +33,17 @@ class ColorPanel:
         if tree is None or not transfer_nodes.is_transfer_tree(tree):
             layout.label(text="No transfer function. Apply a preset", icon="ERROR")
             return
-        _draw_histogram(context, layout, owner)
+        draw_histogram(context, layout, owner)
         curves = layout.column()
         curves.enabled = linked.is_own(tree)
         curves.template_curve_mapping(tree.nodes[transfer_nodes.OPACITY_NODE], "mapping")
+        draw_selected(curves, owner)
         curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         _draw_window(layout, owner.rle_splat)
         _draw_opacity(layout, owner.rle_splat)
         layout.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
         if transfer.is_shared(owner):
             layout.operator("rle_splat.own_transfer", text=f"Make Own Copy ({tree.users} Users)", icon="DUPLICATE")
-
-
-def _draw_histogram(context, layout, owner) -> None:
-    """The histogram as squares side by side."""
-    icons = previews.histogram_icons(owner)
-    if all(icons):
-        tiles = layout.row(align=True)
-        tiles.alignment = "CENTER"
-        for icon in icons:
-            tiles.template_icon(icon_value=icon, scale=_tile_scale(context, len(icons)))
 
 
 def _draw_window(layout, properties) -> None:
@@ -65,6 +54,7 @@ def _draw_window(layout, properties) -> None:
     column.prop(properties, "window_center", text=f"Level{unit}")
     column.prop(properties, "window_width", text=f"Window{unit}")
     row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
+    row.operator("rle_splat.use_window_tool", text="", icon="ARROW_LEFTRIGHT")
 
 
 def _draw_opacity(layout, properties) -> None:
@@ -91,13 +81,6 @@ class RLE_SPLAT_PT_data_transfer(ColorPanel, DataTab, bpy.types.Panel):
     bl_idname = "RLE_SPLAT_PT_data_transfer"
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
-
-
-def _tile_scale(context, count: int) -> float:
-    """The icon scale at which ``count`` square icons side by side fill the panel's width."""
-    scale = context.preferences.system.ui_scale or 1.0
-    width = context.region.width / scale if context.region is not None else 0.0
-    return max(1.0, (width - BORDERS) / (BUTTON * count))
 
 
 CLASSES = (RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer, RLE_SPLAT_PT_data_transfer)

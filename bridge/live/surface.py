@@ -42,7 +42,7 @@ def request_of(context, volumes: tuple) -> Request:
     matrices = Matrices(
         tuple(value for row in view.view_matrix for value in row),
         tuple(value for row in view.window_matrix for value in row),
-        region.width, region.height, _clip_of(context, space, view),
+        region.width, region.height, clip_of(context, space, view),
     )
     shading = space.shading
     drawn = (
@@ -52,7 +52,7 @@ def request_of(context, volumes: tuple) -> Request:
     return Request(matrices, volumes, drawn)
 
 
-def _clip_of(context, space, view) -> tuple:
+def clip_of(context, space, view) -> tuple:
     """Clip distances of a viewport's perspective view: those of the camera in its view."""
     owner = space
     if view.view_perspective == "CAMERA":

@@ -252,11 +252,11 @@ def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, 
     calls = []
     draw = previews.histogram_picture.draw
     monkeypatch.setattr(previews.histogram_picture, "draw", lambda *args: calls.append(1) or draw(*args))
-    previews.histogram_icons(volume_object)
-    previews.histogram_icons(volume_object)
+    previews.histogram_icon(volume_object)
+    previews.histogram_icon(volume_object)
     assert len(calls) == 1
     volume_object.rle_splat.window_center += 10.0
-    previews.histogram_icons(volume_object)
+    previews.histogram_icon(volume_object)
     assert len(calls) == 2
 
 
@@ -267,11 +267,49 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
         opacity=((0.0, 0.0), (4.0, 0.0)), color=((0.0, 1.0, 0.0, 0.0), (4.0, 0.0, 0.0, 1.0)))
     drawn = picture.draw(stored, function, 0.0, 4.0)
     middle = drawn[picture.HEIGHT // 2, :, :3]
-    filled = np.abs(middle - picture.GROUND).max(axis=1) > 1e-3
-    quarter = picture.WIDTH // 4  # a bin each
-    np.testing.assert_array_equal(filled, np.repeat((False, False, True, False), quarter))
-    np.testing.assert_allclose(drawn[0, 0, :3], (1.0, 0.0, 0.0), atol=0.05)
-    np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.05)
+    filled = np.abs(middle - picture.BAR).max(axis=1) < 1e-3
+    at = picture.EDGE + (np.arange(picture.WIDTH) + 0.5) / picture.WIDTH * (1.0 - 2.0 * picture.EDGE)
+    clear = np.abs(at - np.array(((0.5,), (0.75,)))).min(axis=0) > 1.0 / picture.WIDTH  # of the bin's two ends
+    np.testing.assert_array_equal(filled[clear], ((at > 0.5) & (at < 0.75))[clear])
+    ticks = np.abs(middle - picture.TICK).max(axis=1) < 1e-3
+    assert ticks.sum() >= 2  # that in the middle is at the end of the bar, which may hide it
+    assert np.abs(at[ticks] - np.array(((0.25,), (0.5,), (0.75,)))).min(axis=0).max() < 1.0 / picture.WIDTH
+    np.testing.assert_allclose(drawn[0, 0, :3], (1.0, 0.0, 0.0), atol=0.15)  # the range's ends lie beside it
+    np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.15)
+
+
+def test_the_histogram_is_the_top_of_a_transparent_square(bridge):
+    """Blender's icons are squares; what is below the picture covers nothing of the panel."""
+    picture = bridge("histogram_picture")
+    drawn = np.random.default_rng(2).uniform(0.1, 1.0, (picture.HEIGHT, picture.WIDTH, 4)).astype(np.float32)
+    icon = picture.as_icon(drawn)
+    assert icon.shape == (picture.WIDTH, picture.WIDTH, 4)
+    np.testing.assert_array_equal(icon[-picture.HEIGHT :], drawn)  # rows go up
+    assert not icon[: -picture.HEIGHT].any()
+
+
+def test_the_values_of_the_curves_range_and_of_its_selected_point_are_told(volume_object, monkeypatch):
+    properties = volume_object.rle_splat
+    properties.window_center, properties.window_width, properties.value_unit = 500.0, 3000.0, "HU"
+    points = properties.transfer.nodes["Opacity"].mapping.curves[0].points
+    for point in points:
+        point.select = False
+    shown = texts(draw_all(monkeypatch))
+    assert {"-1000 HU", "500 HU", "2000 HU"} <= set(shown.splitlines())
+    assert "Selected" not in shown
+    points[0].location, points[0].select = (0.25, 0.3), True
+    properties.opacity_scale = 0.5
+    assert "Selected: -250 HU, opacity 0.15" in texts(draw_all(monkeypatch))
+    points[1].select = True
+    assert "Selected" not in texts(draw_all(monkeypatch))  # of several points at once
+
+
+def test_every_window_in_the_menu_has_a_tooltip_of_its_own(volume_object, bridge):
+    kind = next(cls for cls in of_addon(bpy.types.Operator) if cls.bl_idname == "rle_splat.window_level")
+    presets = bpy.ops.rle_splat.window_level.get_rna_type().properties["preset"].enum_items
+    asked = [SimpleNamespace(preset=item.identifier, keep_values=False) for item in presets]
+    told = [kind.description(bpy.context, one) for one in (*asked, SimpleNamespace(preset="DATA", keep_values=True))]
+    assert len(set(told)) == len(told) == len(presets) + 1 and not any(text.endswith(".") for text in told)
 
 
 def test_grayed_buttons_say_why(volume_object):

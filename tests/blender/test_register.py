@@ -10,10 +10,11 @@ from tests.blender import layout_recorder
 
 OPERATORS = {
     "add_channels", "add_clip", "add_slice", "apply_preset", "choose_object", "choose_plan", "choose_series",
-    "clear_kernels", "clip_to_view", "composite", "delete_clip", "error_map", "frame_volume", "import_folder",
-    "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer", "measure_accuracy",
-    "own_transfer", "read_labels", "reload", "relocate", "remove_backdrop", "remove_channel", "remove_composite",
-    "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
+    "clear_kernels", "clip_to_view", "composite", "delete_clip", "drag_window", "error_map", "frame_volume",
+    "import_folder", "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer",
+    "measure_accuracy", "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop",
+    "remove_channel", "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass",
+    "use_window_tool", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",

@@ -101,6 +101,7 @@ EDITS = {
     "apply_preset": (dict(preset="x-ray"), None),
     "load_transfer": (dict(filepath="one_color.json"), None),
     "window_level": (dict(center=90.0, width=40.0, keep_values=True), None),
+    "drag_window": (dict(center=90.0, width=40.0), None),
     "own_transfer": ({}, shared_function),
     "keyframe_transfer": ({}, None),
     "composite": ({}, None),
@@ -117,8 +118,9 @@ EDITS = {
     "reload": (dict(flip=(True, False, False)), None),
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
-READERS = ("list_effects", "save_transfer", "measure_accuracy", "clear_kernels")  # of which nothing is undone
-VIEWS = ("frame_volume", "live_again", "choose_object")  # of views and the selection: no data changes
+# Of which nothing is undone.
+READERS = ("list_effects", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
+VIEWS = ("frame_volume", "live_again", "choose_object", "use_window_tool")  # of views and the selection alone
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 

@@ -1,0 +1,93 @@
+"""Drag Window and Level: in a 3D viewport the mouse changes the range of values, as in viewers of scans."""
+
+import bpy
+from bpy.props import FloatProperty
+
+from ..bridge import transfer, volumes
+from ..bridge.held import Held
+from ..bridge.probe import value_text
+from ..bridge.window_drag import WindowDrag
+from .refusal import refuse, why_no_editable_transfer
+
+KEYS = "Right, Left: Window   |   Up, Down: Level   |   Shift: Finer   |   Release: Keep   |   Esc, Right Click: Cancel"
+
+
+class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
+    """Change the range of values that the colors and the opacity curve cover by dragging: to the right and left the
+    window, up and down the level"""
+
+    bl_idname = "rle_splat.drag_window"
+    bl_label = "Drag Window and Level"
+    bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
+
+    center: FloatProperty(name="Level", description="Value at the center of the range")
+    width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
+
+    def execute(self, context):
+        problem = why_no_editable_transfer(context)
+        if problem:
+            return refuse(self, f"{problem}.")
+        transfer.move_window(volumes.volume_object(context), self.center, self.width)
+        return {"FINISHED"}
+
+    def invoke(self, context, event):
+        if bpy.app.background or context.window is None or context.area is None:
+            return self.execute(context)
+        problem = why_no_editable_transfer(context)
+        if problem:
+            return refuse(self, f"{problem}.")
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
+        self.center, self.width = self._before = properties.window_center, properties.window_width
+        self._owner, self._mouse = Held(owner), (event.mouse_x, event.mouse_y)
+        self._drag = WindowDrag(
+            *self._before, properties.value_low, properties.value_high, context.preferences.system.ui_scale)
+        self._unit = properties.value_unit
+        context.window.cursor_modal_set("SCROLL_XY")
+        context.window_manager.modal_handler_add(self)
+        self._tell(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        owner = self._owner.find()
+        if owner is None or (event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS"):
+            self.cancel(context)
+            return {"CANCELLED"}
+        if event.type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE"):
+            right, up = event.mouse_x - self._mouse[0], event.mouse_y - self._mouse[1]
+            self._mouse = event.mouse_x, event.mouse_y
+            if right or up:
+                self.center, self.width = self._drag.move(right, up, event.shift)
+                transfer.move_window(owner, self.center, self.width)
+                self._tell(context)
+        elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            self._tell_no_more(context)
+            moved = (self.center, self.width) != self._before
+            return {"FINISHED"} if moved else {"CANCELLED"}  # a click alone is no undo step
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context):
+        """Restore what was there; Blender calls it too, where a file is opened meanwhile."""
+        owner = self._owner.find()
+        if owner is not None:
+            transfer.move_window(owner, *self._before)
+        self._tell_no_more(context)
+
+    def _tell(self, context) -> None:
+        span = 0.0, self._drag.rate * 1000.0
+        level, window = (value_text(value, *span, self._unit) for value in (self.center, self.width))
+        context.area.header_text_set(f"Level {level}    Window {window}")
+        context.workspace.status_text_set(KEYS)
+        context.area.tag_redraw()
+
+    def _tell_no_more(self, context) -> None:
+        if context.area is not None:
+            context.area.header_text_set(None)
+            context.area.tag_redraw()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        if context.window is not None:
+            context.window.cursor_modal_restore()
+
+
+CLASSES = (RLE_SPLAT_OT_drag_window,)

@@ -1,0 +1,29 @@
+"""Drag in Viewport: choose the Window and Level tool."""
+
+import bpy
+
+TOOL = "rle_splat.window_tool"  # as registered by panels/window_tool.py
+
+
+class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
+    """Choose the tool that changes level and window by dragging in the viewport, and tells the value under the mouse"""
+
+    bl_idname = "rle_splat.use_window_tool"
+    bl_label = "Drag in Viewport"
+    bl_options = set()
+
+    @classmethod
+    def poll(cls, context):
+        if context.area is None or context.area.type != "VIEW_3D":
+            cls.poll_message_set("The tool is one of the 3D viewport's")
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("The tool is one of Object Mode")
+            return False
+        return True
+
+    def execute(self, _context):
+        return bpy.ops.wm.tool_set_by_id(name=TOOL)
+
+
+CLASSES = (RLE_SPLAT_OT_use_window_tool,)

@@ -1,0 +1,62 @@
+"""The histogram above the opacity curve: one picture as wide as the curve, its value axis, and the selected point."""
+
+from ..bridge import histogram_picture, previews, transfer_nodes
+from ..bridge.probe import value_text
+from ..bridge.transfer import window_of
+
+BUTTON = 20.0  # pixels at interface scale 1: the height of a button, which icon scales are multiples of
+BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sidebar's tabs
+
+
+def draw_histogram(context, layout, owner) -> None:
+    """Draw the histogram of a volume and the values at both ends and in the middle of the curve's range.
+
+    Blender draws icons as squares.  The picture is in the upper part of one, and the part of the panel that it takes is
+    only as high as that; what is below is transparent, and other buttons are drawn over it.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    layout : bpy.types.UILayout
+    owner : bpy.types.Object
+        The volume object.
+    """
+    column = layout.column(align=True)
+    icon = previews.histogram_icon(owner)
+    if icon:
+        side = _side(context)
+        picture = column.column()
+        picture.ui_units_y = side / histogram_picture.ASPECT
+        picture.template_icon(icon_value=icon, scale=side)
+    low, high = window_of(owner.rle_splat)
+    axis = column.grid_flow(columns=3, even_columns=True, align=True)
+    for value, alignment in ((low, "LEFT"), (0.5 * (low + high), "CENTER"), (high, "RIGHT")):
+        place = axis.row()
+        place.alignment = alignment
+        place.label(text=value_text(value, low, high, owner.rle_splat.value_unit))
+
+
+def draw_selected(layout, owner) -> None:
+    """Tell the value and the opacity of the curve's selected point, where one is selected.
+
+    Parameters
+    ----------
+    layout : bpy.types.UILayout
+    owner : bpy.types.Object
+        The volume object.
+    """
+    properties = owner.rle_splat
+    points = transfer_nodes.opacity_mapping(properties.transfer).curves[0].points
+    chosen = [point.location for point in points if point.select]
+    if len(chosen) == 1:
+        low, high = window_of(properties)
+        value = value_text(low + chosen[0].x * (high - low), low, high, properties.value_unit)
+        opacity = min(max(chosen[0].y * properties.opacity_scale, 0.0), 1.0)
+        layout.label(text=f"Selected: {value}, opacity {opacity:.2f}")
+
+
+def _side(context) -> float:
+    """The side, in buttons, of a square icon that is as wide as the panel."""
+    scale = context.preferences.system.ui_scale or 1.0
+    width = context.region.width / scale if context.region is not None else 0.0
+    return max(2.0, (width - BORDERS) / BUTTON)

@@ -1,0 +1,43 @@
+"""The Window and Level tool of the 3D viewport's toolbar; its settings tell the value under the mouse."""
+
+import bpy
+
+from ..bridge import probe, volumes
+from ..operators.use_window_tool import TOOL
+
+
+class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
+    bl_space_type = "VIEW_3D"
+    bl_context_mode = "OBJECT"
+    bl_idname = TOOL
+    bl_label = "Window and Level"
+    bl_description = (
+        "Change the range of values that the volume's colors and opacity cover, and read values under the mouse.\n"
+        "Drag right and left for the window, up and down for the level; Shift is finer"
+    )
+    bl_icon = "ops.paint.weight_gradient"
+    bl_cursor = "CROSSHAIR"
+    bl_keymap = (
+        ("rle_splat.drag_window", {"type": "LEFTMOUSE", "value": "PRESS"}, None),
+        ("rle_splat.drag_window", {"type": "LEFTMOUSE", "value": "PRESS", "shift": True}, None),
+        ("rle_splat.probe", {"type": "MOUSEMOVE", "value": "ANY", "any": True}, None),
+    )
+
+    def draw_settings(context, layout, _tool):
+        owner = volumes.volume_object(context)
+        if owner is not None:
+            unit = f" ({owner.rle_splat.value_unit})" if owner.rle_splat.value_unit else ""
+            row = layout.row(align=True)
+            row.prop(owner.rle_splat, "window_center", text=f"Level{unit}")
+            row.prop(owner.rle_splat, "window_width", text=f"Window{unit}")
+        line = probe.hovered(context.area) if context.area is not None else ""
+        layout.label(text=line or "Move the mouse over a volume", icon="EYEDROPPER")
+
+
+def register():
+    bpy.utils.register_tool(RLE_SPLAT_WT_window, after={"builtin.measure"}, separator=True)
+
+
+def unregister():
+    bpy.utils.unregister_tool(RLE_SPLAT_WT_window)
+    probe.forget()

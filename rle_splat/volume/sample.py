@@ -1,0 +1,44 @@
+"""Values between the voxels of a volume, at a few points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .volume import Volume
+
+CORNERS = tuple((x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1))
+
+
+def values_at(volume: Volume, indices) -> np.ndarray:
+    """Interpolate a volume trilinearly.
+
+    Parameters
+    ----------
+    volume : Volume
+    indices : (n, 3) array_like of float
+        Voxel indices (x, y, z); beyond the outermost voxel centers these count.
+
+    Returns
+    -------
+    (n,) ndarray of float64
+        Physical values. A neighbor with a share of zero takes no part, not even one that is NaN.
+    """
+    last = np.array(volume.shape_xyz) - 1
+    places = np.clip(np.asarray(indices, np.float64).reshape(-1, 3), 0.0, last)
+    first = np.minimum(places.astype(np.int64), np.maximum(last - 1, 0))
+    share = places - first
+    found = np.zeros(len(places))
+    for corner in CORNERS:
+        weight = np.prod(np.where(corner, share, 1.0 - share), axis=1)
+        x, y, z = np.minimum(first + corner, last).T
+        stored = np.where(weight > 0.0, volume.voxels[z, y, x], 0.0)
+        with np.errstate(invalid="ignore"):
+            found += weight * stored
+    return volume.physical(found)
+
+
+def labels_at(volume: Volume, indices) -> np.ndarray:
+    """The labels (n,) int64 of the voxels nearest to voxel indices (n, 3)."""
+    last = np.array(volume.shape_xyz) - 1
+    x, y, z = np.clip(np.rint(np.asarray(indices, np.float64).reshape(-1, 3)), 0, last).astype(np.int64).T
+    return volume.voxels[z, y, x].astype(np.int64)
