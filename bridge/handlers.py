@@ -15,6 +15,7 @@ from . import (
     read_ahead,
     render_scene,
     series,
+    thumbnails,
     volumes,
     watch,
 )
@@ -23,6 +24,7 @@ from . import (
 @persistent
 def _on_load_pre(*_arguments):
     live.stop()
+    thumbnails.stop()
     following.stop()
     series.forget()
     watch.stop()

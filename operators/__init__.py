@@ -8,12 +8,14 @@ from . import (
     apply_preset,
     channels,
     choose_series,
+    choose_transfer,
     composite,
     frame_volume,
     import_volume,
     keyframe_transfer,
     list_effects,
     live_view,
+    own_presets,
     own_transfer,
     read_labels,
     relocate,
@@ -27,7 +29,7 @@ from . import (
 MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view,
+    frame_volume, live_view, own_presets, choose_transfer,
 )
 
 

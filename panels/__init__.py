@@ -11,6 +11,7 @@ from . import (
     live_view,
     picture,
     playback,
+    presets,
     quality,
     report,
     shading,
@@ -19,7 +20,8 @@ from . import (
 )
 
 MODULES = (
-    volume, playback, transfer, shading, labels, channels, clip_objects, quality, picture, effects, report, accuracy,
+    volume, playback, transfer, presets, shading, labels, channels, clip_objects, quality, picture, effects, report,
+    accuracy,
 )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import linked, previews, transfer, transfer_nodes, volumes
+from ..bridge import linked, own_presets, previews, transfer, transfer_nodes, volumes
 from ..bridge.preset_items import IMPORT_ITEMS
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar
@@ -18,6 +18,10 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
     def draw(self, _context):
         for item in IMPORT_ITEMS:
             self.layout.operator("rle_splat.apply_preset", text=item[1]).preset = item[0]
+        self.layout.separator()
+        for own in own_presets.listed():
+            self.layout.operator("rle_splat.apply_own_preset", text=own.name).name = own.name
+        self.layout.operator("rle_splat.save_own_preset", text="Save as Preset…", icon="ADD")
         self.layout.separator()
         self.layout.operator("rle_splat.load_transfer", text="Load from File…", icon="FILE_FOLDER")
         self.layout.operator("rle_splat.save_transfer", text="Save to File…", icon="FILE_TICK")
