@@ -36,6 +36,11 @@ class Entry:
         """Whether it is the user's."""
         return self.stamp is not None
 
+    def is_of(self, properties) -> bool:
+        """Whether a volume's transfer function has its name; ``properties``: ``object.rle_splat``."""
+        row = None if self.is_own else PRESETS.get(self.name)
+        return properties.transfer_name.casefold() == (row.label if row else self.label).casefold()
+
 
 @dataclass(frozen=True)
 class Group:
@@ -82,14 +87,18 @@ def groups(properties) -> list[Group]:
         None of them empty.
     """
     modality = modality_of(properties)
+    kind = NAMES.get(modality, modality)
     suggested, *items = preset_items.IMPORT_ITEMS
-    ours = [(Entry(*item), PRESETS[item[0]].modality) for item in items]
-    suits = [entry for entry, of in ours if modality is None or of in (modality, None)]
-    others = [entry for entry, of in ours if entry not in suits]
-    own = [Entry(one.name, one.name, "Apply this preset of yours", one.stamp) for one in own_presets.listed()]
-    heading = "All" if modality is None else f"For {NAMES.get(modality, modality)}"
+    suits, others = [Entry(*suggested)], []
+    for name, label, description in items:
+        of = PRESETS[name].modality
+        if modality is None or of in (modality, None):
+            suits.append(Entry(name, label.removeprefix(f"{kind} "), description))  # the heading says it
+        else:
+            others.append(Entry(name, label, description))
+    own = [Entry(one.name, one.name, "Own preset", one.stamp) for one in own_presets.listed()]
     found = [
-        Group("SUITS", heading, (Entry(*suggested), *suits), True),
+        Group("SUITS", f"For {kind}" if kind else "All", tuple(suits), True),
         Group(OWN, "Own", tuple(own), True),
         Group("OTHERS", "Others", tuple(others), False),
     ]

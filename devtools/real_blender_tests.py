@@ -22,13 +22,14 @@ WINDOW = "window.py"
 PANELS = "window_panels.py"
 IMPORT = "window_import.py"
 LIVE = "window_live.py"
+PRESETS = "window_presets.py"
 WHOLE = "whole_suite.py"
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
-SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, WHOLE: 1200}
+SECONDS = {SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, PRESETS: 600, WHOLE: 1200}
 SCENARIO_SECONDS = 600  # of one that is given
 
 USUAL_SCREEN = (1280, 800)
@@ -92,6 +93,7 @@ def window_stages(zip_path: Path) -> list[Stage]:
         window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
         window_stage(zip_path, TESTS / IMPORT, "import", USUAL_SCREEN),
         window_stage(zip_path, TESTS / LIVE, "live", USUAL_SCREEN),
+        window_stage(zip_path, TESTS / PRESETS, "presets", USUAL_SCREEN),
     ]
 
 

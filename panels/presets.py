@@ -32,7 +32,6 @@ class RLE_SPLAT_PT_presets(BelowTransfer, bpy.types.Panel):
 def _draw_grid(context, layout, owner, group) -> None:
     columns, scale = _columns(context)
     grid = layout.grid_flow(row_major=True, columns=columns, even_columns=True, even_rows=True, align=False)
-    shown = owner.rle_splat.transfer_name
     for entry in group.entries:
         cell = grid.column(align=True)
         icon = thumbnails.icon(owner, entry)
@@ -42,7 +41,7 @@ def _draw_grid(context, layout, owner, group) -> None:
             _draw_placeholder(cell, scale)
         row = cell.row(align=True)
         kind = "apply_own_preset" if entry.is_own else "apply_preset"
-        button = row.operator(f"rle_splat.{kind}", text=entry.label, depress=shown in (entry.label, entry.name))
+        button = row.operator(f"rle_splat.{kind}", text=entry.label, depress=entry.is_of(owner.rle_splat))
         if entry.is_own:
             button.name = entry.name
             row.operator("rle_splat.delete_own_preset", text="", icon="TRASH").name = entry.name
@@ -52,10 +51,10 @@ def _draw_grid(context, layout, owner, group) -> None:
 
 def _draw_placeholder(layout, scale: float) -> None:
     """A picture's room with an icon in its middle."""
-    box = layout.column()
-    box.scale_y = scale
-    box.alignment = "CENTER"
-    box.label(text="", icon="IMAGE_DATA")
+    row = layout.row()
+    row.scale_y = scale
+    row.alignment = "CENTER"
+    row.label(text="", icon="IMAGE_DATA")
 
 
 def _columns(context) -> tuple[int, float]:

@@ -9,15 +9,16 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "apply_preset", "choose_plan", "choose_series", "composite", "error_map",
-    "frame_volume", "import_folder", "import_volume", "keyframe_transfer", "list_effects", "live_again",
-    "load_transfer", "measure_accuracy", "own_transfer", "read_labels", "relocate", "remove_backdrop", "remove_channel",
-    "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
+    "add_channels", "add_clip", "apply_own_preset", "apply_preset", "choose_plan", "choose_series", "choose_transfer",
+    "composite", "delete_own_preset", "error_map", "frame_volume", "import_folder", "import_presets", "import_volume",
+    "keyframe_transfer", "list_effects", "live_again", "load_transfer", "measure_accuracy", "own_transfer",
+    "read_labels", "relocate", "remove_backdrop", "remove_channel", "remove_composite", "render_image",
+    "save_own_preset", "save_transfer", "set_backdrop", "shadow_pass", "window_level",
 }  # fmt: skip
 PANELS = {
-    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "quality", "render",
-    "render_accuracy", "render_advanced", "render_effects", "render_quality", "render_report", "report", "shading",
-    "transfer", "volume",
+    "accuracy", "advanced", "channels", "clip_objects", "effects", "labels", "picture", "playback", "presets",
+    "quality", "render", "render_accuracy", "render_advanced", "render_effects", "render_quality", "render_report",
+    "report", "shading", "transfer", "volume",
 }  # fmt: skip
 MENUS = {"presets", "windows"}
 # Property groups, whose names no user and no script sees.
