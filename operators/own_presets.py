@@ -8,7 +8,7 @@ from ..bridge.canvas import redraw_sidebars
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
-from .refusal import has_editable_transfer, has_editable_volume, refuse
+from .refusal import has_editable_volume, has_volume, refuse
 
 WIDTH = 300  # pixels at interface scale 1
 
@@ -36,7 +36,8 @@ class RLE_SPLAT_OT_apply_own_preset(LoadsFirst, bpy.types.Operator):
             function, reason = drain(own_presets.transfer_steps(self.name, volume))
         except RleSplatError as problem:
             return refuse(self, problem)
-        for remark in filter(None, (transfer.write_transfer(owner, function),)):
+        remark = transfer.write_transfer(owner, function)
+        if remark:
             self._warn(remark)
         if reason:
             self.report({"INFO"}, reason)
@@ -55,7 +56,7 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_editable_transfer(cls, context)
+        return has_volume(cls, context)
 
     def invoke(self, context, _event):
         if not self.name:

@@ -128,8 +128,8 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     (collection,) = thumbnails._collections
     (preview,) = collection.values()  # its icon is 0 in background mode
     assert tuple(preview.image_size) == (128, 128) and len(thumbnails.rendered) == 1
-    shown = np.array(preview.image_pixels_float).reshape(128, 128, 4)[::-1]
-    np.testing.assert_allclose(255 * shown[..., :3], picture(thumbnails, bridge, ball, "mr-head"), atol=0.6)
+    drawn = np.array(preview.image_pixels_float).reshape(128, 128, 4)[::-1]
+    np.testing.assert_allclose(255 * drawn[..., :3], picture(thumbnails, bridge, ball, "mr-head"), atol=0.6)
     thumbnails.icon(ball, entry)
     assert not thumbnails._wanted, "it is there"
     assert thumbnails._tick() is None, "nothing is left to do"
