@@ -34,6 +34,7 @@ SCENARIO_SECONDS = 600  # of one that is given
 
 USUAL_SCREEN = (1280, 800)
 TALL_SCREEN = (800, 3600)  # every panel of the sidebar at once
+HIGH_SCREEN = (1280, 1400)  # all pictures of the panel Presets
 
 
 def _lent_pytest() -> Path:
@@ -93,7 +94,7 @@ def window_stages(zip_path: Path) -> list[Stage]:
         window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
         window_stage(zip_path, TESTS / IMPORT, "import", USUAL_SCREEN),
         window_stage(zip_path, TESTS / LIVE, "live", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / PRESETS, "presets", USUAL_SCREEN),
+        window_stage(zip_path, TESTS / PRESETS, "presets", HIGH_SCREEN),
     ]
 
 

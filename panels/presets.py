@@ -6,7 +6,7 @@ from ..bridge import linked, preset_entries, thumbnails, volumes
 from .places import BelowTransfer
 from .transfer import BORDERS, BUTTON
 
-SMALLEST = 72.0  # pixels at interface scale 1: width of a picture
+SMALLEST, WITH_BUTTON = 72.0, 100.0  # pixels at interface scale 1: width of a picture, and of one with a second button
 MOST_COLUMNS = 6
 
 
@@ -30,7 +30,7 @@ class RLE_SPLAT_PT_presets(BelowTransfer, bpy.types.Panel):
 
 
 def _draw_grid(context, layout, owner, group) -> None:
-    columns, scale = _columns(context)
+    columns, scale = _columns(context, WITH_BUTTON if group.name == preset_entries.OWN else SMALLEST)
     grid = layout.grid_flow(row_major=True, columns=columns, even_columns=True, even_rows=True, align=False)
     for entry in group.entries:
         cell = grid.column(align=True)
@@ -57,12 +57,12 @@ def _draw_placeholder(layout, scale: float) -> None:
     row.label(text="", icon="IMAGE_DATA")
 
 
-def _columns(context) -> tuple[int, float]:
+def _columns(context, narrowest: float) -> tuple[int, float]:
     """How many pictures stand side by side, and their icon scale."""
     scale = context.preferences.system.ui_scale or 1.0
     width = context.region.width / scale if context.region is not None else 0.0
-    room = max(width - BORDERS, SMALLEST)
-    columns = max(1, min(int(room / SMALLEST), MOST_COLUMNS))
+    room = max(width - BORDERS, narrowest)
+    columns = max(1, min(int(room / narrowest), MOST_COLUMNS))
     return columns, room / columns / BUTTON
 
 
