@@ -1,4 +1,7 @@
-"""A coarser copy of a volume, for small pictures."""
+"""A coarser copy of a volume for small pictures: means of blocks of any size along each axis, in one pass.
+
+``coarser`` makes voxels twice as large along all axes, for the picture itself.
+"""
 
 from __future__ import annotations
 
