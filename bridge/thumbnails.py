@@ -182,7 +182,7 @@ def _advance() -> bool:
         return False
     except StopIteration as finished:
         _show(wanted.key, finished.value)
-    except (RleSplatError, MemoryError):  # a damaged preset, say; applying it says why
+    except (RleSplatError, MemoryError):  # a damaged preset, say, which applying it tells
         _failed.add(wanted.key)
     _work.clear()
     _wanted.pop(wanted.key, None)
@@ -216,13 +216,15 @@ def picture_steps(entry: Entry, volume):
     Raises
     ------
     RleSplatError
-        If the preset cannot be read, or nothing can be rendered.
+        If the preset cannot be read, or has gradient opacity, or nothing can be rendered.
     """
     function, _ = yield from part(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
     key = thumbnail_key(volume, function)
     kept = thumbnail_files.load(key)
     if kept is not None:
         return kept
+    if function.gradient_opacity is not None:  # its kernels are not prepared: compiling them took 33 s on one core
+        raise RleSplatError("A preset with gradient opacity has no thumbnail.")
     if not _coarse or _coarse[0].key != volume.key:
         small = yield from portion(reduced_steps(volume, VOXELS), 0.1, 0.5, "reducing the volume")
         _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]

@@ -3,6 +3,8 @@
 The generator that a timer drives in a window is driven here as it is; window_presets.py looks at the pictures.
 """
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -147,6 +149,19 @@ def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, ca
     while thumbnails._tick() is not None:
         pass
     assert thumbnails.icon(ball, entry) == 0 and not thumbnails._wanted
+
+
+def test_no_kernels_are_compiled_for_gradient_opacity(ball, thumbnails, bridge, cache, core):
+    function = core("classify.transfer_function")
+    preset = core("classify.presets").preset("mr-head")
+    own = bridge("own_presets")
+    own.save("steep", replace(preset, gradient_opacity=function.GradientOpacity(2.0, 9.0)), overwrite=True)
+    try:
+        with pytest.raises(core("scene").RleSplatError, match="gradient opacity"):
+            picture(thumbnails, bridge, ball, "steep")
+    finally:
+        own.delete("steep")
+    assert not thumbnails.rendered
 
 
 def test_voxels_that_are_not_in_memory_are_not_read(ball, thumbnails, bridge, cache, monkeypatch):
