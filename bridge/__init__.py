@@ -4,11 +4,22 @@
 from . import paths
 
 # isort: split
-from . import handlers, kernel_preparation, letters, live, preferences, previews, properties, source_paths
+from . import (
+    handlers,
+    kernel_preparation,
+    letters,
+    live,
+    own_presets,
+    preferences,
+    previews,
+    properties,
+    source_paths,
+    thumbnails,
+)
 
 __all__ = [
-    "handlers", "kernel_preparation", "letters", "live", "paths", "preferences", "previews", "properties", "register",
-    "source_paths", "unregister",
+    "handlers", "kernel_preparation", "letters", "live", "own_presets", "paths", "preferences", "previews",
+    "properties", "register", "source_paths", "thumbnails", "unregister",
 ]
 
 
@@ -21,9 +32,13 @@ def register():
     kernel_preparation.register()
     letters.register()
     live.register()
+    own_presets.register()
+    thumbnails.register()
 
 
 def unregister():
+    thumbnails.unregister()
+    own_presets.unregister()
     live.unregister()
     letters.unregister()
     kernel_preparation.unregister()

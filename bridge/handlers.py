@@ -16,6 +16,7 @@ from . import (
     read_ahead,
     render_scene,
     series,
+    thumbnails,
     volumes,
     watch,
 )
@@ -25,6 +26,7 @@ from . import (
 def _on_load_pre(*_arguments):
     live.stop()
     follow_slices.stop()
+    thumbnails.stop()
     following.stop()
     series.forget()
     watch.stop()

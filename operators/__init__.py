@@ -10,6 +10,7 @@ from . import (
     channels,
     choose_object,
     choose_series,
+    choose_transfer,
     clear_kernels,
     clip_to_view,
     composite,
@@ -20,6 +21,7 @@ from . import (
     keyframe_transfer,
     list_effects,
     live_view,
+    own_presets,
     own_transfer,
     probe,
     read_labels,
@@ -37,7 +39,7 @@ MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
-    drag_window, use_window_tool, probe,
+    drag_window, use_window_tool, probe, own_presets, choose_transfer,
 )
 
 

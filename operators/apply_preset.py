@@ -20,6 +20,10 @@ class RLE_SPLAT_OT_apply_preset(LoadsFirst, bpy.types.Operator):
     preset: EnumProperty(name="Preset", description="Built-in transfer function", items=IMPORT_ITEMS)
 
     @classmethod
+    def description(cls, _context, properties):
+        return next(f"{label}: {text}" for name, label, text in IMPORT_ITEMS if name == properties.preset)
+
+    @classmethod
     def poll(cls, context):
         return has_editable_volume(cls, context)
 

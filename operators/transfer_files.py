@@ -1,35 +1,46 @@
-"""Load and Save Transfer Function: JSON files that the command line reads too."""
+"""Load and Save Transfer Function: JSON files that the command line reads too, and files of other programs."""
 
 import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..bridge import transfer, volumes
-from ..rle_splat.classify.transfer_function import TransferFunction
+from ..rle_splat.classify.presets import RELATIVE
+from ..rle_splat.classify.transfer_files import chosen, fitted, read_transfer_functions
 from ..rle_splat.scene import RleSplatError
+from .choose_transfer import FILES, choose
 from .refusal import has_editable_volume, has_volume, refuse
 
 
 class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
-    """Read the volume's transfer function from a JSON file"""
+    """Read the volume's transfer function from a file of ours, 3D Slicer, niivue or FSL"""
 
     bl_idname = "rle_splat.load_transfer"
     bl_label = "Load Transfer Function"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    filter_glob: StringProperty(default=FILES, options={"HIDDEN"})
+    name: StringProperty(
+        name="Name", description="Which transfer function of a file that holds several", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
         return has_editable_volume(cls, context)
 
     def execute(self, context):
+        owner = volumes.volume_object(context)
+        path = bpy.path.abspath(self.filepath)
         try:
-            transfer_function = TransferFunction.from_json(bpy.path.abspath(self.filepath))
+            found = read_transfer_functions(path)
+            if len(found) > 1 and not self.name and context.window is not None and not bpy.app.background:
+                return choose(path, found)
+            one = chosen(found, self.name or None, path, "Name")
+            function = one.function
+            if function.unit == RELATIVE:
+                function = fitted(function, volumes.load_volume(owner))
         except RleSplatError as problem:
             return refuse(self, problem)
-        remark = transfer.write_transfer(volumes.volume_object(context), transfer_function)
-        if remark:
+        for remark in filter(None, (*one.remarks, transfer.write_transfer(owner, function))):
             self.report({"WARNING"}, remark)
         return {"FINISHED"}
 

@@ -16,6 +16,7 @@ from . import (
     picture,
     playback,
     preset_menu,
+    presets,
     report,
     scan,
     shading,
@@ -27,8 +28,8 @@ from . import (
 )
 
 MODULES = (
-    volume, volume_menu, preset_menu, display, transfer, shading, clip_objects, slices, labels, picture, scan, playback,
-    advanced, channels, diagnostics, effects, report, accuracy, clip_gizmos,
+    volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, picture, scan,
+    playback, advanced, channels, diagnostics, effects, report, accuracy, clip_gizmos,
 )  # fmt: skip
 
 

@@ -3,9 +3,7 @@
 from ..bridge import histogram_picture, previews, transfer_nodes
 from ..bridge.probe import value_text
 from ..bridge.transfer import window_of
-
-BUTTON = 20.0  # pixels at interface scale 1: the height of a button, which icon scales are multiples of
-BORDERS = 44.0  # pixels at interface scale 1: the panel's borders and the sidebar's tabs
+from .places import BORDERS, BUTTON
 
 
 def draw_histogram(context, layout, owner) -> None:

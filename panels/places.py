@@ -8,6 +8,8 @@ from ..bridge import volumes
 PIXELS_A_LETTER = 6.0  # the average is 5.2; lines of mostly wide letters must fit too
 MARGIN = 50  # the panel's borders and the sidebar's tabs
 ICON = 20
+BUTTON = 20.0  # the height of a button, which icon scales are multiples of
+BORDERS = 44.0  # the panel's borders and the sidebar's tabs, beside what fills the width
 
 
 class Sidebar:

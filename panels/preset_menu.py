@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..bridge import own_presets
 from ..bridge.preset_items import BY_MODALITY, IMPORT_ITEMS, SUGGESTED
 
 
@@ -18,6 +19,10 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
             layout.label(text=kind)
             for name in names:
                 layout.operator("rle_splat.apply_preset", text=labels[name]).preset = name
+        layout.separator()
+        for own in own_presets.listed():
+            layout.operator("rle_splat.apply_own_preset", text=own.name).name = own.name
+        layout.operator("rle_splat.save_own_preset", text="Save as Preset…", icon="ADD")
         layout.separator()
         layout.operator("rle_splat.load_transfer", text="Load from File…", icon="FILE_FOLDER")
         layout.operator("rle_splat.save_transfer", text="Save to File…", icon="FILE_TICK")

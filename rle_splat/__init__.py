@@ -28,6 +28,7 @@ _HOME = {
     "default_transfer_function": ("classify.default", "default_transfer_function"),
     "fit_preset": ("classify.presets", "fit_preset"),
     "preset": ("classify.presets", "preset"),
+    "read_transfer_functions": ("classify.transfer_files", "read_transfer_functions"),
     "read_volume": ("read.formats", "read_volume"),
     "read_steps": ("read.formats", "read_steps"),
     "write_volume": ("read.formats", "write_volume"),

@@ -14,6 +14,7 @@ from ..volume.volume import Volume
 from .transfer_function import TransferFunction
 
 FOLDER = Path(__file__).parent / "presets"
+RELATIVE = "relative"  # unit of points from 0 to 1 that are to be moved to the values of a volume
 FIT_PERCENTS = (1.0, 99.9)  # percentiles of the values, to which the ends of a preset's points are moved
 
 
@@ -128,11 +129,32 @@ def fit_preset_steps(name: str, volume: Volume):
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None
+    return (yield from fitted_steps(function, volume, name))
+
+
+def fitted_steps(function: TransferFunction, volume: Volume, name: str | None = None):
+    """Generator of fractions done: move the points of a transfer function to the values of a volume.
+
+    Parameters
+    ----------
+    function : TransferFunction
+    volume : Volume
+    name : str, optional
+        For the remark; its own by default.
+
+    Returns
+    -------
+    function : TransferFunction
+        Its points run from the 1st to the 99.9th percentile of the volume's values.
+    remark : str
+        A sentence that says so.
+    """
     low, high = yield from _typical_range_steps(volume)
     first, last = function.span
-    meant = f"in {function.unit}, unlike the volume's values" if function.unit else "relative"
+    has_unit = function.unit not in (None, RELATIVE)
+    meant = f"in {function.unit}, unlike the volume's values" if has_unit else "relative"
     remark = (
-        f"The points of the preset {name} are {meant}, so {first:g} to {last:g} was mapped to {low:g} to {high:g}, "
-        "the 1st to 99.9th percentile of the values."
+        f"The points of the preset {name or function.name} are {meant}, so {first:g} to {last:g} was mapped to "
+        f"{low:g} to {high:g}, the 1st to 99.9th percentile of the values."
     )
     return function.remapped(low, high, unit=volume.value_unit), remark

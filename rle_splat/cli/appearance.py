@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from ..classify.default import default_transfer_function
 from ..classify.presets import fit_preset, preset
-from ..classify.transfer_function import TransferFunction
+from ..classify.transfer_files import chosen, fitted, read_transfer_functions
+from ..scene import RleSplatError
+
+NAMING = "--transfer-name"
 
 
 def read_transfer_function(args):
@@ -13,20 +16,23 @@ def read_transfer_function(args):
     Parameters
     ----------
     args : argparse.Namespace
-        With ``transfer_function`` and ``preset``.
+        With ``transfer_function``, ``transfer_name`` and ``preset``.
 
     Returns
     -------
-    TransferFunction or None
+    Found or None
         The transfer function of a file; None without one.
 
     Raises
     ------
     RleSplatError
-        For a bad file, or an unknown preset.
+        For a bad file, a name that is not in it, or an unknown preset.
     """
     if args.transfer_function is not None:
-        return TransferFunction.from_json(args.transfer_function)
+        found = read_transfer_functions(args.transfer_function)
+        return chosen(found, args.transfer_name, args.transfer_function, NAMING)
+    if args.transfer_name is not None:
+        raise RleSplatError(f"{NAMING} needs --transfer-function; give both.")
     if args.preset is not None:
         preset(args.preset)
     return None
@@ -38,10 +44,10 @@ def choose_transfer_function(args, volume, given):
     Parameters
     ----------
     args : argparse.Namespace
-        With ``transfer_function`` and ``preset``.
+        With ``transfer_function``, ``transfer_name`` and ``preset``.
     volume : Volume
         The volume.
-    given : TransferFunction or None
+    given : Found or None
         The result of ``read_transfer_function``.
 
     Returns
@@ -52,7 +58,7 @@ def choose_transfer_function(args, volume, given):
         Why it was chosen, for the report.
     """
     if given is not None:
-        return given, f"read from {args.transfer_function}"
+        return fitted(given.function, volume), " ".join((f"read from {args.transfer_function}", *given.remarks))
     if args.preset is not None:
         function, remark = fit_preset(args.preset, volume)
         return function, remark or f"the preset {args.preset}"

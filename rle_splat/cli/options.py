@@ -112,8 +112,13 @@ def add_transfer_function_options(parser) -> None:
     """Add the options of the transfer function."""
     group = parser.add_argument_group("transfer function", "chosen from the volume's values unless given")
     one = group.add_mutually_exclusive_group()
-    one.add_argument("--transfer-function", metavar="FILE.json", help="a file with points of opacity and color")
+    one.add_argument(
+        "--transfer-function", metavar="FILE",
+        help="a file with points of opacity and color (JSON), presets of 3D Slicer (.xml, .mrml, .vp, .vp.json), or a "
+        "color map of niivue (.json) or FSL (.cmap)",
+    )
     one.add_argument("--preset", metavar="NAME", help="a built-in transfer function; an unknown name lists them all")
+    group.add_argument("--transfer-name", metavar="NAME", help="which transfer function of a file that holds several")
 
 
 def add_light_options(parser) -> None:

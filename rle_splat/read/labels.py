@@ -10,10 +10,10 @@ import numpy as np
 
 from ..runtime.steps import Progress, portion
 from ..scene import RleSplatError
+from ..scene.color import linear
 from ..volume.counts import counts_values
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import NamedLabel, Volume, range_steps
-from .color import linear
 from .formats import RAW, format_of, read_steps
 
 TEXT_SUFFIXES = (".txt", ".label")

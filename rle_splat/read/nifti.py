@@ -17,9 +17,9 @@ import numpy as np
 
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
+from ..scene.color import linear
 from ..volume.orientation import lps_from_ras
 from ..volume.volume import PATIENT, NamedLabel, Volume
-from .color import linear
 from .format import Head, head_of
 from .header import (
     MILLIMETERS,

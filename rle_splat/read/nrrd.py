@@ -12,8 +12,8 @@ import numpy as np
 
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
+from ..scene.color import linear
 from ..volume.volume import PATIENT, NamedLabel, Volume
-from .color import linear
 from .datafiles import named_files, part_of
 from .format import Head
 from .header import (

@@ -9,18 +9,19 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "add_slice", "apply_preset", "choose_object", "choose_plan", "choose_series",
-    "clear_kernels", "clip_to_view", "composite", "delete_clip", "drag_window", "error_map", "frame_volume",
-    "import_folder", "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer",
-    "measure_accuracy", "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop",
-    "remove_channel", "remove_composite", "render_image", "save_transfer", "set_backdrop", "shadow_pass",
+    "add_channels", "add_clip", "add_slice", "apply_own_preset", "apply_preset", "choose_object", "choose_plan",
+    "choose_series", "choose_transfer", "clear_kernels", "clip_to_view", "composite", "delete_clip",
+    "delete_own_preset", "drag_window", "error_map", "frame_volume", "import_folder", "import_presets",
+    "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer", "measure_accuracy",
+    "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop", "remove_channel",
+    "remove_composite", "render_image", "save_own_preset", "save_transfer", "set_backdrop", "shadow_pass",
     "use_window_tool", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",
-    "display", "effects", "labels", "picture", "playback", "render", "render_accuracy", "render_advanced",
-    "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading", "slices", "transfer",
-    "volume",
+    "display", "effects", "labels", "picture", "playback", "presets", "render", "render_accuracy",
+    "render_advanced", "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading",
+    "slices", "transfer", "volume",
 }  # fmt: skip
 MENUS = {"presets", "volumes", "windows"}
 # Property groups, whose names no user and no script sees.

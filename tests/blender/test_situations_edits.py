@@ -94,12 +94,18 @@ def measured(tmp_path):
     row.name, row.knobs, row.truth = "denser", '{"sheet_density": 1.5}', "T2"
 
 
+def own_preset(tmp_path):
+    assert bpy.ops.rle_splat.save_own_preset(name="one color", overwrite=True) == {"FINISHED"}
+    bpy.ops.rle_splat.apply_preset(preset="x-ray")
+
+
 # operator -> (its options, what stands in for a file in them, what has to be there before)
 EDITS = {
     "import_volume": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "relocate": (dict(filepath="elsewhere.raw"), None),
     "apply_preset": (dict(preset="x-ray"), None),
     "load_transfer": (dict(filepath="one_color.json"), None),
+    "apply_own_preset": (dict(name="one color"), own_preset),
     "window_level": (dict(center=90.0, width=40.0, keep_values=True), None),
     "drag_window": (dict(center=90.0, width=40.0), None),
     "own_transfer": ({}, shared_function),
@@ -121,11 +127,13 @@ PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_ma
 # Of which nothing is undone.
 READERS = ("list_effects", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
 VIEWS = ("frame_volume", "live_again", "choose_object", "use_window_tool")  # of views and the selection alone
+FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
+CHOICES = ("choose_transfer",)  # dialogs, which call one of the others
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 
 def test_B75_every_operator_is_listed(addon):
-    assert {*EDITS, *PICTURES, *READERS, *VIEWS, *SERIES} == set(dir(bpy.ops.rle_splat))
+    assert {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *SERIES} == set(dir(bpy.ops.rle_splat))
 
 
 @pytest.mark.parametrize("name", EDITS)

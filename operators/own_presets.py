@@ -1,0 +1,108 @@
+"""Apply, save and delete presets of the user."""
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ..bridge import own_presets, transfer, volumes
+from ..bridge.canvas import redraw_sidebars
+from ..rle_splat.runtime.steps import drain
+from ..rle_splat.scene import RleSplatError
+from .reading import LoadsFirst
+from .refusal import has_editable_volume, has_volume, refuse
+
+WIDTH = 300  # pixels at interface scale 1
+
+
+class RLE_SPLAT_OT_apply_own_preset(LoadsFirst, bpy.types.Operator):
+    """Replace the volume's colors and opacities by a preset of yours"""
+
+    bl_idname = "rle_splat.apply_own_preset"
+    bl_label = "Apply Own Preset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    name: StringProperty(name="Name", description="Name of the preset")
+
+    @classmethod
+    def poll(cls, context):
+        return has_editable_volume(cls, context)
+
+    def _warn(self, sentence):
+        self.report({"WARNING"}, sentence)
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            volume = volumes.load_volume(owner, self._warn)
+            function, reason = drain(own_presets.transfer_steps(self.name, volume))
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        remark = transfer.write_transfer(owner, function)
+        if remark:
+            self._warn(remark)
+        if reason:
+            self.report({"INFO"}, reason)
+        return {"FINISHED"}
+
+
+class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
+    """Save the volume's transfer function at the current frame as a preset of yours"""
+
+    bl_idname = "rle_splat.save_own_preset"
+    bl_label = "Save as Preset"
+
+    name: StringProperty(name="Name", description="Name of the preset, and of its file", options={"SKIP_SAVE"})
+    overwrite: BoolProperty(
+        name="Replace", description="Replace a preset of the same name", default=False, options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def invoke(self, context, _event):
+        if not self.name:
+            self.name = own_presets.usable_name(volumes.volume_object(context).rle_splat.transfer_name)
+        return context.window_manager.invoke_props_dialog(self, width=WIDTH, confirm_text="Save")
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.activate_init = True
+        layout.prop(self, "name", text="")
+        if own_presets.is_known(self.name):
+            layout.prop(self, "overwrite", text=f"Replace {self.name.strip()}")
+
+    def execute(self, context):
+        owner = volumes.volume_object(context)
+        try:
+            function = transfer.read_transfer(owner, context.evaluated_depsgraph_get())
+            own_presets.save(self.name, function, self.overwrite)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        self.report({"INFO"}, f"Saved the preset {self.name.strip()}")
+        redraw_sidebars(context)
+        return {"FINISHED"}
+
+
+class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
+    """Delete a preset of yours, which cannot be undone"""
+
+    bl_idname = "rle_splat.delete_own_preset"
+    bl_label = "Delete Own Preset"
+
+    name: StringProperty(name="Name", description="Name of the preset", options={"SKIP_SAVE"})
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(
+            self, event, title=f"Delete the preset {self.name}?", message="Its file is deleted for good.",
+            confirm_text="Delete", icon="WARNING")
+
+    def execute(self, context):
+        try:
+            own_presets.delete(self.name)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        self.report({"INFO"}, f"Deleted the preset {self.name}")
+        redraw_sidebars(context)
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_apply_own_preset, RLE_SPLAT_OT_save_own_preset, RLE_SPLAT_OT_delete_own_preset)

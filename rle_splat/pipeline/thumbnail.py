@@ -1,0 +1,99 @@
+"""A small picture of a volume with a transfer function, from the front."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+
+from ..classify.transfer_function import Shade, TransferFunction
+from ..scene import Quality, Scene
+from ..scene.color import displayed
+from ..scene.further_volumes import CORNERS
+from ..view.turntable import turntable
+from ..volume.volume import Volume
+from .render import render_steps
+from .stage_cache import StageCache
+
+SIDE = 128  # pixels
+VOXELS = 128  # along the longest side of the volume that it is made from
+ROOM = 1.02  # height of the view over what is seen of the volume
+FLAT, ASIDE = 0.4, 50.0  # a volume flatter than this is seen from so many degrees above or aside, else from the front
+BEHIND = 0.012  # scene-linear gray behind the volume
+KIND = "2"  # of pictures; another one for each change that makes old pictures wrong
+# An unshaded function of one color is for projections (the preset "window"); composited, it would be a flat shape.  Its
+# opacities are brought down to at most this optical depth over the longest side.
+DEPTH = 3.0
+# Kernels of unshaded functions and of those without a highlight are not prepared ahead (``prepare``).  With a highlight
+# too faint to be seen their pictures are the same.
+FAINT = 1e-4
+
+
+def thumbnail_key(volume: Volume, function: TransferFunction) -> str:
+    """Hash of all that a thumbnail depends on.
+
+    Parameters
+    ----------
+    volume : Volume
+        The whole one.
+    function : TransferFunction
+        In its values.
+    """
+    parts = (KIND, SIDE, VOXELS, volume.key, volume.space, function.key)
+    return hashlib.blake2b(repr(parts).encode(), digest_size=16).hexdigest()
+
+
+def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, cache: StageCache, backend="auto"):
+    """Generator of Progress: make a thumbnail.
+
+    Parameters
+    ----------
+    small : Volume
+        ``reduced_steps`` of the volume to VOXELS.
+    function : TransferFunction
+        In the volume's values.
+    spacing : float
+        The smallest spacing of the whole volume, to which opacities without a distance refer.
+    cache : StageCache
+        Shared by thumbnails of one volume.
+    backend : str
+        As of Quality.
+
+    Returns
+    -------
+    (SIDE, SIDE, 3) ndarray of uint8
+        sRGB, row 0 at the top.
+    """
+    camera, matrix = _front(small)
+    flat = function.shade is None and len({tuple(rgb) for _, *rgb in function.color}) == 1
+    shade = function.shade or Shade(1.0, 0.0, FAINT, 1.0)
+    function = replace(
+        function, shade=replace(shade, specular=max(shade.specular, FAINT)),
+        opacity_unit_distance=function.opacity_unit_distance or spacing,
+    )
+    if flat:
+        opacity = tuple((value, -alpha * np.expm1(-DEPTH)) for value, alpha in function.opacity)
+        longest = float((np.array(small.shape_xyz) * small.spacing).max())
+        function = replace(function, opacity=opacity, opacity_unit_distance=longest)
+    scene = Scene(small, function, camera, SIDE, SIDE, matrix)
+    quality = Quality.preset("draft", name="thumbnail", backend=backend)
+    rendering = yield from render_steps(scene, quality, cache, refuse_empty_view=False)
+    rgb = rendering.rgba[..., :3] + BEHIND * (1.0 - rendering.rgba[..., 3:])
+    return np.rint(255.0 * displayed(rgb)).astype(np.uint8)
+
+
+def _front(volume: Volume):
+    """The camera that sees a volume from the front, filling the picture, and the volume's matrix."""
+    width, height = _seen(volume, *turntable(volume))
+    angles = dict(azimuth=ASIDE * (width < FLAT * height), elevation=ASIDE * (height < FLAT * width))
+    seen = max(_seen(volume, *turntable(volume, **angles)))
+    longest = float((np.array(volume.shape_xyz) * volume.spacing).max())
+    return turntable(volume, fit=ROOM * seen / longest, width=SIDE, height=SIDE, **angles)
+
+
+def _seen(volume: Volume, camera, matrix) -> np.ndarray:
+    """(2,) float64: width and height of the box of voxels as a camera sees it."""
+    corners = CORNERS * np.array(volume.shape_xyz) - 0.5
+    world = corners @ (matrix @ volume.affine)[:3, :3].T
+    return np.ptp(world @ camera.matrix_world[:3, :2], axis=0)

@@ -1,0 +1,29 @@
+"""Colors in files are sRGB; those of the program are scene-linear (IEC 61966-2-1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def linear(color) -> tuple | None:
+    """Convert an sRGB color, numbers from 0 to 1, to scene-linear RGB; None stays None."""
+    if color is None:
+        return None
+    return tuple(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color)
+
+
+def displayed(colors) -> np.ndarray:
+    """Convert scene-linear colors to sRGB.
+
+    Parameters
+    ----------
+    colors : array_like
+        Any shape; what lies outside 0 to 1 is clipped.
+
+    Returns
+    -------
+    ndarray
+        Of the same shape, from 0 to 1.
+    """
+    colors = np.clip(colors, 0.0, 1.0)
+    return np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * colors ** (1.0 / 2.4) - 0.055)

@@ -1,0 +1,187 @@
+"""Thumbnails of presets: rendered from the volume, kept on disk by content, and never without a window.
+
+The generator that a timer drives in a window is driven here as it is; window_presets.py looks at the pictures.
+"""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+
+from rle_splat.runtime.steps import drain
+from tests.blender import scenes
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch, core):
+    """A folder of its own for thumbnails."""
+    monkeypatch.setenv("RLE_SPLAT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    return tmp_path / "cache" / "thumbnails"
+
+
+@pytest.fixture
+def thumbnails(bridge, monkeypatch, core):
+    """The module, with thumbnails made by numpy, so that no kernel is compiled; forgets everything."""
+    module, picture = bridge("thumbnails"), core("pipeline.thumbnail")
+    made = []
+
+    def by_numpy(*arguments):
+        made.append(arguments)
+        return picture.thumbnail_steps(*arguments, backend="numpy")
+
+    monkeypatch.setattr(module, "thumbnail_steps", by_numpy)
+    module.stop()
+    module.rendered = made
+    yield module
+    module.stop()
+    del module.rendered
+
+
+@pytest.fixture
+def ball(tmp_path):
+    """A ball that grows denser inwards, above the middle of its box."""
+    z, y, x = np.mgrid[:30, :24, :26] - np.array((19.0, 12.0, 13.0))[:, None, None, None]
+    return scenes.import_raw(tmp_path, np.clip(255 - 25 * np.sqrt(x**2 + y**2 + z**2), 0, 255).astype(np.uint8))
+
+
+def entries(bridge, owner):
+    return {entry.name: entry for group in bridge("preset_entries").groups(owner.rle_splat) for entry in group.entries}
+
+
+def picture(thumbnails, bridge, owner, name):
+    return drain(thumbnails.picture_steps(entries(bridge, owner)[name], bridge("volumes").load_volume(owner)))
+
+
+def test_a_thumbnail_shows_the_volume(ball, thumbnails, bridge, cache):
+    pixels = picture(thumbnails, bridge, ball, "mr-head")
+    assert pixels.shape == (128, 128, 3) and pixels.dtype == np.uint8
+    background = pixels[0, 0]
+    shown = np.abs(pixels.astype(int) - background).max(axis=2) > 20
+    rows, columns = np.nonzero(shown)
+    assert 0.05 < shown.mean() < 0.7, "neither blank nor filled"
+    assert rows.mean() < 60, "the ball lies above the middle, and up is up"
+    assert abs(columns.mean() - 63.5) < 3
+
+
+def test_presets_look_different(ball, thumbnails, bridge, cache):
+    pictures = [picture(thumbnails, bridge, ball, name) for name in ("AUTO", "mr-head", "x-ray", "smoke")]
+    for i, one in enumerate(pictures):
+        for other in pictures[:i]:
+            assert np.abs(one.astype(int) - other).max() > 10
+
+
+def test_a_thumbnail_is_rendered_once(ball, thumbnails, bridge, cache):
+    first = picture(thumbnails, bridge, ball, "mr-head")
+    assert len(thumbnails.rendered) == 1
+    thumbnails.stop()  # what is in memory
+    np.testing.assert_array_equal(picture(thumbnails, bridge, ball, "mr-head"), first)
+    assert len(thumbnails.rendered) == 1 and len(list(cache.iterdir())) == 1
+    (file,) = cache.iterdir()
+    file.write_bytes(b"damaged")
+    np.testing.assert_array_equal(picture(thumbnails, bridge, ball, "mr-head"), first)
+    assert len(thumbnails.rendered) == 2, "a damaged file is rendered anew"
+
+
+def test_the_file_is_named_by_content_alone(ball, thumbnails, bridge, cache, core, tmp_path):
+    key_of = core("pipeline.thumbnail").thumbnail_key
+    volume = bridge("volumes").load_volume(ball)
+    preset = core("classify.presets").preset
+    keys = {key_of(volume, preset(name)) for name in ("mr-head", "x-ray", "smoke")}
+    other = scenes.import_raw(tmp_path, np.full((4, 5, 6), 9, np.uint8), name="other")
+    keys.add(key_of(bridge("volumes").load_volume(other), preset("mr-head")))
+    assert len(keys) == 4 and all(len(key) == 32 and int(key, 16) for key in keys)
+    picture(thumbnails, bridge, ball, "mr-head")
+    (file,) = cache.iterdir()
+    assert file.suffix == ".npz" and len(file.stem) == 32 and int(file.stem, 16)
+
+
+def test_old_thumbnails_are_forgotten(bridge, cache, monkeypatch):
+    files = bridge("thumbnail_files")
+    monkeypatch.setattr(files, "MOST", 3)
+    pixels = np.zeros((128, 128, 3), np.uint8)
+    for number in range(6):
+        files.save(f"{number}", pixels)
+    assert len(list(cache.iterdir())) == 3 and files.load("5") is not None
+    assert files.load("absent") is None
+
+
+def test_in_the_background_nothing_is_rendered(ball, thumbnails, bridge, cache):
+    for entry in entries(bridge, ball).values():
+        assert thumbnails.icon(ball, entry) == 0
+    assert not bpy.app.timers.is_registered(thumbnails._tick)
+    assert not thumbnails.rendered and not cache.exists()
+
+
+def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, bridge, cache, monkeypatch):
+    """As in a window whose sidebar shows the tab; while others work it waits, and without the tab it ends."""
+    shown, busy = [True], [True]
+    monkeypatch.setattr(thumbnails, "_tab_is_shown", lambda: shown[0])
+    monkeypatch.setattr(thumbnails, "_others_work", lambda: busy[0])
+    entry = entries(bridge, ball)["mr-head"]
+    assert thumbnails.icon(ball, entry) == 0
+    assert thumbnails._tick() == thumbnails.BUSY and not thumbnails.rendered
+    busy[0] = False
+    ticks = 0
+    while thumbnails._wanted and ticks < 1000:
+        assert thumbnails._tick() == thumbnails.TICK
+        ticks += 1
+    (collection,) = thumbnails._collections
+    (preview,) = collection.values()  # its icon is 0 in background mode
+    assert tuple(preview.image_size) == (128, 128) and len(thumbnails.rendered) == 1
+    drawn = np.array(preview.image_pixels_float).reshape(128, 128, 4)[::-1]
+    np.testing.assert_allclose(255 * drawn[..., :3], picture(thumbnails, bridge, ball, "mr-head"), atol=0.6)
+    thumbnails.icon(ball, entry)
+    assert not thumbnails._wanted, "it is there"
+    assert thumbnails._tick() is None, "nothing is left to do"
+    thumbnails.icon(ball, entries(bridge, ball)["x-ray"])
+    shown[0] = False
+    assert thumbnails._tick() is None and len(thumbnails.rendered) == 1
+    assert not thumbnails._coarse and not thumbnails._wanted
+
+
+def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, cache, monkeypatch):
+    monkeypatch.setattr(thumbnails, "_tab_is_shown", lambda: True)
+    monkeypatch.setattr(thumbnails, "_others_work", lambda: False)
+    entry = bridge("preset_entries").Entry("gone", "gone", "", (1, 2))
+    assert thumbnails.icon(ball, entry) == 0
+    while thumbnails._tick() is not None:
+        pass
+    assert thumbnails.icon(ball, entry) == 0 and not thumbnails._wanted
+
+
+def test_no_kernels_are_compiled_for_gradient_opacity(ball, thumbnails, bridge, cache, core):
+    function = core("classify.transfer_function")
+    preset = core("classify.presets").preset("mr-head")
+    own = bridge("own_presets")
+    own.save("steep", replace(preset, gradient_opacity=function.GradientOpacity(2.0, 9.0)), overwrite=True)
+    try:
+        with pytest.raises(core("scene").RleSplatError, match="gradient opacity"):
+            picture(thumbnails, bridge, ball, "steep")
+    finally:
+        own.delete("steep")
+    assert not thumbnails.rendered
+
+
+def test_voxels_that_are_not_in_memory_are_not_read(ball, thumbnails, bridge, cache, monkeypatch):
+    monkeypatch.setattr(thumbnails, "_tab_is_shown", lambda: True)
+    monkeypatch.setattr(thumbnails, "_others_work", lambda: False)
+    bridge("volumes").forget_all()
+    thumbnails.icon(ball, entries(bridge, ball)["mr-head"])
+    assert thumbnails._tick() is None
+    assert not bridge("volumes").is_at_hand(ball) and not thumbnails.rendered
+
+
+def test_a_coarser_volume_lies_where_the_volume_does(core):
+    reduced, volume_class = core("volume.reduced"), core("volume.volume").Volume
+    affine = np.array([[0, 0, 3.0, 5], [1, 0, 0, 6], [0, -1, 0, 7], [0, 0, 0, 1]])
+    voxels = np.arange(9 * 20 * 31, dtype=np.uint16).reshape(9, 20, 31)
+    volume = volume_class(voxels, affine)
+    assert reduced.factors_of(volume, 10) == (3, 3, 1), "31 by 20 by 27 mm, in voxels of about 3 mm"
+    small = drain(reduced.reduced_steps(volume, 10))
+    assert small.shape_xyz == (10, 6, 9) and small.voxels.dtype == np.uint16 and not small.voxels.flags.writeable
+    np.testing.assert_allclose(small.affine @ (2, 1, 3, 1), affine @ (7, 4, 3, 1))
+    assert small.voxels[3, 1, 2] == voxels[3, 3:6, 6:9].mean()
+    floats = drain(reduced.reduced_steps(volume_class(voxels.astype(np.float64), affine), 10))
+    assert floats.voxels.dtype == np.float32

@@ -1,0 +1,66 @@
+"""Transfer functions of other programs on the command line: they reach the picture, or are refused in a sentence."""
+
+import json
+
+import numpy as np
+import pytest
+
+MRML = """<MRML>
+<VolumeProperty name="Red" shade="0" scalarOpacity="4 60 0 200 0.5" gradientOpacity="4 0 1 255 1"
+ colorTransfer="4 0 1 0 0"/>
+<VolumeProperty name="Blue" shade="0" scalarOpacity="4 60 0 200 0.5" gradientOpacity="4 0 0.5 255 1"
+ colorTransfer="4 0 0 0 1"/>
+</MRML>"""
+
+
+@pytest.fixture
+def picture(call, raw, raw_options, tmp_path):
+    """``picture(*words)``: (the result of the call, rgba or None, the report's transfer function or None)."""
+
+    def render(*words):
+        out, report = tmp_path / "out.npy", tmp_path / "report.json"
+        done = call("render", raw, *raw_options, *words, "--size", "16", "--backend", "numpy", "-o", out,
+                    "--json", report)  # fmt: skip
+        if done.code:
+            return done, None, None
+        return done, np.load(out), json.loads(report.read_text())["transfer_function"]
+
+    return render
+
+
+@pytest.fixture
+def presets(tmp_path):
+    path = tmp_path / "presets.xml"
+    path.write_text(MRML)
+    return path
+
+
+def test_one_of_slicers_presets_by_name(picture, presets):
+    done, rgba, function = picture("--transfer-function", presets, "--transfer-name", "Blue")
+    assert done.code == 0 and function["name"] == "Blue"
+    assert "read from" in function["reason"] and "gradient opacity" in function["reason"], "what is left out is said"
+    assert rgba[..., 2].max() > 0.3 and rgba[..., :2].max() == 0.0
+    _, other, function = picture("--transfer-function", presets, "--transfer-name", "Red")
+    assert function["reason"] == f"read from {presets}"
+    np.testing.assert_allclose(other[..., 0], rgba[..., 2], atol=1e-6)
+
+
+@pytest.mark.parametrize("words, said", [
+    ((), "name one of them with --transfer-name: Red, Blue"),
+    (("--transfer-name", "Green"), "no transfer function 'Green'; choose one of Red, Blue"),
+])  # fmt: skip
+def test_a_name_is_needed_and_must_be_there(picture, presets, words, said):
+    done, _, _ = picture("--transfer-function", presets, *words)
+    assert done.code == 2 and said in done.err and len(done.err.strip().splitlines()) == 1
+
+
+def test_a_name_without_a_file_is_refused(picture):
+    done, _, _ = picture("--transfer-name", "Red")
+    assert done.code == 2 and "--transfer-function" in done.err
+
+
+def test_a_color_map_spans_the_values(picture, tmp_path):
+    (tmp_path / "map.cmap").write_text("0 0 0\n1 1 0\n")
+    done, rgba, function = picture("--transfer-function", tmp_path / "map.cmap", "--no-shading")
+    assert done.code == 0 and function["name"] == "map"
+    assert rgba[..., 0].max() > 0.1 and rgba[..., 2].max() == 0.0
