@@ -23,6 +23,7 @@ PANELS = "window_panels.py"
 IMPORT = "window_import.py"
 LIVE = "window_live.py"
 CUT = "window_cut.py"
+LOOK = "window_look.py"
 PRESETS = "window_presets.py"
 WHOLE = "whole_suite.py"
 TESTS = ROOT / "tests" / "blender"
@@ -31,7 +32,8 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
 SECONDS = {
-    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, CUT: 400, PRESETS: 600, WHOLE: 1200,
+    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, CUT: 400, LOOK: 400, PRESETS: 600,
+    WHOLE: 1200,
 }  # fmt: skip
 SCENARIO_SECONDS = 600  # of one that is given
 
@@ -97,9 +99,9 @@ def window_stages(zip_path: Path) -> list[Stage]:
         window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
         window_stage(zip_path, TESTS / IMPORT, "import", USUAL_SCREEN),
         window_stage(zip_path, TESTS / LIVE, "live", USUAL_SCREEN),
-SECONDS = {
-    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, CUT: 400, PRESETS: 600, WHOLE: 1200,
-}  # fmt: skip
+        window_stage(zip_path, TESTS / CUT, "cut", USUAL_SCREEN),
+        window_stage(zip_path, TESTS / LOOK, "look", USUAL_SCREEN),
+        window_stage(zip_path, TESTS / PRESETS, "presets", TALL_SCREEN),
     ]
 
 
