@@ -101,7 +101,7 @@ def window_stages(zip_path: Path) -> list[Stage]:
         window_stage(zip_path, TESTS / LIVE, "live", USUAL_SCREEN),
         window_stage(zip_path, TESTS / CUT, "cut", USUAL_SCREEN),
         window_stage(zip_path, TESTS / LOOK, "look", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / PRESETS, "presets", TALL_SCREEN),
+        window_stage(zip_path, TESTS / PRESETS, "presets", HIGH_SCREEN),
     ]
 
 
