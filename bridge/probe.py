@@ -196,11 +196,13 @@ def value_text(value: float, low: float, high: float, unit: str = "") -> str:
 
 def position_text(position, volume) -> str:
     """A point of a volume's own space; in patient space with the letters of the sides it lies on, such as "L 12.3"."""
+    position = [float(value) for value in position]
     if volume.space == PATIENT:
         signed = [(letters[value >= 0.0], abs(value)) for letters, value in zip(LETTERS, position)]
     else:
         signed = list(zip("xyz", position))
-    return " ".join(f"{name} {value:.1f}" for name, value in signed) + f" {volume.unit}"
+    # Adding zero takes the minus from a zero.
+    return " ".join(f"{name} {round(value, 1) + 0.0:.1f}" for name, value in signed) + f" {volume.unit}"
 
 
 _hovered: dict = {}  # address of an area -> what lies under the mouse in it
@@ -212,14 +214,14 @@ def hovered(area) -> str:
 
 
 def hover(context, mouse) -> None:
-    """Note what lies under the mouse, and have the area's headers and sidebar tell it."""
+    """Note what lies under the mouse, and redraw the header with the tool's settings, which tell it."""
     line = line_under(context, mouse)
     address = context.area.as_pointer()
     if _hovered.get(address) != line:
         _hovered.clear()  # the mouse is over one area at a time
         _hovered[address] = line
         for region in context.area.regions:
-            if region.type in ("TOOL_HEADER", "HEADER", "UI"):
+            if region.type == "TOOL_HEADER":
                 region.tag_redraw()
 
 

@@ -53,7 +53,19 @@ def request_of(context, volumes: tuple) -> Request:
 
 
 def clip_of(context, space, view) -> tuple:
-    """Clip distances of a viewport's perspective view: those of the camera in its view."""
+    """Clip distances of a viewport, which are those of the camera that it looks through.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    space : bpy.types.SpaceView3D
+    view : bpy.types.RegionView3D
+
+    Returns
+    -------
+    begin, end : float
+        World units ahead of the view's origin; of no meaning for an orthographic view through no camera.
+    """
     owner = space
     if view.view_perspective == "CAMERA":
         camera = space.camera if space.use_local_camera else context.scene.camera

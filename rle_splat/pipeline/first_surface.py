@@ -16,7 +16,7 @@ SAMPLES = 4  # per voxel of the ray's way
 FINER = 16  # samples for each step near the surface
 HALF = math.log(2.0)  # optical depth at which half of the light is absorbed
 LEAST = 1.0 / 255.0  # opacity of a whole ray below which nothing is seen
-DEEPEST = {"mip": np.nanargmax, "minip": np.nanargmin}  # modes that show one value of a ray: which one
+VALUE_SHOWN = {"mip": np.nanargmax, "minip": np.nanargmin}  # of a ray, in modes that show one of its values
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +149,11 @@ def first_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthes
     t = np.linspace(enter, leave, count)
     sigma = ray.extinction(ray.indices(t))
     depth = _depths(t, sigma)
-    if not sigma.any() or (scene.mode not in DEEPEST and -math.expm1(-depth[-1]) < LEAST):
+    if not sigma.any() or (scene.mode not in VALUE_SHOWN and -math.expm1(-depth[-1]) < LEAST):
         return None
-    if scene.mode in DEEPEST:
+    if scene.mode in VALUE_SHOWN:
         values = np.where(ray.is_kept(ray.indices(t)), values_at(scene.volume, ray.indices(t)), np.nan)
-        best = int(DEEPEST[scene.mode](values))
+        best = int(VALUE_SHOWN[scene.mode](values))
         return _surface(scene, ray, t[best], 1.0) if sigma[best] > 0.0 else None
     if depth[-1] < HALF:
         return _surface(scene, ray, t[int(sigma.argmax())], -math.expm1(-depth[-1]))

@@ -125,5 +125,7 @@ def test_values_have_the_decimals_that_their_range_needs(bridge):
 
 def test_positions_in_a_patient_have_letters(bridge, core):
     volume = core("volume.volume").Volume(np.zeros((2, 2, 2), np.uint8), np.eye(4), space="patient")
-    assert bridge("probe").position_text((12.34, -45.0, 88.06), volume) == "L 12.3 A 45.0 S 88.1 mm"
+    assert bridge("probe").position_text(np.array((12.34, -45.0, 88.06)), volume) == "L 12.3 A 45.0 S 88.1 mm"
     assert bridge("probe").position_text((-12.34, 45.0, -88.0), volume) == "R 12.3 P 45.0 I 88.0 mm"
+    plain = core("volume.volume").Volume(np.zeros((2, 2, 2), np.uint8), np.eye(4), unit="um")
+    assert bridge("probe").position_text((-0.01, 45.0, -88.0), plain) == "x 0.0 y 45.0 z -88.0 um"

@@ -2,6 +2,7 @@
 value under the mouse, and the histogram above the curve.  dev.py test runs it."""
 
 import os
+import re
 import tempfile
 from importlib import import_module
 from math import radians
@@ -13,7 +14,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.scenes import image_pixels, import_raw
+from tests.blender.scenes import image_pixels
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -30,7 +31,19 @@ from tests.blender.window_driver import (
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_look_"))
 SIDE, SPACING = 33, 2.0
-MIDDLE = np.array((SIDE - 1.0,) * 3) * SPACING / 2.0
+MIDDLE = np.zeros(3)
+FILE = f"""ObjectType = Image
+NDims = 3
+BinaryData = True
+BinaryDataByteOrderMSB = False
+TransformMatrix = 1 0 0 0 1 0 0 0 1
+Offset = {-SPACING * (SIDE - 1) / 2} {-SPACING * (SIDE - 1) / 2} {-SPACING * (SIDE - 1) / 2}
+AnatomicalOrientation = RAI
+ElementSpacing = {SPACING} {SPACING} {SPACING}
+DimSize = {SIDE} {SIDE} {SIDE}
+ElementType = MET_SHORT
+ElementDataFile = LOCAL
+"""  # a MetaImage in patient space
 RADIUS = 12.0  # voxels
 TOOL = "rle_splat.window_tool"
 FRAME = 114.0  # gray of the lines around a curve in Blender's own theme
@@ -62,8 +75,11 @@ def set_up():
     scene.view_settings.view_transform = "Standard"
     scene.rle_splat.backend = "numpy"
     with in_the_view():
-        volume = import_raw(FOLDER, ball(), (SPACING,) * 3, "ball")
-    volume.rle_splat.value_unit = "HU"
+        path = FOLDER / "ball.mha"
+        path.write_bytes(FILE.encode() + ball().tobytes())
+        scene.rle_splat.scene_scale = 1.0
+        assert bpy.ops.rle_splat.import_volume(filepath=str(path), value_unit="HU") == {"FINISHED"}
+        volume = bpy.context.view_layer.objects.active
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
     import_module(f"{MODULE}.bridge.transfer").write_transfer(volume, functions.TransferFunction(
         name="ball", unit="HU", opacity=((0.0, 0.0), (395.0, 0.0), (405.0, 0.9), (1000.0, 0.9)),
@@ -191,14 +207,16 @@ def check_value_under_the_mouse():
     """Over the ball the tool tells its value at the surface; beside it that nothing is there."""
     probe = import_module(f"{MODULE}.bridge.probe")
     area = area_of("VIEW_3D")
-    simulate("MOUSEMOVE", at=on_screen(MIDDLE))
-    yield
-    simulate("MOUSEMOVE", at=np.add(on_screen(MIDDLE), 1))
-    yield
+    yield from settled()
+    drawn = pictures_drawn()
+    for by in range(4):
+        simulate("MOUSEMOVE", at=np.add(on_screen(MIDDLE), by))
+        yield
+    assert pictures_drawn() == drawn, "reading values draws the volume again"
     line = probe.hovered(area)
     print(f"over the ball: {line}", flush=True)
     value = float(line.split(" HU")[0])
-    assert 395.0 < value < 420.0 and "voxel" in line and " mm" in line
+    assert 395.0 < value < 420.0 and "voxel" in line and re.search(r", [LR] \d+\.\d A \d+\.\d [SI] \d+\.\d mm$", line)
     voxel = np.array([int(n) for n in line.split("voxel ")[1].split(",")[0].split()])
     assert abs(np.linalg.norm(voxel - (SIDE - 1) / 2) - RADIUS) < 1.5
     yield from photograph("probe")
