@@ -34,6 +34,7 @@ CLASSES = {
     *(f"RLE_SPLAT_MT_{name}" for name in MENUS), "RLE_SPLAT_FH_volume", "RLE_SPLAT_UL_labels", "RLE_SPLAT_UL_series",
     "RLE_SPLAT_AP_preferences", *GROUPS,
 }  # fmt: skip
+HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
     "blend_import_post": ["source_paths"], "depsgraph_update_post": ["watch", "follow_slices", "shown", "live"],
@@ -75,7 +76,7 @@ def traces() -> dict:
     return {
         "listeners": listeners(),
         "classes": class_names(),
-        "handles": [name for name in dir(bpy.types) if name.startswith("RLE_SPLAT_GGT_")],
+        "handles": [name for name in HANDLES if bpy.types.GizmoGroup.bl_rna_get_subclass_py(name) is not None],
         "menu": menu_entries(),
         "properties": [name for name in dir(bpy.types) if hasattr(getattr(bpy.types, name), "rle_splat")],
         "operators": dir(bpy.ops.rle_splat),
@@ -86,7 +87,7 @@ def test_everything_is_there_once(addon):
     assert traces() == {
         "listeners": LISTENERS,
         "classes": sorted(CLASSES),
-        "handles": ["RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"],
+        "handles": list(HANDLES),
         "menu": ["draw_menu_entry", "_draw_overlay"],
         "properties": ["Object", "Scene"],
         "operators": sorted(OPERATORS),

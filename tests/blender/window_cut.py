@@ -21,6 +21,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    redraw,
     region_of,
     until,
     window,
@@ -93,6 +94,8 @@ def drag(start, end, name: str, ends_with: str = "LEFTMOUSE"):
         yield
         press("RELEASE", last, ends_with)
         press("RELEASE", last)
+    yield
+    redraw()  # in which the end of the drag is noticed
     yield
     yield
 
