@@ -2,35 +2,48 @@
 
 import bpy
 
+from .held import Held
 
-def show(context, image) -> bool:
-    """Show an image in an image editor that is open, or where Blender shows renders.
+SOON = 0.01  # seconds
+
+
+def show_soon(image) -> None:
+    """Show an image in an image editor that is open, or where Blender shows renders, once the operator has ended.
+
+    Blender handles further events while it opens a window, and would call a modal operator in the middle of its end.
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Of an operator in a window.
     image : bpy.types.Image
         The image.
-
-    Returns
-    -------
-    bool
-        Whether an editor shows it.
     """
-    if _show_in_editor(context, image):
-        return True
+    held = Held(image)
+
+    def show():
+        found = held.find()
+        if found is not None:
+            _show(found)
+
+    bpy.app.timers.register(show, first_interval=SOON)
+
+
+def _show(image) -> None:
+    if _show_in_editor(image):
+        return
     try:
-        bpy.ops.render.view_show("INVOKE_DEFAULT")
+        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+            bpy.ops.render.view_show("INVOKE_DEFAULT")
     except RuntimeError:  # no area of the window is free for it
-        return False
-    return _show_in_editor(context, image)
+        return
+    _show_in_editor(image)
 
 
-def _show_in_editor(context, image) -> bool:
-    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+def _show_in_editor(image) -> bool:
+    """Whether an image editor is open, which then shows the image."""
+    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
     editor = next((area for area in areas if area.type == "IMAGE_EDITOR"), None)
     if editor is None:
         return False
     editor.spaces.active.image = image
+    editor.tag_redraw()
     return True

@@ -44,7 +44,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         pictures.note_report(settings, rendering.report)
         report_picture(self, image, rendering)
         if self._opens and not bpy.app.background:
-            show_image.show(context, image)
+            show_image.show_soon(image)
 
 
 CLASSES = (RLE_SPLAT_OT_render_image,)

@@ -26,15 +26,20 @@ def volume(bridge, core, tmp_path):
     return owner
 
 
+def said(monkeypatch) -> str:
+    """What the panels say, without the breaks of their lines."""
+    return " ".join(texts(draw_all(monkeypatch)).split())
+
+
 def told(monkeypatch):
     """(bytes, share of the voxels) as the panel has them."""
-    found = re.search(r"About ([\d.]+) (\w+)(?: \(.*\))?, ([\d.]+)% of the voxels", texts(draw_all(monkeypatch)))
+    found = re.search(r"About ([\d.]+) (\w+)(?: \(.*\))?, ([\d.]+)% of the voxels", said(monkeypatch))
     return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
 
 
 def told_beside(monkeypatch, what):
     """Bytes as the panel has them in parentheses, with single rays or among meshes."""
-    found = re.search(rf"[(,] ?([\d.]+) (\w+) {what}[,)]", texts(draw_all(monkeypatch)))
+    found = re.search(rf"[(,] ?([\d.]+) (\w+) {what}[,)]", said(monkeypatch))
     return float(found[1]) * UNITS[found[2]]
 
 
@@ -66,7 +71,7 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     scenes.use_cycles((400, 400))
     bpy.context.scene.camera.location.z = 105.0
     alone, _ = told(monkeypatch)
-    assert "among meshes" not in texts(draw_all(monkeypatch))
+    assert "among meshes" not in said(monkeypatch)
     bpy.ops.mesh.primitive_cube_add(size=10.0, location=(23.5, 23.5, 23.5))
     assert told(monkeypatch)[0] == alone
     among = told_beside(monkeypatch, "among meshes")
@@ -79,7 +84,7 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
         assert needed == pytest.approx(report["memory_estimate_bytes"]["needed"], rel=0.3)
     assert among > 1.3 * alone
     bpy.context.scene.rle_splat.meshes_occlude = False
-    assert "among meshes" not in texts(draw_all(monkeypatch))
+    assert "among meshes" not in said(monkeypatch)
 
 
 def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, monkeypatch):
@@ -98,7 +103,7 @@ def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, mon
 def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
     kept = json.loads(volume.rle_splat.histogram)
     volume.rle_splat.histogram = json.dumps({name: kept[name] for name in ("edges", "counts")})
-    assert "of the voxels" not in texts(draw_all(monkeypatch))
+    assert "of the voxels" not in said(monkeypatch)
 
 
 @pytest.mark.parametrize("operator", ("render_image", "set_backdrop"))
