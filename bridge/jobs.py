@@ -42,6 +42,7 @@ class StepwiseOperator:
     bl_options = set()  # without REGISTER: Adjust Last Operation (F9) would repeat the work; for undo see ``is_new``
 
     wants_previews = False  # whether there is a window for previews, and the user has them on
+    was_in_window = False  # whether the work was begun in a window, not by a script
     is_new = True  # whether ``commit`` changed more than pixels, so that it becomes an undo step
     time_budget = TIME_BUDGET
     out_of_memory = "There is not enough memory for this picture; make the image smaller."
@@ -132,6 +133,7 @@ class StepwiseOperator:
 
     def _start(self, context):
         self.wants_previews = context.scene.rle_splat.use_previews
+        self.was_in_window = True
         steps = self.loading(context)
         self._generator = self.prepare(context) if steps is None else self._prepared_after(steps)
         StepwiseOperator._running = True

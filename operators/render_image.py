@@ -15,12 +15,6 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         "Render the volume through the active camera into a color image and a depth image, which are saved with the "
         ".blend, and open the color image in an image editor")
 
-    _opens = False  # whether a user pressed the button
-
-    def invoke(self, context, event):
-        self._opens = True
-        return super().invoke(context, event)
-
     def prepare(self, context):
         plain, quality = self.read_scene(context)
         self._canvas = Canvas(self._scene, self._volume, "color")
@@ -43,7 +37,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         freshness.note(image, self._made_from)
         pictures.note_report(settings, rendering.report)
         report_picture(self, image, rendering)
-        if self._opens and not bpy.app.background:
+        if self.was_in_window and not bpy.app.background:
             show_image.show_soon(image)
 
 
