@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from ..effects.mixing import is_mixed
 from ..runtime.steps import portion
 from ..scene import Quality, Scene, TooLargeError
-from ..volume.coarser import coarser_steps
+from ..volume.reduced import reduced_steps
 from .render import render_steps
 from .stage_cache import StageCache
 
+HALVED = 2, 2, 2  # voxels that are averaged along x, y and z
 LEAST_SIDE = 32  # voxels along the shortest side of a volume that is made coarser
 AVERAGING, TOO_LARGE = "Averaging voxels", "too large"  # a message, and a stage of the cache
 
@@ -72,7 +74,8 @@ def _coarser_steps(scene: Scene, cache: StageCache, halvings: int):
         return scene
     volume, function, job = scene.volume, scene.transfer_function, cache.job()
     for _ in range(halvings):
-        steps = job.steps("coarser", volume.key, lambda of=volume: coarser_steps(of), lambda made: made.voxels.nbytes)
+        make = partial(reduced_steps, volume, HALVED)
+        steps = job.steps("larger voxels", volume.key, make, lambda made: made.voxels.nbytes)
         volume = yield from portion(steps, 0.0, 0.0, AVERAGING)
     job.keep()
     # Voxels twice as far apart would be half as dense by themselves.

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .interpolate import interpolate
 from .volume import Volume
-
-CORNERS = tuple((x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1))
 
 
 def values_at(volume: Volume, indices) -> np.ndarray:
@@ -25,15 +24,7 @@ def values_at(volume: Volume, indices) -> np.ndarray:
     """
     last = np.array(volume.shape_xyz) - 1
     places = np.clip(np.asarray(indices, np.float64).reshape(-1, 3), 0.0, last)
-    first = np.minimum(places.astype(np.int64), np.maximum(last - 1, 0))
-    share = places - first
-    found = np.zeros(len(places))
-    for corner in CORNERS:
-        weight = np.prod(np.where(corner, share, 1.0 - share), axis=1)
-        x, y, z = np.minimum(first + corner, last).T
-        stored = np.where(weight > 0.0, volume.voxels[z, y, x], 0.0)
-        with np.errstate(invalid="ignore"):
-            found += weight * stored
+    found, _ = interpolate(volume.voxels, places.T)
     return volume.physical(found)
 
 

@@ -171,17 +171,3 @@ def test_voxels_that_are_not_in_memory_are_not_read(ball, thumbnails, bridge, ca
     thumbnails.icon(ball, entries(bridge, ball)["mr-head"])
     assert thumbnails._tick() is None
     assert not bridge("volumes").is_at_hand(ball) and not thumbnails.rendered
-
-
-def test_a_coarser_volume_lies_where_the_volume_does(core):
-    reduced, volume_class = core("volume.reduced"), core("volume.volume").Volume
-    affine = np.array([[0, 0, 3.0, 5], [1, 0, 0, 6], [0, -1, 0, 7], [0, 0, 0, 1]])
-    voxels = np.arange(9 * 20 * 31, dtype=np.uint16).reshape(9, 20, 31)
-    volume = volume_class(voxels, affine)
-    assert reduced.factors_of(volume, 10) == (3, 3, 1), "31 by 20 by 27 mm, in voxels of about 3 mm"
-    small = drain(reduced.reduced_steps(volume, 10))
-    assert small.shape_xyz == (10, 6, 9) and small.voxels.dtype == np.uint16 and not small.voxels.flags.writeable
-    np.testing.assert_allclose(small.affine @ (2, 1, 3, 1), affine @ (7, 4, 3, 1))
-    assert small.voxels[3, 1, 2] == voxels[3, 3:6, 6:9].mean()
-    floats = drain(reduced.reduced_steps(volume_class(voxels.astype(np.float64), affine), 10))
-    assert floats.voxels.dtype == np.float32

@@ -5,13 +5,13 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline import memory_estimate
-from rle_splat.pipeline.fitting import TOO_LARGE, fitting_steps
+from rle_splat.pipeline.fitting import HALVED, TOO_LARGE, fitting_steps
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels, Quality, RleSplatError, Scene, TooLargeError
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.coarser import coarser_steps
+from rle_splat.volume.reduced import factors_of, reduced_steps
 from rle_splat.volume.volume import Volume
 
 QUALITY = Quality.preset("draft", backend="numpy")
@@ -36,7 +36,7 @@ def test_a_linear_field_stays_where_it_is(dtype, shape):
     affine = np.array(((0.5, 0.1, 0, 3), (0, 0.7, 0, -2), (0, 0, 2, 5), (0, 0, 0, 1)), float)
     index = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")[::-1], axis=-1)
     fine = (8 * index @ (1, 2, 3)).astype(dtype)
-    coarse = drain(coarser_steps(Volume(fine, affine, slope=2.0, value_unit="HU")))
+    coarse = drain(reduced_steps(Volume(fine, affine, slope=2.0, value_unit="HU"), HALVED))
     assert coarse.voxels.dtype == dtype and coarse.voxels.shape == tuple((n + 1) // 2 for n in shape)
     assert coarse.slope == 2.0 and coarse.value_unit == "HU"
     whole = tuple(slice(0, n // 2) for n in shape)
@@ -49,10 +49,23 @@ def test_a_linear_field_stays_where_it_is(dtype, shape):
 
 def test_means_of_whole_numbers_are_rounded_and_keys_differ():
     volume = Volume(np.array((0, 0, 0, 0, 0, 0, 3, 3), np.uint8).reshape(2, 2, 2), np.eye(4))
-    coarse = drain(coarser_steps(volume))
+    coarse = drain(reduced_steps(volume, HALVED))
     assert coarse.voxels.item() == 1 and coarse.key != volume.key
-    again = drain(coarser_steps(Volume(volume.voxels.copy(), np.eye(4))))
+    again = drain(reduced_steps(Volume(volume.voxels.copy(), np.eye(4)), HALVED))
     assert again.key == coarse.key, "of equal voxels"
+
+
+def test_blocks_of_voxels_lie_where_the_volume_does():
+    affine = np.array([[0, 0, 3.0, 5], [1, 0, 0, 6], [0, -1, 0, 7], [0, 0, 0, 1]])
+    voxels = np.arange(9 * 20 * 31, dtype=np.uint16).reshape(9, 20, 31)
+    volume = Volume(voxels, affine)
+    factors = factors_of(volume, 10)
+    assert factors == (3, 3, 1), "31 by 20 by 27 mm, in voxels of about 3 mm"
+    small = drain(reduced_steps(volume, factors))
+    assert small.shape_xyz == (11, 7, 9) and small.voxels.dtype == np.uint16 and not small.voxels.flags.writeable
+    np.testing.assert_allclose(small.affine @ (2, 1, 3, 1), affine @ (7, 4, 3, 1))
+    assert small.voxels[3, 1, 2] == voxels[3, 3:6, 6:9].mean()
+    assert small.voxels[3, 1, 10] == voxels[3, 3:6, 30].mean(), "filled up with the voxels at the far face"
 
 
 @pytest.mark.parametrize("classification", ("pre", "post"))
