@@ -127,7 +127,6 @@ def check_box(name):
     with in_the_view():
         bpy.ops.rle_splat.add_clip("EXEC_DEFAULT", True, kind="BOX")
     yield from settled()
-    bpy.context.window_manager.print_undo_steps()
     yield from photograph("box")
     box = bpy.context.view_layer.objects.active
     before = faces(box)
@@ -147,7 +146,6 @@ def check_box(name):
     expected[2, 1] = after[2, 1]
     np.testing.assert_allclose(after, expected, atol=1e-3, err_msg="another face was moved")
     assert after[2, 1] < before[2, 1] - 4.0
-    bpy.context.window_manager.print_undo_steps()
     with in_the_view():
         bpy.ops.ed.undo()
     yield
@@ -310,9 +308,21 @@ def check_render(name):
     bpy.data.objects.remove(camera)
 
 
+def check_deleted(name):
+    """Slices of a deleted volume show stripes, and the panel says why."""
+    scenes.activate(bpy.data.objects[name])
+    with in_the_view():
+        bpy.ops.object.delete()
+    slices = [one for one in bpy.data.objects if one.rle_splat.is_slice]
+    yield from until(lambda: bpy.context.scene.rle_splat.message, 10.0)
+    yield from photograph("slices_of_a_deleted_volume")
+    problem = import_module(f"{MODULE}.bridge.follow_slices").problem_of
+    assert len(slices) == 3 and all("not the child of a volume" in problem(one) for one in slices)
+
+
 def scenario():
     name = yield from set_up()
-    for check in (check_box, check_volume_shows_handles, check_plane, check_slices, check_render):
+    for check in (check_box, check_volume_shows_handles, check_plane, check_slices, check_render, check_deleted):
         yield from check(name)
         passed(check.__name__)
 
