@@ -85,7 +85,7 @@ def close_popup():
 
 
 def check_saved_picture():
-    """Save Picture opens an image editor with what it made, and Edit in the panel Scan a dialog."""
+    """Save Picture opens an image editor with what it made."""
     yield from new_file()
     with in_the_view():
         add_volume(folder())
@@ -97,6 +97,14 @@ def check_saved_picture():
 
     yield from until(lambda: shown() and shown() == [bpy.context.scene.rle_splat.image])
     yield from photograph("saved_picture")
+
+
+def check_edit_scan():
+    """The dialog of Edit in the panel Scan."""
+    yield from new_file()
+    with in_the_view():
+        add_volume(folder())
+    yield
     with in_the_view():
         bpy.ops.rle_splat.reload("INVOKE_DEFAULT", use_dialog=True)
     yield from photograph("edit_scan")
@@ -155,7 +163,7 @@ def scenario():
     for name in STATES:
         yield from check_state(name)
         passed(name)
-    for check in (check_object_data, check_saved_picture, check_popups, check_preferences, check_flaws):
+    for check in (check_object_data, check_saved_picture, check_edit_scan, check_popups, check_preferences, check_flaws):
         yield from check()
         passed(check.__name__)
 
