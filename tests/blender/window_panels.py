@@ -163,7 +163,8 @@ def scenario():
     for name in STATES:
         yield from check_state(name)
         passed(name)
-    for check in (check_object_data, check_saved_picture, check_edit_scan, check_popups, check_preferences, check_flaws):
+    dialogs = (check_edit_scan, check_popups, check_preferences)
+    for check in (check_object_data, check_saved_picture, *dialogs, check_flaws):
         yield from check()
         passed(check.__name__)
 
