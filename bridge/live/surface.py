@@ -14,6 +14,7 @@ from .. import freshness, loading, read_ahead, render_scene, settings
 from ..box import CORNERS
 from ..decimals import typed
 from . import shown
+from .floor import without_floor
 from .frames import Contents
 from .view import Matrices, View, ray_ends
 from .viewport import Request
@@ -47,9 +48,14 @@ def request_of(context, volumes: tuple) -> Request:
     shading = space.shading
     drawn = (
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
-        shading.show_xray_wireframe,
+        shading.show_xray_wireframe, _draws_floor(space.overlay),
     )
     return Request(matrices, volumes, drawn)
+
+
+def _draws_floor(overlay) -> bool:
+    """Whether a viewport draws lines in the plane z = 0."""
+    return overlay.show_overlays and (overlay.show_floor or overlay.show_axis_x or overlay.show_axis_y)
 
 
 def clip_of(context, space, view) -> tuple:
@@ -149,7 +155,8 @@ class BlenderSurface:
         self._waits[:] = [*self._waits, perf_counter() - began][-MOST_WAITS:]
         if not buffer.any():  # nothing has been drawn into it
             return None
-        return ray_ends(view, buffer, part)
+        found = ray_ends(view, buffer, part)
+        return without_floor(view, found, part) if self._request.drawn[-1] else found
 
 
 def _are_slow(waits: list) -> bool:

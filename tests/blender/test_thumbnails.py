@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 import pytest
 
-from rle_splat.runtime.steps import drain
 from tests.blender import scenes
 
 
@@ -51,7 +50,12 @@ def entries(bridge, owner):
 
 
 def picture(thumbnails, bridge, owner, name):
-    return drain(thumbnails.picture_steps(entries(bridge, owner)[name], bridge("volumes").load_volume(owner)))
+    steps = thumbnails.picture_steps(entries(bridge, owner)[name], bridge("volumes").load_volume(owner))
+    while True:
+        try:
+            next(steps)
+        except StopIteration as finished:
+            return finished.value
 
 
 def test_a_thumbnail_shows_the_volume(ball, thumbnails, bridge, cache):
