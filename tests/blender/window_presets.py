@@ -26,7 +26,7 @@ from tests.blender.window_driver import (
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_presets_"))
-PATIENCE = 200.0  # seconds; kernels that are compiled for the first time take long
+PATIENCE = 400.0  # seconds: kernels may have to be prepared first
 LONGEST = 0.1  # seconds of one call of the timer once kernels are loaded, on a machine that others use too
 MRML = """<MRML>
 <VolumeProperty name="Rose" shade="1" ambient="0.1" diffuse="0.9" specular="0.2" specularPower="10"
