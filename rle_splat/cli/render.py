@@ -266,7 +266,7 @@ def _prepare_tables(args, quality) -> Prepared:
     if stored.transfer_function is None or not isinstance(stored.lighting, dict):
         raise RleSplatError(f"{args.volume} lacks its transfer function or its lights; encode the volume again.")
     function = TransferFunction.from_json(stored.transfer_function)
-    if args.preset is not None or (given_function is not None and given_function.key != function.key):
+    if args.preset is not None or (given_function is not None and given_function.function.key != function.key):
         raise RleSplatError(
             f"{args.volume} was classified with {function.name or 'its own transfer function'}; remove --preset or "
             "--transfer-function, or encode the volume again."

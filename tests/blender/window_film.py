@@ -1,0 +1,262 @@
+"""Ten steps of a user's first hour, by mouse and keys where a user has them: a photograph of each.
+
+    python3 dev.py blender --photograph tests/blender/window_film.py --size 1280x1000
+
+keeps them in build/window-shots/window_film and prints how long the volume takes to show after its import.
+"""
+
+import tempfile
+import time
+from importlib import import_module
+from math import radians
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Euler
+
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import (
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+    window,
+)
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
+SIDE = 256
+PATIENCE = 600.0  # seconds: kernels may have to be compiled
+
+
+def live():
+    return import_module(f"{MODULE}.bridge.live")
+
+
+def viewport():
+    return next(iter(live().viewports_of(area_of("VIEW_3D"))), None)
+
+
+def settled():
+    """Until the viewport has refined what it shows."""
+    area_of("VIEW_3D").tag_redraw()
+    yield
+    yield
+    yield from until(lambda: viewport() is not None and not viewport().is_busy, PATIENCE)
+    yield
+
+
+def phantom() -> Path:
+    """A scan of 256 voxels along each side in Hounsfield units: skin, a skull with two holes, and what it holds."""
+    z, y, x = (np.mgrid[:SIDE, :SIDE, :SIDE].astype(np.float32) - (SIDE - 1) / 2) / (SIDE / 2)
+    apart = np.sqrt((x / 0.7) ** 2 + (y / 0.85) ** 2 + (z / 0.8) ** 2)
+    values = np.full(apart.shape, -1000.0, np.float32)
+    values[apart < 1.0] = 40.0
+    values[(apart < 0.92) & (apart > 0.82)] = 900.0
+    values[(x - 0.25) ** 2 + (y + 0.75) ** 2 + z**2 < 0.03] = 40.0
+    values[(x + 0.25) ** 2 + (y + 0.75) ** 2 + z**2 < 0.03] = 40.0
+    values[apart < 0.6] = 60.0 + 20.0 * np.sin(20.0 * x[apart < 0.6])
+    path = FOLDER / f"head_{SIDE}x{SIDE}x{SIDE}_int16.raw"
+    values.astype(np.int16).tofile(path)
+    labels = (apart < 0.6).astype(np.uint8) + 2 * ((apart >= 0.6) & (apart < 1.0)).astype(np.uint8)
+    labels.tofile(FOLDER / f"parts_{SIDE}x{SIDE}x{SIDE}_uint8.raw")
+    return path
+
+
+def middle(right=0.0, up=0.0):
+    """The window's pixel in the middle of the viewport, and beside it in pixels."""
+    region = region_of(area_of("VIEW_3D"), "WINDOW")
+    return region.x + region.width * 0.35 + right, region.y + region.height * 0.5 + up
+
+
+def simulate(kind, value, at):
+    window().event_simulate(type=kind, value=value, x=int(at[0]), y=int(at[1]))
+
+
+def drag(button, begin, steps):
+    """Press a button, move in steps of pixels, and release it."""
+    simulate("MOUSEMOVE", "NOTHING", begin)
+    yield
+    simulate(button, "PRESS", begin)
+    yield
+    at = begin
+    for right, up in steps:
+        at = at[0] + right, at[1] + up
+        simulate("MOUSEMOVE", "NOTHING", at)
+        yield
+    simulate(button, "RELEASE", at)
+    yield
+
+
+def press(key, at):
+    simulate(key, "PRESS", at)
+    simulate(key, "RELEASE", at)
+    yield
+
+
+def default_scene():
+    """What a new file of Blender holds: a cube of 2 m in the middle, a light and a camera."""
+    yield from new_file()
+    with in_the_view():
+        bpy.ops.mesh.primitive_cube_add(size=2.0)
+    scene = bpy.context.scene
+    light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
+    light.location, light.data.energy = (4.1, 1.0, 5.9), 1000.0
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (7.36, -6.93, 4.96), (1.109, 0.0, 0.815)
+    for one in (light, camera):
+        scene.collection.objects.link(one)
+    scene.camera = camera
+    scene.render.engine = "BLENDER_WORKBENCH"
+    scene.render.resolution_x, scene.render.resolution_y = 480, 360
+
+
+def import_steps(path):
+    """Import a scan, and print how long it takes until it shows, and until it is refined."""
+    began, read, drafted = time.perf_counter(), None, None
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(path), value_unit="HU", modality="CT") == {"FINISHED"}
+    read = time.perf_counter() - began
+    volume = bpy.context.view_layer.objects.active
+
+    def is_drafted():
+        nonlocal drafted
+        if drafted is None and viewport() is not None and viewport().pictures:
+            drafted = time.perf_counter() - began
+        return drafted is not None and not viewport().is_busy
+
+    yield from until(is_drafted, PATIENCE)
+    print(f"read after {read:.1f} s, shown after {drafted:.1f} s, refined after {time.perf_counter() - began:.1f} s "
+          "(looked at every 0.3 s)", flush=True)
+    return volume
+
+
+def orbit():
+    before = viewport().counts.copy()
+    yield from drag("MIDDLEMOUSE", middle(), [(12, 4)] * 10)
+    yield from settled()
+    found = {name: viewport().counts[name] - before[name] for name in ("drafts", "refinements")}
+    print(f"orbit: {found}", flush=True)
+    assert found["drafts"] >= 2 and found["refinements"] >= 1
+
+
+def window_and_level(volume):
+    with in_the_view():
+        bpy.ops.rle_splat.use_window_tool()
+    width = volume.rle_splat.window_width
+    yield from drag("LEFTMOUSE", middle(), [(8, 3)] * 6)
+    yield from settled()
+    assert volume.rle_splat.window_width != width
+    with in_the_view():
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+        bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    yield from settled()
+
+
+def preset(volume):
+    with in_the_view():
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-skin") == {"FINISHED"}
+    yield from settled()
+    assert "Skin" in volume.rle_splat.transfer_name
+
+
+def mesh_through(volume):
+    """A sphere, moved by G and the mouse to where it passes through the volume."""
+    with in_the_view():
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.06, segments=32, ring_count=16)
+    ball = bpy.context.view_layer.objects.active
+    ball.location = volume.matrix_world.translation + volume.matrix_world.to_3x3() @ (0.5 * volume.dimensions)
+    ball.location.y -= 0.09
+    yield from settled()
+    before, place = viewport().counts["drafts"], ball.location.copy()
+    yield from press("G", middle())
+    for step in range(1, 7):
+        simulate("MOUSEMOVE", "NOTHING", middle(10.0 * step, 6.0 * step))
+        yield
+    yield from press("RET", middle(60.0, 36.0))
+    yield from settled()
+    assert (ball.location - place).length > 0.0 and viewport().counts["drafts"] > before
+    bpy.context.view_layer.objects.active = volume
+
+
+def cut(volume):
+    bpy.data.objects.remove(bpy.data.objects["Sphere"])
+    with in_the_view():
+        assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+    yield from settled()
+
+
+def segments(volume):
+    for one in list(bpy.context.scene.rle_splat.clip_objects.objects):
+        bpy.data.objects.remove(one)
+    bpy.context.view_layer.objects.active = volume
+    volume.rle_splat.label_file = str(FOLDER / f"parts_{SIDE}x{SIDE}x{SIDE}_uint8.raw")
+    with in_the_view():
+        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    yield from settled()
+    shells = next(one for one in volume.rle_splat.labels if one.label == 2)
+    shells.show = False
+    yield from settled()
+
+
+def slices(volume):
+    next(one for one in volume.rle_splat.labels if one.label == 2).show = True
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_slice(kind="ALL") == {"FINISHED"}
+    yield from settled()
+
+
+def f12(volume):
+    camera = bpy.context.scene.camera
+    camera.matrix_world = area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
+    bpy.context.view_layer.objects.active = volume
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
+    yield from press("F12", middle())
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"), PATIENCE)
+    path = FOLDER / "render.png"
+    bpy.data.images["Render Result"].save_render(str(path))
+    image = bpy.data.images.load(str(path))
+    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], 4)
+    assert pixels[..., :3].std() > 0.02, "the render is blank"
+
+
+def save(_volume):
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    yield
+    assert bpy.context.scene.rle_splat.image is not None
+
+
+def scenario():
+    bpy.context.preferences.view.render_display_type = "NONE"
+    open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects", "RLE_SPLAT_PT_labels")
+    path = phantom()
+    yield from default_scene()
+    volume = yield from import_steps(path)  # compiles or loads kernels
+    yield from default_scene()
+    volume = yield from import_steps(path)
+    region = area_of("VIEW_3D").spaces.active.region_3d
+    region.view_rotation = Euler((radians(75.0), 0.0, radians(25.0))).to_quaternion()
+    yield from settled()
+    yield from photograph("01_import")
+    passed("import")
+    steps = (
+        ("orbit", orbit), ("window", lambda: window_and_level(volume)), ("preset", lambda: preset(volume)),
+        ("mesh", lambda: mesh_through(volume)), ("cut", lambda: cut(volume)), ("segments", lambda: segments(volume)),
+        ("slices", lambda: slices(volume)), ("render", lambda: f12(volume)), ("save", lambda: save(volume)),
+    )  # fmt: skip
+    for number, (name, step) in enumerate(steps, start=2):
+        yield from step()
+        yield from photograph(f"{number:02d}_{name}")
+        passed(name)
+
+
+drive(scenario)
