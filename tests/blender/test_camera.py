@@ -101,6 +101,7 @@ def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
     spacing = 0.07
     owner = scenes.import_raw(tmp_path, voxels, (spacing,) * 3)
     owner.location = place - 2.0 * spacing
+    bpy.context.scene.rle_splat.backend = "numpy"  # one voxel, for which no kernel is to be compiled
     scenes.give_transfer(
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))
