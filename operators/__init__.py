@@ -30,6 +30,7 @@ from . import (
     render_image,
     set_backdrop,
     shadow_pass,
+    solo_label,
     transfer_files,
     use_window_tool,
     window_level,
@@ -39,7 +40,7 @@ MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
-    drag_window, use_window_tool, probe, own_presets, choose_transfer,
+    drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label,
 )
 
 

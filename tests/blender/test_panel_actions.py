@@ -152,6 +152,15 @@ def test_a_color_shows_a_segment_that_the_transfer_function_does_not(segments):
     assert picture()[..., 3].max() == 0.0
 
 
+def test_a_segment_is_shown_alone_and_then_all_again(segments, refused):
+    assert [row.label for row in segments] == [0, 3]
+    segments[1].show = False
+    for shown in ([False, True], [True, True], [False, True]):
+        assert bpy.ops.rle_splat.solo_label(label=3) == {"FINISHED"}
+        assert [row.show for row in segments] == shown
+    refused(bpy.ops.rle_splat.solo_label, "no label 2", label=2)
+
+
 def test_clip_objects_are_flipped_and_deleted_by_name(owner, refused):
     assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
     clip = bpy.context.object

@@ -81,6 +81,11 @@ def labels(tmp_path):
     bpy.data.objects["cube"].rle_splat.label_file = str(path)
 
 
+def listed_labels(tmp_path):
+    labels(tmp_path)
+    bpy.ops.rle_splat.read_labels()
+
+
 def composited(tmp_path):
     bpy.ops.rle_splat.composite()
 
@@ -118,6 +123,7 @@ EDITS = {
     "clip_to_view": (dict(through="VIEW"), None),
     "add_slice": (dict(kind="ALL"), None),
     "read_labels": ({}, labels),
+    "solo_label": (dict(label=1), listed_labels),
     "add_channels": ({}, two_volumes),
     "remove_channel": (dict(index=0), one_channel),
     "delete_clip": (dict(name="Clip Box"), clip_box),
