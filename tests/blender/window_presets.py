@@ -164,7 +164,7 @@ def check_other_tab(owner):
 
 
 def scenario():
-    open_panels("RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_presets")
+    open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
     yield from new_file()
     took = watch_calls(module("thumbnails"))
     owner = import_scan()
