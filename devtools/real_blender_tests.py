@@ -58,7 +58,8 @@ def _workplace(blender: Blender, zip_path: Path | None, with_pytest: bool) -> Pa
     if zip_path is None or blender.python not in PYTHONS:  # Debian's Blender runs on the system's Python
         zip_path = build((this_platform(),), (blender.python,), BUILD / f"zip-{blender.python}")[this_platform()]
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
-    for part in ("tests/blender", "benchmarks"):  # with the phantoms that tests show
+    # With the files, phantoms and scripts that tests show.
+    for part in ("tests/blender", "tests/read", "benchmarks", "docs/how-to"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     if with_pytest:
         shutil.copytree(_lent_pytest(), folder / "pytest")

@@ -428,6 +428,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.skipif(bool(bpy.app.binary_path), reason="the other process takes Blender as a module of Python")
 def test_B70_a_file_rendered_without_the_extension_shows_no_saved_picture(volume, tmp_path):
     """Nor a shifted one with it, at whatever size.  The session keeps its picture when it is saved, and Blender has no
     unsaved picture to ask about."""
