@@ -7,41 +7,22 @@ from ..bridge import own_presets, transfer, volumes
 from ..bridge.canvas import redraw_sidebars
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
-from .reading import LoadsFirst
-from .refusal import has_editable_volume, has_volume, refuse
+from .applying import AppliesTransfer
+from .refusal import has_volume, refuse
 
 WIDTH = 300  # pixels at interface scale 1
 
 
-class RLE_SPLAT_OT_apply_own_preset(LoadsFirst, bpy.types.Operator):
+class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
     """Replace the volume's colors and opacities by a preset of yours"""
 
     bl_idname = "rle_splat.apply_own_preset"
     bl_label = "Apply Own Preset"
-    bl_options = {"REGISTER", "UNDO"}
 
     name: StringProperty(name="Name", description="Name of the preset")
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_volume(cls, context)
-
-    def _warn(self, sentence):
-        self.report({"WARNING"}, sentence)
-
-    def execute(self, context):
-        owner = volumes.volume_object(context)
-        try:
-            volume = volumes.load_volume(owner, self._warn)
-            function, reason = drain(own_presets.transfer_steps(self.name, volume))
-        except RleSplatError as problem:
-            return refuse(self, problem)
-        remark = transfer.write_transfer(owner, function)
-        if remark:
-            self._warn(remark)
-        if reason:
-            self.report({"INFO"}, reason)
-        return {"FINISHED"}
+    def chosen(self, volume):
+        return drain(own_presets.transfer_steps(self.name, volume))
 
 
 class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
