@@ -22,7 +22,7 @@ from rle_splat.scene import RleSplatError
 
 SHAPE = (12, 11, 10)
 EXTRA = 256 << 20  # bytes of address space beyond what the honest files take
-SLOW = 5.0  # seconds for one small file
+SLOW = 5.0  # seconds of processor time for one small file, which takes milliseconds
 NUMBERS = (0, 1, 255, 0x7F, 0x80, 0xFF)
 
 
@@ -100,7 +100,7 @@ def main(folder: str, seed: str, count: str) -> None:
         name = names[number % len(names)]
         original = (folder / files[name]).read_bytes()
         (folder / files[name]).write_bytes(mutated(original, rng))
-        begun = time.perf_counter()
+        begun = time.process_time()
         try:
             read_volume(folder / name)
             result["read"] += 1
@@ -111,7 +111,7 @@ def main(folder: str, seed: str, count: str) -> None:
                 result["other"].append([number, name, f"no sentence: {text[:200]!r}"])
         except BaseException as problem:
             result["other"].append([number, name, repr(problem)[:200]])
-        if time.perf_counter() - begun > SLOW:
+        if time.process_time() - begun > SLOW:
             result["slow"].append([number, name])
         (folder / files[name]).write_bytes(original)
     result["megabytes"] = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used) / 1024

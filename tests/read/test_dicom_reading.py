@@ -1,11 +1,10 @@
-"""What reading costs and how it is stopped: memory, time between steps, child processes."""
+"""What reading costs and how it is stopped: memory, how much a step reads, child processes."""
 
 import json
 import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +29,6 @@ from rle_splat.scene import RleSplatError
 from . import dicom_phantoms as phantoms
 
 AXIAL = phantoms.geometries()["axial"]
-CANCEL_SECONDS = 0.2
 MANY, SIDE = 120, 256
 DATA = Path(os.environ.get("RLE_SPLAT_DATA", "")) / "dicom_ct_chest_512x512x46"
 
@@ -77,24 +75,17 @@ def test_memory_is_stated_before_it_is_taken(large: Path, monkeypatch):
         read_volume(large)
 
 
-def longest_step(path) -> float:
-    """Seconds of processor time of the longest step of reading a path, after libraries were loaded."""
-    longest, before = 0.0, time.process_time()
-    for _ in read_steps(path):
-        now = time.process_time()
-        longest, before = max(longest, now - before), now
-    return longest
-
-
 @pytest.mark.parametrize("syntax", [ExplicitVRLittleEndian, DeflatedExplicitVRLittleEndian, RLELossless])
-def test_steps_are_short(tmp_path: Path, large: Path, syntax: str):
+def test_no_step_reads_more_than_one_picture(tmp_path: Path, large: Path, syntax: str):
     if syntax == ExplicitVRLittleEndian:
-        path = large
+        path, pictures = large, MANY
     else:
         where = phantoms.geometry("long", (1, 0, 0), (0, 1, 0), np.arange(400.0))
+        pictures = 400
         path = phantoms.write_enhanced(tmp_path / "a.dcm", where, encoding=phantoms.with_syntax(phantoms.PLAIN, syntax))
-    read_volume(path)
-    assert longest_step(path) < CANCEL_SECONDS
+    told = [step.fraction for step in read_steps(path)]
+    assert len(told) > 2 * pictures, "once for its header and once for its voxels"
+    assert max(np.diff([*told, 1.0])) <= 0.2
 
 
 def test_cancel_ends_the_children(tmp_path: Path, monkeypatch):
@@ -109,9 +100,7 @@ def test_cancel_ends_the_children(tmp_path: Path, monkeypatch):
     while not started:
         next(steps)
     next(steps)
-    began = time.perf_counter()
     steps.close()
-    assert time.perf_counter() - began < CANCEL_SECONDS
     assert all(process.poll() is not None for process in started)
     assert list((tmp_path / "temporary").iterdir()) == []
 

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 CHILD = """
-import json, sys, time
+import json, sys
 import numpy
 from rle_splat.read.library_import import library_steps
 name = sys.argv[1]
-steps, longest, count, last = library_steps(name, name, "Such"), 0.0, 0, time.perf_counter()
+steps, count, began = library_steps(name, name, "Such"), 0, len(sys.modules)
+most, before = 0, began
 while True:
     try:
         next(steps)
@@ -21,15 +22,15 @@ while True:
         module = end.value
         break
     finally:
-        now = time.perf_counter()
-        longest, last = max(longest, now - last), now
+        now = len(sys.modules)
+        most, before = max(most, now - before), now
     count += 1
-print(json.dumps([count, longest, module.__name__, module is sys.modules[name]]))
+print(json.dumps([count, most / (now - began), module.__name__, module is sys.modules[name]]))
 """
 
 
 def loaded(name: str, pyc: Path, **environ):
-    """(steps, seconds of the longest, name of what was loaded, whether it is the module) in a new Python."""
+    """(steps, largest share of the modules that one imports, name of the result, whether it is the module)."""
     words = [sys.executable, "-c", CHILD, name]
     own = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     environ = {**own, "PYTHONPYCACHEPREFIX": str(pyc), **environ}
@@ -46,5 +47,4 @@ def test_a_library_is_loaded_in_steps(tmp_path, name, pieces):
     assert first[0] > 60 and second[0] == 1 + pieces, "sources are compiled one by one, once"
     assert loaded(name, tmp_path / "other", PYTHONDONTWRITEBYTECODE="1")[0] == 1 + pieces
     assert not (tmp_path / "other").exists()
-    # Measured: 0.1 to 0.2 s of 1.0 s the first time, 0.08 to 0.12 s of 0.15 s later; twice that for a busy machine.
-    assert first[1] < 0.4 and second[1] < 0.3
+    assert max(first[1], second[1]) < 0.7, "no step imports nearly all of it"
