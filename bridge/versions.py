@@ -114,3 +114,49 @@ def material_tree(material):
 def world_is_nodes(world) -> bool:
     """Whether a world uses its nodes (from 5.0 on always) instead of its plain color."""
     return world.node_tree is not None and (bpy.app.version >= (5, 0) or world.use_nodes)
+
+
+def use_movie(render) -> None:
+    """Have an animation written as an MP4 with the codec H.264 and without sound.
+
+    Parameters
+    ----------
+    render : bpy.types.RenderSettings
+        The settings of a scene.
+
+    Raises
+    ------
+    RleSplatError
+        If this Blender was built without FFmpeg.
+    """
+    if not bpy.app.ffmpeg.supported:
+        raise RleSplatError("This Blender was built without FFmpeg, so it writes no movie; write pictures.")
+    _choose_medium(render, "VIDEO")
+    render.image_settings.file_format = "FFMPEG"
+    render.image_settings.color_mode = "RGB"
+    movie = render.ffmpeg
+    movie.format, movie.codec, movie.audio_codec = "MPEG4", "H264", "NONE"
+    movie.constant_rate_factor, movie.ffmpeg_preset = "HIGH", "GOOD"
+    movie.gopsize, movie.use_max_b_frames, movie.use_autosplit = 18, False, False
+
+
+def use_pictures(render, file_format: str) -> None:
+    """Have an animation written as pictures with transparency.
+
+    Parameters
+    ----------
+    render : bpy.types.RenderSettings
+        The settings of a scene.
+    file_format : {"PNG", "OPEN_EXR"}
+        8 bits with the view transform, or 32 bits, scene-linear.
+    """
+    _choose_medium(render, "IMAGE")
+    settings = render.image_settings
+    settings.file_format, settings.color_mode = file_format, "RGBA"
+    settings.color_depth = "8" if file_format == "PNG" else "32"
+
+
+def _choose_medium(render, medium: str) -> None:
+    """From 5.0 on, the formats to choose from depend on the kind of medium."""
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = medium

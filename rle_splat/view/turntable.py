@@ -7,6 +7,8 @@ import numpy as np
 from ..scene import Camera, RleSplatError
 from ..volume.volume import PATIENT, Volume
 
+TURN_STEPS = 72  # directions from which a turning camera is checked
+
 
 def turntable(
     volume: Volume, azimuth: float = 0.0, elevation: float = 0.0, fit: float = 1.25, perspective: bool = False,
@@ -60,10 +62,7 @@ def turntable(
         # Chosen so that volume_matrix @ scale @ affine = scale @ diag(spacing), whatever the affine's translation.
         volume_matrix = scale @ np.diag((*spacing, 1.0)) @ np.linalg.inv(scale @ volume.affine)
 
-    a, e = np.radians(azimuth), np.radians(elevation)
-    right = np.array((np.cos(a), np.sin(a), 0.0))
-    forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
-    up = np.cross(right, forward)
+    right, up, forward = turntable_axes(azimuth, elevation)
     aim = turntable_aim(volume, volume_matrix, scene_scale)
     view_height = fit * float((counts * spacing).max()) * scene_scale
     extent = float(np.linalg.norm((counts + 1) * spacing)) * scene_scale
@@ -84,6 +83,66 @@ def turntable(
         clip_end=distance + 2.0 * extent,
     )
     return camera, volume_matrix
+
+
+def turntable_axes(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axes of a camera that turns about +Z.
+
+    Parameters
+    ----------
+    azimuth, elevation : float
+        Degrees. 0 and 0 look along +Y with +Z up.
+
+    Returns
+    -------
+    right, up, forward : (3,) ndarray of float64
+        Unit vectors.
+    """
+    a, e = np.radians(azimuth), np.radians(elevation)
+    right = np.array((np.cos(a), np.sin(a), 0.0))
+    forward = np.array((-np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)))
+    return right, np.cross(right, forward), forward
+
+
+def turning_extent(corners, elevation: float) -> np.ndarray:
+    """What a camera sees of points during a full turn about +Z.
+
+    Parameters
+    ----------
+    corners : (n, 3) ndarray of float64
+        Relative to the point that the camera looks at.
+    elevation : float
+        Of the camera, in degrees.
+
+    Returns
+    -------
+    (m, 3) ndarray of float64
+        Places right, above and nearer than that point, each side taken positive; one turn in TURN_STEPS steps.
+    """
+    seen = []
+    for azimuth in np.arange(TURN_STEPS) * (360.0 / TURN_STEPS):
+        right, up, forward = turntable_axes(azimuth, elevation)
+        places = corners @ np.stack((right, up, -forward), axis=1)
+        seen.append(np.concatenate((np.abs(places[:, :2]), places[:, 2:]), axis=1))
+    return np.concatenate(seen)
+
+
+def distance_to_see(extent, slopes) -> float:
+    """The shortest distance from which a perspective camera sees points.
+
+    Parameters
+    ----------
+    extent : (m, 3) ndarray of float64
+        As ``turning_extent`` returns it.
+    slopes : (2,) array_like
+        Half width and half height of the view at distance 1.
+
+    Returns
+    -------
+    float
+        From the point that the camera looks at. A point at (x, y, z) is seen from x / slope + z on.
+    """
+    return float((extent[:, :2] / np.asarray(slopes, np.float64) + extent[:, 2:]).max())
 
 
 def turntable_aim(volume: Volume, volume_matrix, scene_scale: float) -> np.ndarray:

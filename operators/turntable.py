@@ -1,0 +1,196 @@
+"""Turntable: an animation of a camera that turns about the volume, or of the scene's own camera, as movie or pictures.
+
+Blender renders it as any animation, so that meshes, lights and the compositor are as in every render, the window shows
+its progress, and Esc ends it.  The scene's output settings are changed for the time of the render and then put back.
+"""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper
+
+from ..bridge import camera_path, volumes
+from ..bridge.jobs import StepwiseOperator
+from ..bridge.messages import sentence_of
+from ..bridge.output_settings import EXR, EXTENSIONS, MOVIE, PNG, KeptOutput, look_through, write_to
+from ..rle_splat.scene import RleSplatError
+from .refusal import has_volume, refuse
+
+TURN, OWN = "TURN", "CAMERA"
+TICK = 0.2  # seconds between looks at whether Blender still renders
+
+_canceled: list = []  # not empty when the render in progress was canceled
+
+
+def _note_cancel(*_arguments):
+    _canceled.append(True)
+
+
+class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
+    """Render an animation of a camera that turns about the volume, or of the active camera's own motion, as a movie or
+    as pictures. The output settings of the scene stay as they are"""
+
+    bl_idname = "rle_splat.turntable"
+    bl_label = "Turntable"
+    bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would render again
+
+    filename_ext = EXTENSIONS[MOVIE]
+    check_extension = None  # the kind of output gives the extension
+    filepath: StringProperty(name="File Path", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    path: EnumProperty(
+        name="Path", description="How the camera moves",
+        items=[(TURN, "Turn", "Turn about the volume; for a patient, about the axis from feet to head"),
+               (OWN, "Active Camera", "Use the active camera as it is animated, and the scene's own frames")])
+    frames: IntProperty(
+        name="Frames", description="Number of frames, from the scene's first frame on", default=120, min=1,
+        soft_max=1000)
+    angle: FloatProperty(
+        name="Angle", description="By how much the camera turns, in degrees; 360 or more repeats without a jump",
+        default=360.0, soft_min=-360.0, soft_max=360.0)
+    azimuth: FloatProperty(
+        name="Start", description="Direction of the first frame, in degrees; 0 is in front of a patient", default=0.0,
+        soft_min=-180.0, soft_max=180.0)
+    elevation: FloatProperty(
+        name="Elevation", description="Height of the camera above the volume's middle, in degrees", default=10.0,
+        min=-89.0, max=89.0)
+    perspective: BoolProperty(
+        name="Perspective", description="Use a perspective camera; else an orthographic one", default=True)
+    output: EnumProperty(
+        name="Output", description="What is written",
+        items=[(MOVIE, "MP4", "One movie, with the codec H.264"),
+               (PNG, "PNG", "One picture for each frame, as the screen shows it"),
+               (EXR, "EXR", "One picture for each frame, scene-linear with 32 bits")])
+    render: BoolProperty(
+        name="Render", description="Render the animation; else only add the camera and make it active", default=True)
+
+    _kept = None
+    _timer = None
+
+    @classmethod
+    def poll(cls, context):
+        if not has_volume(cls, context):
+            return False
+        if StepwiseOperator.is_running() or bpy.app.is_job_running("RENDER"):
+            cls.poll_message_set("Other work is in progress; wait for it, or press Esc to cancel it")
+            return False
+        return True
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        turns = self.path == TURN
+        for name in ("path", *(("frames", "angle", "azimuth", "elevation", "perspective") if turns else ()), "output"):
+            layout.prop(self, name)
+        if turns:
+            layout.prop(self, "render")
+
+    def invoke(self, context, event):
+        self._is_confirmed = True
+        if not self.filepath:
+            self.filepath = f"{volumes.volume_object(context).name} Turntable"
+        return ExportHelper.invoke(self, context, event)
+
+    def execute(self, context):
+        in_window = getattr(self, "_is_confirmed", False) and context.window is not None and not bpy.app.background
+        scene, earlier = context.scene, context.scene.camera
+        try:
+            camera, frames = self._path(context)
+            scene.camera = camera
+            if not self.render and self.path == TURN:
+                return {"FINISHED"}
+            self._include(context)
+            scene.camera = earlier or camera
+            self._kept = KeptOutput(scene)
+            if self.path == TURN:
+                look_through(scene, camera, frames)
+            self._written = write_to(scene, self.output, bpy.path.abspath(self.filepath))
+            return self._watch(context) if in_window else self._render_through(context)
+        except (RleSplatError, RuntimeError) as problem:  # operators and Blender's render raise the latter
+            self._finish(context)
+            scene.camera = earlier
+            return refuse(self, _sentence(problem))
+        except BaseException:
+            self._finish(context)
+            raise
+
+    def _path(self, context) -> tuple:
+        """(camera, frames) of the animation; RleSplatError without a camera or a file name."""
+        scene = context.scene
+        if not self.filepath and (self.render or self.path == OWN):
+            raise RleSplatError("The animation has no file name; give a file path.")
+        if self.path == OWN:
+            if scene.camera is None:
+                raise RleSplatError("The scene has no active camera; add one and animate it, or choose Turn.")
+            return scene.camera, range(scene.frame_start, scene.frame_end + 1)
+        frames = range(scene.frame_start, scene.frame_start + self.frames)
+        camera, pivot = camera_path.turning_camera(
+            context, volumes.volume_object(context), is_perspective=self.perspective, elevation=self.elevation)
+        camera_path.keyframe_turn(pivot, self.azimuth, self.angle, frames)
+        context.view_layer.update()
+        return camera, frames
+
+    def _include(self, context) -> None:
+        """Have renders include the volume, if they include none; say so if they include another one."""
+        settings, owner = context.scene.rle_splat, volumes.volume_object(context)
+        if not settings.use_composite:
+            bpy.ops.rle_splat.composite()
+            self.report({"INFO"}, f"{owner.name} is now included in every render.")
+        elif settings.composite_object != owner and settings.composite_object is not None:
+            self.report({"WARNING"}, f"Renders include {settings.composite_object.name}, not {owner.name}; press "
+                                     "Include in Renders to change that.")
+
+    def _render_through(self, context) -> set:
+        """Render in this call, for scripts and background mode."""
+        _canceled.clear()
+        bpy.ops.render.render(animation=True)
+        self._finish(context)
+        return self._say(context)
+
+    def _watch(self, context) -> set:
+        """Start Blender's own render, and look from a timer whether it still runs."""
+        _canceled.clear()
+        bpy.app.handlers.render_cancel.append(_note_cancel)
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
+            return {"PASS_THROUGH"}  # Esc too, which ends Blender's render
+        self._finish(context)
+        return self._say(context)
+
+    def cancel(self, context):
+        """Blender calls this when a file is loaded or the window closes, and when the file browser is left."""
+        self._finish(context)
+
+    def _finish(self, context) -> None:
+        """Release the timer and put the settings back; safe to call twice."""
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+            bpy.app.handlers.render_cancel.remove(_note_cancel)
+        if self._kept is not None:
+            self._kept.restore()
+            self._kept = None
+
+    def _say(self, context) -> set:
+        settings = context.scene.rle_splat
+        if _canceled:
+            self.report({"WARNING"}, f"The animation was canceled; what was rendered is at {self._written}.")
+        elif settings.failed_frames:
+            self.report({"WARNING"}, settings.render_problem or settings.failed_frames)
+        else:
+            self.report({"INFO"}, f"The animation is at {self._written}.")
+        return {"FINISHED"}
+
+
+def _sentence(problem: Exception) -> str:
+    """What a user reads for an error of ours or of an operator of Blender."""
+    if isinstance(problem, RleSplatError):
+        return sentence_of(problem)
+    lines = [line.removeprefix("Error: ").strip() for line in str(problem).splitlines()]
+    return " ".join(filter(None, lines)) or "Blender could not render the animation, and does not say why."
+
+
+CLASSES = (RLE_SPLAT_OT_turntable,)
