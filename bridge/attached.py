@@ -7,6 +7,8 @@ from mathutils import Matrix
 
 from . import presence
 
+SURFACE = "rle_splat_surface"  # custom property of a mesh of the volume's surface
+
 
 def attach(one, owner, matrix: np.ndarray, basis=None) -> None:
     """Make an object a child of a volume, at a given place.
@@ -73,7 +75,7 @@ def rescale_attached(owner, ratio: float) -> None:
         New scene scale over the old one.
     """
     for one in owner.children:
-        if one.rle_splat.clip_only_parent or one.rle_splat.is_slice:
+        if one.rle_splat.clip_only_parent or one.rle_splat.is_slice or SURFACE in one:
             one.matrix_parent_inverse = Matrix.Diagonal((ratio, ratio, ratio, 1.0)) @ one.matrix_parent_inverse
 
 

@@ -16,6 +16,7 @@ from . import (
     composite,
     delete_clip,
     drag_window,
+    extract_surface,
     frame_volume,
     import_volume,
     keyframe_transfer,
@@ -32,6 +33,7 @@ from . import (
     shadow_pass,
     solo_label,
     transfer_files,
+    turntable,
     use_window_tool,
     window_level,
 )
@@ -41,6 +43,7 @@ MODULES = (
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label,
+    turntable, extract_surface,
 )
 
 

@@ -11,11 +11,11 @@ from tests.blender import layout_recorder
 OPERATORS = {
     "add_channels", "add_clip", "add_slice", "apply_own_preset", "apply_preset", "choose_object", "choose_plan",
     "choose_series", "choose_transfer", "clear_kernels", "clip_to_view", "composite", "delete_clip",
-    "delete_own_preset", "drag_window", "error_map", "frame_volume", "import_folder", "import_presets",
-    "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer", "measure_accuracy",
-    "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop", "remove_channel",
-    "remove_composite", "render_image", "save_own_preset", "save_transfer", "set_backdrop", "shadow_pass", "solo_label",
-    "use_window_tool", "window_level",
+    "delete_own_preset", "drag_window", "error_map", "extract_surface", "frame_volume", "import_folder",
+    "import_presets", "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer",
+    "measure_accuracy", "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop",
+    "remove_channel", "remove_composite", "render_image", "save_own_preset", "save_transfer", "set_backdrop",
+    "shadow_pass", "solo_label", "turntable", "use_window_tool", "window_level",
 }  # fmt: skip
 PANELS = {
     "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",

@@ -1,0 +1,97 @@
+"""Extract Surface: the boundary of what is opaque, as a mesh with the volume's colors."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty, FloatProperty
+
+from ..bridge import surface_mesh, transfer, volumes
+from ..bridge.clip_objects import read_clips
+from ..bridge.held import Held
+from ..bridge.jobs import StepwiseOperator
+from ..bridge.labels import read_labels
+from ..bridge.settings import scene_scale_of
+from ..rle_splat.classify.surface import Solid, largest_opacity
+from ..rle_splat.classify.transfer_function import TransferFunction
+from ..rle_splat.effects.clips import half_spaces
+from ..rle_splat.scene import RleSplatError
+from .placing import make_active
+from .refusal import has_volume
+from .through_camera import evaluated
+
+OPACITY, VALUE = "OPACITY", "VALUE"
+
+
+class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
+    """Add a mesh of the surface of what is opaque in the volume, in the volume's colors. Clip objects cut it, and
+    hidden labels are left out"""
+
+    bl_idname = "rle_splat.extract_surface"
+    bl_label = "Extract Surface"
+
+    of: EnumProperty(
+        name="Surface Of", description="What the surface is the boundary of",
+        items=[(OPACITY, "Opacity", "What is at least so opaque"),
+               (VALUE, "Value", "What has at least this value")])
+    opacity: FloatProperty(
+        name="Opacity", description="Opacity at the surface, as a share of the largest one of the transfer function",
+        default=0.5, min=0.001, max=1.0, subtype="FACTOR")
+    value: FloatProperty(name="Value", description="Value of the volume at the surface", default=300.0)
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "of")
+        layout.prop(self, "opacity" if self.of == OPACITY else "value")
+
+    def invoke(self, context, _event):
+        self._is_confirmed = True
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context):
+        if getattr(self, "_is_confirmed", False):
+            self._is_confirmed = False
+            return self.begin(context)
+        return super().execute(context)
+
+    def prepare(self, context):
+        owner, scene = volumes.volume_object(context), context.scene
+        depsgraph = evaluated(context, owner)
+        volume = volumes.load_volume(owner, lambda sentence: self.report({"WARNING"}, sentence), depsgraph)
+        if not volume.holds_values:
+            raise RleSplatError(
+                f"The file of {owner.name!r} holds classified voxels, which have no surface; import the scan itself.")
+        function = transfer.read_transfer(owner, depsgraph)
+        labels = read_labels(owner, depsgraph, volume, function)
+        scale = scene_scale_of(scene, volume.unit)
+        self._matrix = np.diag((scale, scale, scale, 1.0)) @ volume.affine
+        to_world = np.array(owner.evaluated_get(depsgraph).matrix_world, np.float64) @ self._matrix
+        kept = tuple((half_spaces(clip, to_world), clip.kind == "box" and clip.keep == "outside")
+                     for clip in read_clips(depsgraph, owner))
+        self._owner = Held(owner)
+        if self.of == VALUE:
+            function, labels, threshold = _step_at(function, self.value), None, 0.5
+        else:
+            threshold = self.opacity * largest_opacity(function, labels)
+            if threshold == 0.0:
+                raise RleSplatError(f"All of {owner.name!r} is transparent; change its transfer function.")
+        return surface_mesh.surface_steps(Solid(volume, function, threshold, kept, labels))
+
+    def commit(self, context, surface):
+        one = surface_mesh.add_surface(context, self._owner.get(), surface, self._matrix)
+        context.view_layer.update()
+        if one.name in context.view_layer.objects:
+            make_active(self, context, one, "was added")
+        self.report({"INFO"}, f"{one.name}: {len(one.data.vertices)} vertices and {len(one.data.polygons)} faces.")
+
+
+def _step_at(function: TransferFunction, value: float) -> TransferFunction:
+    """The colors of a transfer function, transparent below a value and opaque from there on."""
+    return TransferFunction(
+        name=function.name, unit=function.unit, opacity=((value, 0.0), (value, 1.0)), color=function.color)
+
+
+CLASSES = (RLE_SPLAT_OT_extract_surface,)
