@@ -15,15 +15,18 @@ from . import (
     properties,
     source_paths,
     thumbnails,
+    translations,
 )
 
 __all__ = [
     "handlers", "kernel_preparation", "letters", "live", "own_presets", "paths", "preferences", "previews",
-    "properties", "register", "source_paths", "thumbnails", "unregister",
+    "properties", "register", "source_paths", "thumbnails", "translations",
+    "unregister",
 ]
 
 
 def register():
+    translations.register()
     preferences.register()
     properties.register()
     previews.register()
@@ -47,3 +50,4 @@ def unregister():
     previews.unregister()
     properties.unregister()
     preferences.unregister()
+    translations.unregister()

@@ -44,7 +44,7 @@ def surface_steps(solid: Solid):
     del field
     points, quads = grid.convertToQuads(0.0)
     del grid
-    # The grid's axes are z, y, x.  OpenVDB's quads face the larger values; turning the axes around mirrors the mesh, and
+    # The grid's axes are z, y, x.  OpenVDB's quads face the larger values; turning the axes around mirrors the mesh and
     # they face outwards.
     points = np.clip(points[:, ::-1].astype(np.float64) - 1.0, 0.0, np.array(solid.volume.shape_xyz) - 1.0)
     quads = quads.astype(np.int32)

@@ -47,9 +47,16 @@ MODULES = (
 )
 
 
+def _describe(cls) -> None:
+    """Give a class the tooltip that its docstring is, in one line: Python versions differ in how they indent it."""
+    if "bl_description" not in vars(cls) and cls.__doc__:
+        cls.bl_description = " ".join(cls.__doc__.split())
+
+
 def register():
     for module in MODULES:
         for cls in module.CLASSES:
+            _describe(cls)
             bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
 

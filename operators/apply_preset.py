@@ -1,6 +1,7 @@
 """Apply Preset: replace the transfer function by a built-in one, or by one suggested from the values."""
 
 import bpy
+from bpy.app.translations import pgettext_iface, pgettext_tip
 from bpy.props import EnumProperty
 
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
@@ -17,7 +18,8 @@ class RLE_SPLAT_OT_apply_preset(AppliesTransfer, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context, properties):
-        return next(f"{label}: {text}" for name, label, text in IMPORT_ITEMS if name == properties.preset)
+        label, text = next(item[1:] for item in IMPORT_ITEMS if item[0] == properties.preset)
+        return f"{pgettext_iface(label)}: {pgettext_tip(text)}"
 
     def chosen(self, volume):
         return chosen_transfer(self.preset, volume)

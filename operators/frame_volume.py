@@ -2,6 +2,7 @@
 
 import bpy
 import numpy as np
+from bpy.app.translations import pgettext_tip
 from bpy.props import EnumProperty
 
 from ..bridge import box, viewports, volumes
@@ -33,7 +34,7 @@ class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
     @classmethod
     def description(cls, _context, properties):
         told = next(item for item in SIDES if item[0] == properties.side)
-        return cls.__doc__ if properties.side == AS_IT_IS else told[2]
+        return pgettext_tip(cls.bl_description if properties.side == AS_IT_IS else told[2])
 
     def execute(self, context):
         owner = volumes.volume_object(context)

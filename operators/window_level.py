@@ -1,6 +1,7 @@
 """Window and Level: set the range of values, by a preset or by numbers."""
 
 import bpy
+from bpy.app.translations import pgettext_tip
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..bridge import transfer, volumes
@@ -42,8 +43,9 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     @classmethod
     def description(cls, _context, properties):
         if properties.keep_values:
-            return KEEPING
-        return next((told for name, _label, told in ITEMS[1:] if name == properties.preset), cls.__doc__)
+            return pgettext_tip(KEEPING)
+        items = (told for name, _label, told in ITEMS[1:] if name == properties.preset)
+        return pgettext_tip(next(items, cls.bl_description))
 
     def invoke(self, context, _event):
         properties = volumes.volume_object(context).rle_splat

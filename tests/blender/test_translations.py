@@ -1,0 +1,60 @@
+"""Every text of the interface has a German translation, and no translation is left over."""
+
+import bpy
+import pytest
+
+from tests.blender import ui_strings
+from tests.blender.real_blender import MODULE
+
+FILE = "bridge/translations/de_DE.json"
+
+
+@pytest.fixture
+def german(bridge):
+    return bridge("translations").languages()["de_DE"]
+
+
+def test_every_text_has_a_german_translation(german, addon):
+    texts = {**ui_strings.registered(MODULE), **ui_strings.written()}
+    assert len(texts) > 700
+    missing = [f'{where}: "{text}"' for text, where in sorted(texts.items(), key=lambda pair: pair[1]) if
+               not german.get(text)]
+    assert not missing, f"add these texts with their translations to {FILE}:\n" + "\n".join(missing)
+    unused = sorted(set(german) - set(texts))
+    assert not unused, f"take these texts out of {FILE}, nothing shows them any more:\n" + "\n".join(unused)
+
+
+def test_translations_end_as_the_texts_do(german):
+    """Tooltips have no final period, sentences have one, and a menu's ellipsis stays."""
+    wrong = [text for text, told in german.items() for end in ".…"
+             if text.endswith(end) != told.endswith(end) and not told.endswith(".)")]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_texts_of_all_kinds_are_found(addon):
+    registered, written = ui_strings.registered(MODULE), ui_strings.written()
+    for text, file in (
+        ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/properties.py"),
+        ("Post-Classified", "bridge/properties.py"), ("Cut", "panels/clip_objects.py"),
+        ("Keep one side of a plane. The arrow points to the side that is removed", "operators/add_clip.py"),
+    ):  # fmt: skip
+        assert registered[text] == file
+    for text in ("Import Another", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
+        assert written[text].partition(":")[0].endswith(".py")
+
+
+def test_the_interface_speaks_german(addon):
+    """In a Blender with languages; the module bpy is built without."""
+    if "de_DE" not in bpy.app.translations.locales:
+        pytest.skip("this Blender has no translations")
+    view = bpy.context.preferences.view
+    before = view.language
+    view.language = "de_DE"
+    try:
+        assert bpy.app.translations.pgettext_iface("Include in Renders") == "In Renderings aufnehmen"
+        addon.unregister()
+        assert bpy.app.translations.pgettext_iface("Include in Renders") == "Include in Renders"
+        addon.register()
+        assert bpy.app.translations.pgettext_iface("Include in Renders", "Operator") == "In Renderings aufnehmen"
+    finally:
+        view.language = before
