@@ -18,6 +18,7 @@ from devtools import demo as demonstration
 from devtools import docs as documentation
 from devtools import fuzzing, mutations, real_blender, testing, uv
 from devtools import gallery as pictures
+from devtools import release as releases
 from devtools.build import build as build_zips
 from devtools.environments import CORE, JUDGES, ensure, ensure_bench
 from devtools.places import ROOT, Failure, clean_environ, say
@@ -155,6 +156,14 @@ def build(parser, words) -> int:
     """Make the extension zips in dist/."""
     parser.add_argument("--platform", action="append", choices=list(TAG_PATTERNS), help="only this one")
     build_zips(tuple(parser.parse_args(words).platform or TAG_PATTERNS))
+    return 0
+
+
+@job
+def release(parser, words) -> int:
+    """Make dist/release-VERSION: the zips, checksums, changes, and the text and pictures for the platform."""
+    parser.parse_args(words)
+    releases.release()
     return 0
 
 

@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 
 from .environments import BPY, Environment
+from .licenses import license_texts
 from .places import DIST, PYTHONS, ROOT, Failure, run_quietly, say
 from .wheels import TAG_PATTERNS, wheels_for
 
@@ -70,6 +71,8 @@ def pack(platform: str, wheels, path: Path) -> None:
         archive.writestr("blender_manifest.toml", filled_manifest(platform, [wheel.name for wheel in wheels]))
         for file in shipped():
             archive.write(ROOT / file, file.as_posix())
+        for name, text in license_texts(wheels).items():
+            archive.writestr(name, text)
         for wheel in wheels:  # compressed already
             archive.write(wheel, f"wheels/{wheel.name}", zipfile.ZIP_STORED)
     os.replace(partial, path)

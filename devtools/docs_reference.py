@@ -18,6 +18,7 @@ from rle_splat.cli.main import COMMANDS
 from rle_splat.read.formats import FORMATS
 from rle_splat.scene import KNOB_TEXTS
 
+from .licenses import bundled
 from .places import ROOT
 
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options of Blender's properties that no user meets
@@ -277,7 +278,13 @@ def settings() -> str:
     return "\n\n".join(parts)
 
 
+def licenses() -> str:
+    """The table of packages in the extension's zip."""
+    rows = [(f"[{one['name']}]({one['page']})", one["license"]) for one in bundled()]
+    return _table(("package", "license"), rows)
+
+
 PARTS = {
     "command line": command_line, "presets": presets, "formats": formats, "python": python, "operators": operators,
-    "panels": panels, "settings": settings,
+    "panels": panels, "settings": settings, "licenses": licenses,
 }  # fmt: skip

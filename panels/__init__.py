@@ -3,6 +3,7 @@
 import bpy
 
 from . import (
+    about,
     accuracy,
     advanced,
     channels,
@@ -29,7 +30,7 @@ from . import (
 
 MODULES = (
     volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, picture, scan,
-    playback, advanced, channels, diagnostics, effects, report, accuracy, clip_gizmos,
+    playback, advanced, channels, diagnostics, effects, report, accuracy, about, clip_gizmos,
 )  # fmt: skip
 
 

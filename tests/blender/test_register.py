@@ -18,8 +18,8 @@ OPERATORS = {
     "shadow_pass", "solo_label", "turntable", "use_window_tool", "window_level",
 }  # fmt: skip
 PANELS = {
-    "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer", "diagnostics",
-    "display", "effects", "labels", "picture", "playback", "presets", "render", "render_accuracy",
+    "about", "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer",
+    "diagnostics", "display", "effects", "labels", "picture", "playback", "presets", "render", "render_accuracy",
     "render_advanced", "render_diagnostics", "render_effects", "render_report", "report", "scan", "shading",
     "slices", "transfer", "volume",
 }  # fmt: skip

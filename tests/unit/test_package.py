@@ -22,10 +22,11 @@ def manifest():
 
 def unwanted(path: Path) -> list[str]:
     """Members of a zip that have no business there."""
+    known = re.compile(r"wheels/[\w.+-]+\.whl|licenses/[\w.-]+")
     allowed = {part.as_posix() for part in build.shipped()} | {"blender_manifest.toml"}
     with zipfile.ZipFile(path) as archive:
         names = [name for name in archive.namelist() if not name.endswith("/")]
-    return [name for name in names if name not in allowed and not re.fullmatch(r"wheels/[\w.+-]+\.whl", name)]
+    return [name for name in names if name not in allowed and not known.fullmatch(name)]
 
 
 @pytest.fixture
@@ -35,7 +36,8 @@ def fakes(tmp_path):
     for package, version in wheels.packages().items():
         for python in ("cp311", "cp313"):
             made.append(tmp_path / f"{package}-{version}-{python}-{python}-manylinux_2_28_x86_64.whl")
-            made[-1].write_bytes(b"wheel")
+            with zipfile.ZipFile(made[-1], "w") as wheel:
+                wheel.writestr(f"{package}-{version}.dist-info/licenses/LICENSE", f"terms of {package}")
     return made
 
 
@@ -44,7 +46,8 @@ def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them
     with zipfile.ZipFile(tmp_path / "out" / "x.zip") as archive:
         facts = tomllib.loads(archive.read("blender_manifest.toml").decode())
         wanted = {file.as_posix(): (ROOT / file).read_bytes() for file in build.shipped()}
-        wanted |= {f"wheels/{fake.name}": b"wheel" for fake in fakes}
+        wanted |= {f"wheels/{fake.name}": fake.read_bytes() for fake in fakes}
+        wanted |= {f"licenses/{package}-LICENSE": f"terms of {package}".encode() for package in wheels.packages()}
         assert {name: archive.read(name) for name in archive.namelist() if name != "blender_manifest.toml"} == wanted
     assert facts["platforms"] == ["linux-x64"]
     assert facts["wheels"] == [f"./wheels/{fake.name}" for fake in fakes]
