@@ -1,5 +1,7 @@
 """Keeps the pictures of slices up to date: after edits, frame changes, undo and loading, and before rendered frames.
 
+In a window a large slice is made with fewer pixels while it is dragged, and in full by a timer once it is still.
+
 Undo restores a slice's place but not its pixels, and an image that undo has removed comes back without them.  So what
 each image shows is recorded outside Blender's data, and the record is dropped after undo.  Images are saved as other
 pictures are, see ``picture_files.py``.
@@ -7,16 +9,26 @@ pictures are, see ``picture_files.py``.
 
 from __future__ import annotations
 
+import time
+
 import bpy
 from bpy.app.handlers import persistent
 
-from . import messages, read_ahead, slices
+from ..rle_splat.runtime.steps import drain
+from ..rle_splat.volume.slices import slice_size
+from . import jobs, messages, read_ahead, slices
+from .held import Held
 from .placeholder import placeholder
 
 SIZE = 64  # pixels along a side of a placeholder
+MOST_OF_DRAFT = 1 << 15  # pixels of a slice while it is dragged: 8 ms, where 512 x 512 take 28 to 54
+STILL, TICK, BUSY, BITE = 0.15, 0.005, 0.2, 0.02  # seconds: see ``bridge.live``
 
 _shown: dict = {}  # session id of an image -> what it shows
-_sampled: dict = {}  # session id of an image -> (voxels and place, values): window and level change more often
+_sampled: dict = {}  # (session id of an image, size) of it -> (voxels and place, values): windows change more often
+_drafts: dict = {}  # session id of an image -> Held slice that it shows with fewer pixels
+_work: list = []  # at most one generator that makes one of these in full
+_changed = [0.0]  # when the last draft was made, in seconds
 _problems: dict = {}  # session id of a slice -> sentence
 _updating: list = []  # not empty while images are written, whose own updates must not start another round
 
@@ -65,16 +77,17 @@ def _tick() -> None:
 
 def forget() -> None:
     """Drop all records."""
-    _shown.clear()
-    _sampled.clear()
-    _problems.clear()
+    for held in (_shown, _sampled, _drafts, _problems):
+        held.clear()
+    _drop_work()
 
 
 def stop() -> None:
-    """Drop all records and the timer."""
+    """Drop all records and the timers."""
     forget()
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    for timer in (_tick, _refine):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
 
 
 def problem_of(one) -> str:
@@ -92,7 +105,8 @@ def update(scene, depsgraph, may_wait: bool) -> None:
     depsgraph : bpy.types.Depsgraph
         The evaluated scene.
     may_wait : bool
-        Whether voxels that are not in memory are read in steps, after which this is called again.
+        Whether voxels that are not in memory are read in steps, after which this is called again, and large slices are
+        made with fewer pixels first.
     """
     found = [] if _updating else slices.slice_objects(scene)
     if not found:
@@ -109,33 +123,91 @@ def update(scene, depsgraph, may_wait: bool) -> None:
                 continue
             if may_wait and owner is not None and read_ahead.want(owner, depsgraph):
                 continue
-            _update(scene, one, depsgraph)
+            _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None)
             if not is_render:
                 one.rle_splat.slice_image.update_tag()
     finally:
         _updating.clear()
 
 
-def _update(scene, one, depsgraph) -> None:
-    """Make the picture of one slice if it has changed; on failure stripes and a message."""
+def _update(scene, one, depsgraph, most: int | None) -> None:
+    """Make the picture of one slice if it has changed, of at most so many pixels; on failure stripes and a message."""
     uid = one.rle_splat.slice_image.session_uid
     try:
         volume, matrix, window = slices.content(one, depsgraph)
+        full, size = slice_size(volume, matrix), slice_size(volume, matrix, most)
         shows = volume.key, matrix.tobytes(), window
-        if _shown.get(uid) == shows:
+        if _shown.get(uid) == shows and (uid not in _drafts or size != full):
             return
-        where, values = _sampled.get(uid, (None, None))
-        if where != shows[:2]:
-            values = slices.sampled(volume, matrix)
-            _sampled[uid] = shows[:2], values
-        slices.show(one, slices.picture_of(*values, window))
+        _drop_work()
+        drain(_picture_steps(one, volume, matrix, window, size))
+        _drafts.pop(uid, None)
+        if size != full:
+            _drafts[uid], _changed[0] = Held(one), time.perf_counter()
+            if not bpy.app.timers.is_registered(_refine):
+                bpy.app.timers.register(_refine, first_interval=STILL)
         if scene.rle_splat.message == _problems.pop(one.session_uid, None):
             scene.rle_splat.message = ""
     except Exception as problem:  # handlers run often: one sentence instead of many tracebacks
         shows = sentence = messages.sentence_of(problem)
         if _shown.get(uid) == shows:
             return
+        _drafts.pop(uid, None)
         slices.show(one, placeholder(SIZE, SIZE))
         _problems[one.session_uid] = sentence
         messages.complain(scene.rle_splat, sentence)
     _shown[uid] = shows
+
+
+def _picture_steps(one, volume, matrix, window, size):
+    """Generator: make and show the picture of one slice."""
+    uid, place = one.rle_splat.slice_image.session_uid, (volume.key, matrix.tobytes())
+    is_full = size == slice_size(volume, matrix)
+    where, values = _sampled.get((uid, is_full), (None, None))
+    if where != place:
+        values = yield from slices.sampled_steps(volume, matrix, size)
+        _sampled[uid, is_full] = place, values
+    slices.show(one, (yield from slices.picture_steps(*values, window)))
+
+
+def _drop_work() -> None:
+    for steps in _work:
+        steps.close()
+    _work.clear()
+
+
+def _refine():
+    """Timer function: make slices in full that are shown with fewer pixels, once nothing changes."""
+    if not _drafts:
+        return None
+    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
+        return BUSY
+    now = time.perf_counter()
+    if now < _changed[0] + STILL:
+        return _changed[0] + STILL - now
+    if not _work:
+        _work.append(_refined_steps(*next(iter(_drafts.items()))))
+    try:
+        while time.perf_counter() < now + BITE:
+            next(_work[0])
+    except StopIteration:
+        _work.clear()
+    except Exception as problem:  # the draft stays; the next edit tells what is wrong with the slice
+        _drop_work()
+        _drafts.clear()
+        messages.tell(messages.sentence_of(problem))
+    return TICK
+
+
+def _refined_steps(uid, held: Held):
+    """Generator: make one slice in full; without it or its volume in any window the draft is forgotten."""
+    one = held.find()
+    for window in bpy.context.window_manager.windows:
+        depsgraph = window.view_layer.depsgraph
+        if one is not None and depsgraph is not None and one.name in window.view_layer.objects:
+            volume, matrix, seen = slices.content(one, depsgraph)
+            if _shown.get(uid) == (volume.key, matrix.tobytes(), seen):
+                yield from _picture_steps(one, volume, matrix, seen, slice_size(volume, matrix))
+                one.rle_splat.slice_image.update_tag()
+            break
+    _drafts.pop(uid, None)

@@ -176,22 +176,28 @@ def volume_of(one):
     return owner if is_attached(one, owner) and not presence.is_deleted(owner) else None
 
 
-def sampled(volume, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The values at a slice's pixels, and which pixels lie in the volume, from what ``content`` returns."""
-    return plain.resampled(volume, matrix, *plain.slice_size(volume, matrix))
+def sampled_steps(volume, matrix: np.ndarray, size: tuple[int, int]):
+    """Generator: the values at a slice's pixels, and which pixels lie in the volume, from what ``content`` returns."""
+    return plain.resampled_steps(volume, matrix, *size)
 
 
-def picture_of(values: np.ndarray, inside: np.ndarray, window) -> np.ndarray:
-    """The pixels of a slice, from what ``sampled`` returns.
+def picture_steps(values: np.ndarray, inside: np.ndarray, window):
+    """Generator of fractions done: the pixels of a slice, from what ``sampled_steps`` returns.
 
     Returns
     -------
     ndarray, shape (height, width, 4), float32
         Scene-linear gray and alpha, 1 inside the volume and 0 outside; row 0 on top.
     """
-    rgba = np.zeros((*values.shape, 4), np.float32)
-    rgba[..., :3] = (decode_srgb(plain.gray_levels(values, *window)) * inside)[..., np.newaxis]
-    rgba[..., 3] = inside
+    height, width = values.shape
+    rgba = np.zeros((height, width, 4), np.float32)
+    rows = max(plain.PIXELS_A_STEP // width, 1)
+    for begin in range(0, height, rows):
+        band = slice(begin, begin + rows)
+        gray = decode_srgb(plain.gray_levels(values[band], *window)) * inside[band]
+        rgba[band, :, :3] = gray[..., np.newaxis]
+        rgba[band, :, 3] = inside[band]
+        yield min(begin + rows, height) / height
     return rgba
 
 

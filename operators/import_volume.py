@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import box, facts, new_volume, source_options, viewports
+from ..bridge import box, facts, first_light, new_volume, source_options, viewports
 from ..bridge.automatic import draw_number
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
@@ -60,6 +60,9 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     use_framing: BoolProperty(
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
         "its tab. Views through a camera stay", default=True)
+    use_headlight: BoolProperty(
+        name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
+        "give less than half of its brightness. The panel Lighting changes it", default=False, options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
@@ -74,7 +77,13 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         path, = self.paths()  # of several, none would be asked about
         given = {name: value for name, value in vars(options).items() if name != "series"}
         return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor,
-                "use_framing": self.use_framing, "use_dialog": False}
+                "use_framing": self.use_framing, "use_headlight": self.use_headlight, "use_dialog": False}
+
+    def ask(self) -> None:
+        """Before a dialog: what it proposes to users, but no script gets without asking."""
+        self.is_confirmed = True
+        if not self.properties.is_property_set("use_headlight"):
+            self.use_headlight = True
 
     def prepare(self, context):
         paths = self.paths()
@@ -83,7 +92,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
-        corners = []
+        corners, told = [], []
         for found, options, transfer_function, reason in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
@@ -92,10 +101,14 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
                     self.report({"WARNING"}, sentence)
             corners.append(box.world_corners(owner))
             inside = viewports.hiding_sentence(context.view_layer, corners[-1])
-            self.report({"INFO"}, " ".join(filter(None, (f"Imported {owner.name}.", inside, reason))))
+            told.append(" ".join(filter(None, (f"Imported {owner.name}.", inside, reason))))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
+        if self.use_headlight and corners:
+            told.append(first_light.light_if_dark(context, len(corners), corners[0]))
+        for sentence in filter(None, told):
+            self.report({"INFO"}, sentence)
 
     def _steps(self, paths):
         """Generator of Progress: (Found, options, TransferFunction, reason for it) of each path."""
@@ -170,7 +183,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             return self.begin(context)
         source_options.clear(self)  # Blender keeps the options of the last import, guesses included
         self.check(context)
-        self.is_confirmed = True
+        self.ask()
         return self.invoke_popup(context)
 
     def paths(self) -> list[str]:
@@ -239,6 +252,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.prop(self, "preset")
         layout.prop(self, "at_cursor")
         layout.prop(self, "use_framing")
+        layout.prop(self, "use_headlight")
 
     def _kind(self, paths):
         """The format that ``check`` found, else that of the suffix: drawing opens no file."""
@@ -283,7 +297,7 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
 
     def invoke(self, context, _event):
         source_options.clear(self)
-        self.is_confirmed = True
+        self.ask()
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -292,7 +306,7 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         source_options.draw_spacing(layout, self)
-        for name in ("modality", "preset", "at_cursor", "use_framing"):
+        for name in ("modality", "preset", "at_cursor", "use_framing", "use_headlight"):
             layout.prop(self, name)
 
 

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..bridge import volumes
-from .places import OfVolume
+from ..bridge import first_light, volumes
+from .places import OfVolume, paragraph
 
 
 class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
@@ -18,6 +18,9 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         properties = volumes.volume_object(context).rle_splat
         settings = context.scene.rle_splat
         layout.prop(settings, "lighting")
+        unused = first_light.unused_lights(context.scene)
+        if unused:
+            paragraph(context, layout, unused, icon="INFO")
         column = layout.column(align=True)
         column.active = settings.lighting == "SCENE"
         row = column.row()

@@ -279,7 +279,7 @@ def lit_numpy(falling, voxels, part, n, colors):
     gloss = np.zeros((len(points), 3))
     arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
     for number, light in enumerate(falling.rows):
-        towards, falloff = _towards_numpy(light, points)
+        towards, falloff = towards_numpy(light, points)
         every += diffuse * falloff * light[RGB:NEAREST].sum()
         falloff = falloff * shadows.share(number, part)
         arrives += diffuse * falloff * light[RGB:NEAREST].sum()
@@ -299,7 +299,7 @@ def lit_numpy(falling, voxels, part, n, colors):
     return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)
 
 
-def _towards_numpy(light, points):
+def towards_numpy(light, points):
     """Reference implementation of ``_towards`` for (m, 3) points: (m, 3) unit vectors and (m,) falloff."""
     if light[KIND] == SUN:
         return np.broadcast_to(-light[AXIS:RGB], points.shape), np.ones(len(points))

@@ -14,6 +14,7 @@ from .volume import PATIENT, Volume
 
 SLICE_NAMES = ("sagittal", "coronal", "axial")  # perpendicular to axis 0, 1, 2 of patient space (LPS)
 MOST_ACROSS = 1024  # pixels along each side of a slice
+PIXELS_A_STEP = 1 << 16  # interpolated at a time, in about 10 ms
 NEAR_EDGE = 1e-3  # voxels: single precision of Blender's matrices must not take a pixel out of the volume
 
 
@@ -63,7 +64,7 @@ def slice_matrix(volume: Volume, axis: int) -> np.ndarray:
     return matrix
 
 
-def slice_size(volume: Volume, matrix: np.ndarray) -> tuple[int, int]:
+def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> tuple[int, int]:
     """Pixels of a slice: one for the smallest voxel spacing, at most MOST_ACROSS along each side.
 
     Parameters
@@ -71,6 +72,8 @@ def slice_size(volume: Volume, matrix: np.ndarray) -> tuple[int, int]:
     volume : Volume
     matrix : (4, 4) ndarray
         The plane's space to voxel indices.
+    most : int, optional
+        Pixels of a draft at most; where there would be more, each is larger.
 
     Returns
     -------
@@ -85,11 +88,14 @@ def slice_size(volume: Volume, matrix: np.ndarray) -> tuple[int, int]:
     if not np.isfinite(matrix).all():
         raise RleSplatError("The place of a slice is not finite; reset its location, rotation and scale.")
     width, height = (int(np.clip(np.rint(side), 1, MOST_ACROSS)) for side in sides)
+    if most is not None and width * height > most:
+        share = np.sqrt(most / (width * height))
+        width, height = (max(int(share * side), 1) for side in (width, height))
     return width, height
 
 
-def resampled(volume: Volume, matrix: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """The values of a volume at the pixels of a slice, interpolated linearly.
+def resampled_steps(volume: Volume, matrix: np.ndarray, width: int, height: int):
+    """Generator of fractions done: the values of a volume at the pixels of a slice, interpolated linearly.
 
     Parameters
     ----------
@@ -108,14 +114,17 @@ def resampled(volume: Volume, matrix: np.ndarray, width: int, height: int) -> tu
     """
     x = (2.0 * np.arange(width) + 1.0) / width - 1.0
     y = 1.0 - (2.0 * np.arange(height)[:, None] + 1.0) / height
-    places = [row[0] * x + row[1] * y + row[3] for row in matrix[:3]]
-    edges = [(-0.5, count - 0.5) for count in volume.shape_xyz]
-    for place, (low, high) in zip(places, edges):
-        place[np.abs(place - low) <= NEAR_EDGE] = low
-        place[np.abs(place - high) <= NEAR_EDGE] = high
-    values, inside = interpolate(volume.voxels, places)
-    result = np.zeros((height, width))
-    result[inside] = volume.physical(values)
+    result, inside = np.zeros((height, width)), np.zeros((height, width), bool)
+    rows = max(PIXELS_A_STEP // width, 1)
+    for begin in range(0, height, rows):
+        band = slice(begin, begin + rows)
+        places = [row[0] * x + row[1] * y[band] + row[3] for row in matrix[:3]]
+        for place, count in zip(places, volume.shape_xyz):
+            for edge in (-0.5, count - 0.5):
+                place[np.abs(place - edge) <= NEAR_EDGE] = edge
+        values, inside[band] = interpolate(volume.voxels, places)
+        result[band][inside[band]] = volume.physical(values)
+        yield min(begin + rows, height) / height
     return result, inside
 
 

@@ -289,3 +289,37 @@ def test_a_removed_image_is_made_again(owner, voxels):
     one.location.z = 1.0
     scenes.update()
     np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-5)
+
+
+def test_a_dragged_slice_has_fewer_pixels_and_is_made_in_full_when_it_is_still(owner, voxels, bridge, monkeypatch):
+    follow = bridge("follow_slices")
+    one = add(owner)
+    full = gray_of(one)
+    monkeypatch.setattr(follow, "MOST_OF_DRAFT", 12)
+    monkeypatch.setattr(follow, "STILL", 0.0)
+    one.location.z += 1.0
+    scenes.update()  # background mode makes it in full
+    follow.forget()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    follow.update(bpy.context.scene, depsgraph, may_wait=True)
+    image = one.rle_splat.slice_image
+    assert image.size[0] * image.size[1] <= 12
+    for _ in range(20):
+        if follow._refine() is None:
+            break
+    assert gray_of(one).shape == full.shape
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-6)
+    follow.update(bpy.context.scene, depsgraph, may_wait=True)  # nothing changed: it stays as it is
+    assert tuple(image.size) == full.shape[::-1]
+
+
+def test_a_render_makes_a_dragged_slice_in_full(owner, bridge, monkeypatch):
+    follow = bridge("follow_slices")
+    one = add(owner)
+    monkeypatch.setattr(follow, "MOST_OF_DRAFT", 12)
+    follow.forget()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    follow.update(bpy.context.scene, depsgraph, may_wait=True)
+    assert one.rle_splat.slice_image.size[0] < NX
+    follow.update(bpy.context.scene, depsgraph, may_wait=False)
+    assert tuple(one.rle_splat.slice_image.size) == (NX, NY)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rle_splat.read.formats import read_volume
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume import slices
 from rle_splat.volume.interpolate import interpolate
@@ -14,6 +15,10 @@ from rle_splat.volume.volume import Volume
 
 SHAPE = (9, 7, 5)  # x, y, z
 FIELD = (3.0, -2.0, 7.0, 100.0)  # value = 3 x - 2 y + 7 z + 100
+
+
+def resampled(*arguments):
+    return drain(slices.resampled_steps(*arguments))
 
 
 def field(x, y, z):
@@ -54,7 +59,7 @@ def oblique(seed, reach):
 def test_an_oblique_slice_of_a_linear_field_is_exact(seed):
     volume = linear_volume(slope=0.5, intercept=-20.0)
     matrix = oblique(seed, 1.4)  # all of it between the outermost centers
-    values, inside = slices.resampled(volume, matrix, 31, 24)
+    values, inside = resampled(volume, matrix, 31, 24)
     assert inside.all()
     np.testing.assert_allclose(values, 0.5 * field(*pixel_places(matrix, 31, 24)) - 20.0, atol=1e-10)
 
@@ -62,7 +67,7 @@ def test_an_oblique_slice_of_a_linear_field_is_exact(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_outside_is_what_lies_half_a_voxel_beyond_the_centers(seed):
     matrix = oblique(seed, 8.0)
-    values, inside = slices.resampled(linear_volume(), matrix, 40, 40)
+    values, inside = resampled(linear_volume(), matrix, 40, 40)
     places = pixel_places(matrix, 40, 40)
     within = np.logical_and.reduce([(p >= -0.5) & (p <= n - 0.5) for p, n in zip(places, SHAPE)])
     np.testing.assert_array_equal(inside[~at_edge(places)], within[~at_edge(places)])
@@ -79,7 +84,7 @@ def test_the_first_place_of_a_slice_holds_the_voxels_of_one_layer(axis):
     width, height = slices.slice_size(volume, matrix)
     across = [count for i, count in enumerate(SHAPE) if i != axis]
     assert (width, height) == tuple(across)
-    values, inside = slices.resampled(volume, matrix, width, height)
+    values, inside = resampled(volume, matrix, width, height)
     layer = np.take(volume.voxels, SHAPE[axis] // 2, axis=2 - axis)
     assert inside.all()
     np.testing.assert_allclose(values, layer[::-1], atol=1e-9)
@@ -105,13 +110,13 @@ def test_a_real_scan_at_voxels():
     for name in slices.SLICE_NAMES:
         axis = slices.slice_axis(volume, name)
         matrix = slices.slice_matrix(volume, axis)
-        values, inside = slices.resampled(volume, matrix, *slices.slice_size(volume, matrix))
+        values, inside = resampled(volume, matrix, *slices.slice_size(volume, matrix))
         layer = np.take(volume.voxels, volume.shape_xyz[axis] // 2, axis=2 - axis)
         assert inside.all() and values.shape == layer.shape and layer.max() > 100
         np.testing.assert_allclose(values, volume.physical(layer[::-1]), atol=1e-9)
         between = matrix.copy()
         between[axis, 3] -= 0.25
-        mixed, _ = slices.resampled(volume, between, *slices.slice_size(volume, matrix))
+        mixed, _ = resampled(volume, between, *slices.slice_size(volume, matrix))
         below = np.take(volume.voxels, volume.shape_xyz[axis] // 2 - 1, axis=2 - axis)
         np.testing.assert_allclose(mixed, volume.physical(0.75 * layer[::-1] + 0.25 * below[::-1]), atol=1e-9)
 
@@ -142,7 +147,7 @@ def test_the_polygon_holds_the_pixels_inside(seed):
     matrix = oblique(seed, (6.0, 4.0, 1.0))
     polygon = slices.cut_polygon(SHAPE, matrix)
     assert len(polygon) >= 3 and np.abs(polygon).max() <= 1.0 + 1e-12
-    _, inside = slices.resampled(linear_volume(), matrix, 60, 50)
+    _, inside = resampled(linear_volume(), matrix, 60, 50)
     x = (np.arange(60) + 0.5) / 30.0 - 1.0
     y = 1.0 - (np.arange(50) + 0.5) / 25.0
     xx, yy = np.meshgrid(x, y)
@@ -162,3 +167,22 @@ def test_a_polygon_outside_the_volume_is_empty_and_a_fitted_one_whole():
     beyond = slices.slice_matrix(volume, 1)
     beyond[1, 3] = SHAPE[1]
     assert len(slices.cut_polygon(SHAPE, beyond)) == 0
+
+
+def test_a_draft_has_at_most_so_many_pixels_and_the_slices_shape():
+    volume = linear_volume()
+    matrix = slices.slice_matrix(volume, 2)
+    assert slices.slice_size(volume, matrix) == (9, 7)
+    assert slices.slice_size(volume, matrix, 1000) == (9, 7)
+    width, height = slices.slice_size(volume, matrix, 16)
+    assert width * height <= 16 and (width, height) == (4, 3)
+
+
+def test_bands_of_rows_are_the_whole_slice(monkeypatch):
+    volume, matrix = linear_volume(), slices.slice_matrix(linear_volume(), 1)
+    whole = resampled(volume, matrix, 31, 24)
+    monkeypatch.setattr(slices, "PIXELS_A_STEP", 100)
+    fractions = list(slices.resampled_steps(volume, matrix, 31, 24))
+    assert len(fractions) == 8 and fractions[-1] == 1.0
+    for one, other in zip(resampled(volume, matrix, 31, 24), whole):
+        np.testing.assert_array_equal(one, other)
