@@ -149,7 +149,9 @@ def test_what_an_f_curve_has_beside_keyframes(blot, bridge):
     curves["location", 1].mute = True
     curves["rotation_euler", 2].group = muted = bag.groups.new("muted")
     muted.mute = True
-    blot.driver_add("location", 2).mute = True
+    # Of a property that has keyframes too, Blender itself (5.0, 5.2) leaves the value of the frame before once in 3000
+    # evaluations: a muted driver and an F-curve on one property are evaluated in no order.
+    blot.driver_add("delta_location", 2).mute = True
     bpy.context.scene.frame_set(FRAME)
     check_poses(bridge, blot)
 
